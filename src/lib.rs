@@ -18,7 +18,7 @@
 //!
 //! The science is in separate crates, whose modules are exported here again: `wavelume_core` is what a renderer links,
 //! `wavelume_formats` reads, projects and exports files, `wavelume_paper` makes the tables of the paper again.
-//! The service stands on these: `store` (bytes under their digest) → `catalog` (what is known of them) → `jobs` →
+//! The service stands on these: `store` (bytes under their digest) → `catalog` (their metadata in SQL) → `jobs` →
 //! [`api`] and `cli`.
 
 pub mod api;

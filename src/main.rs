@@ -1,11 +1,11 @@
-//! Command line, exit code.
+//! Entry point of the program: command line and exit code.
 
 use std::io::Write;
 use std::process::ExitCode;
 use wavelume::cli::{Cli, Failure, Parsed, one_line};
 
 fn main() -> ExitCode {
-    // A bug is one line too, unless whoever looks for it asks for more.
+    // A panic prints one line, unless `RUST_BACKTRACE` asks for more.
     if std::env::var_os("RUST_BACKTRACE").is_none() {
         std::panic::set_hook(Box::new(|bug| {
             let place = bug.location().map_or_else(String::new, |at| format!(" at {}:{}", at.file(), at.line()));
@@ -16,7 +16,7 @@ fn main() -> ExitCode {
     match std::panic::catch_unwind(run).unwrap_or(Err(Failure::Bug)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            // A bug has been told by the hook above; a closed stderr has nobody to tell.
+            // The hook above has reported a bug; a closed stderr has no reader.
             if !matches!(failure, Failure::Closed | Failure::Bug) {
                 let _ = writeln!(std::io::stderr(), "wavelume: {failure}");
             }

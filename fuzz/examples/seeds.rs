@@ -1,5 +1,5 @@
-//! Writes the seeds of every target into the directory given: small materials of every policy, promise and kind of axis,
-//! small files of every format.
+//! Writes the seeds of every target into the given directory: small materials of every policy, promise and kind of
+//! axis, and small files of every format.
 //!
 //! `cargo run --release --example seeds -- corpus`
 
@@ -15,7 +15,7 @@ use wavelume_formats::formats::{Interpretation, manifest_of, write_npy};
 use wavelume_formats::pipeline::{self, Input, Request};
 use wavelume_fuzz::SEPARATOR;
 
-/// Larger files of a format are cut to this.
+/// Largest size of a seed in bytes; larger files of a format are cut to it.
 const MOST_BYTES: usize = 1 << 13;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -59,7 +59,7 @@ fn index(count: usize) -> Axis {
     Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
 }
 
-/// A smooth positive function of the axes; if `hurt`, with noise and negative, zero and masked samples.
+/// Smooth positive function of the axes; if `hurt`, with noise and negative, zero and masked samples.
 fn measurement(quantity: Quantity, axes: Vec<Axis>, hurt: bool) -> Outcome<Measurement> {
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
     let mut state = 1_u32;
@@ -116,8 +116,8 @@ fn measurements() -> Outcome<Vec<Measurement>> {
     Ok(all)
 }
 
-/// Materials on grids of angles, of every extent of azimuths: streams for all and for each incoming entry, on a basis or by
-/// channel, with light, corrections, levels, straight lines, and exact.
+/// Materials on grids of angles, with every extent of azimuths. They have one stream or one for each incoming entry, a
+/// basis or channels, light, corrections, levels, straight lines, and lossless coding.
 fn grids() -> Outcome<Vec<Vec<u8>>> {
     let every = |step: f64, count: usize| -> Vec<f64> { (0..count).map(|i| f64::from(i as u32) * step).collect() };
     let grid = |frame, polar, angles: Vec<f64>, extent| -> Outcome<Axis> {
@@ -162,7 +162,7 @@ fn grids() -> Outcome<Vec<Vec<u8>>> {
         for hurt in [false, true] {
             let measurement = measurement(quantity, axes.clone(), hurt)?;
             for settings in &wanted {
-                // A promise that some kind cannot keep is no seed.
+                // Combinations that cannot keep the promise give no seed.
                 files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
             }
         }
@@ -218,7 +218,7 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
             files.extend(compress(&measurement, &settings, &Silent).map(|compressed| compressed.bytes));
         }
         for settings in &wanted {
-            // A promise that some kind cannot keep is no seed.
+            // Combinations that cannot keep the promise give no seed.
             files.extend(compress(&measurement, settings, &Silent).map(|compressed| compressed.bytes));
         }
     }
@@ -243,7 +243,7 @@ fn materials(root: &Path) -> Outcome<Vec<Vec<u8>>> {
     Ok(files)
 }
 
-/// Lobes that a measurement can have beside its cells.
+/// Lobes to add beside the cells of a measurement.
 fn lobes(measurement: &Measurement) -> Outcome<Vec<Lobe>> {
     let Ok(layout) = measurement.layout() else { return Ok(Vec::new()) };
     let length = layout.spectral.map_or(1, |axis| measurement.tensor.axes()[axis].len());
@@ -268,7 +268,7 @@ fn files(root: &Path) -> Outcome<Vec<Vec<u8>>> {
         for path in in_order(&root.join(directory))? {
             let mut bytes = fs::read(&path)?;
             bytes.truncate(MOST_BYTES);
-            // A virtual document on fewer cells, so that it is evaluated.
+            // Virtual documents get fewer cells, so that they are evaluated.
             if path.extension().is_some_and(|extension| extension == "json") {
                 let mut document: serde_json::Value = serde_json::from_slice(&bytes)?;
                 let axes = document["axes"].as_array_mut().ok_or("a document without axes")?;
@@ -299,7 +299,7 @@ fn files(root: &Path) -> Outcome<Vec<Vec<u8>>> {
     Ok(files)
 }
 
-/// All files below a directory that hold data, in the order of their paths.
+/// All data files below a directory, in the order of their paths.
 fn in_order(directory: &Path) -> Outcome<Vec<PathBuf>> {
     let (mut found, mut directories) = (Vec::new(), vec![directory.to_owned()]);
     while let Some(directory) = directories.pop() {

@@ -1,4 +1,4 @@
-//! Any samples, target and policy through `compress`: what is written decodes, with the errors that it states.
+//! Compresses arbitrary samples with any target and policy: files decode with the errors that they state.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(init: wavelume_fuzz::one_thread(), |bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Arbitrary bytes with their checksums made right: slices of incoming directions, and the same from the whole.
+//! Arbitrary bytes with corrected checksums: decodes slices of incoming directions, and compares them with the whole.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(init: wavelume_fuzz::one_thread(), |bytes: &[u8]| {

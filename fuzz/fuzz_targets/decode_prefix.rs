@@ -1,4 +1,5 @@
-//! Arbitrary bytes with their checksums made right: every level from the whole file, from its prefix, and from a cut file.
+//! Arbitrary bytes with corrected checksums: decodes every level from the whole file, from its prefix, and from a cut
+//! file.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(init: wavelume_fuzz::one_thread(), |bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Arbitrary bytes with their checksums made right, through `inspect`, `decode` and `payload_digest`.
+//! Arbitrary bytes with corrected checksums, through `inspect`, `decode` and `payload_digest`.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(init: wavelume_fuzz::one_thread(), |bytes: &[u8]| {

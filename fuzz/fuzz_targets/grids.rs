@@ -1,4 +1,4 @@
-//! Arbitrary bytes with their checksums made right, where they are a material on grids of angles: whole, levels, slices, function.
+//! Arbitrary bytes with corrected checksums that are a material on grids of angles: whole, levels, slices, evaluation.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(init: wavelume_fuzz::one_thread(), |bytes: &[u8]| {

@@ -1,4 +1,4 @@
-//! Arbitrary bytes with their checksums made right, opened and queried.
+//! Arbitrary bytes with corrected checksums, opened and queried as a material.
 #![no_main]
 
 use wavelume_fuzz::{MOST_OPENED, announced, one_thread, sealed, use_material};

@@ -1,9 +1,8 @@
-//! An allocator that fails an input for one allocation too large for the inputs accepted here, whether or not its pages
-//! are ever touched.
+//! Allocator that aborts on a single allocation too large for the accepted inputs, even if its pages are never touched.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 
-/// The largest: far above 2^18 samples of 8 bytes, and above the tables of a mesh at the finest level.
+/// Largest allocation in bytes: far above 2^18 samples of 8 bytes, and above the tables of a mesh at the finest level.
 const MOST: usize = 1 << 28;
 
 struct Bounded;
@@ -13,12 +12,12 @@ static ALLOCATOR: Bounded = Bounded;
 
 fn check(size: usize) {
     if size > MOST {
-        // A panic would allocate; the trace of the abort shows who asked.
+        // A panic would allocate; the trace of the abort shows the caller.
         std::process::abort();
     }
 }
 
-// SAFETY: every call goes to the system's allocator as it is.
+// SAFETY: every call is passed unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Bounded {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         check(layout.size());

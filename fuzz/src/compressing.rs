@@ -1,4 +1,4 @@
-//! Compression of any float32 samples to any target.
+//! Compression of arbitrary float32 samples to arbitrary targets.
 
 use wavelume_core::compress::{self, CompressError, Policy, Settings, Target};
 use wavelume_core::domain::{Axis, Domain, ErrorReport, Measurement, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
@@ -6,8 +6,8 @@ use wavelume_core::domain::{Axis, Domain, ErrorReport, Measurement, Quantity, Sa
 /// Bytes in front of the samples: shape, target, policy and basis, floor, and eight of the target's number.
 const OPENING: usize = 12;
 
-/// Compresses the samples that follow the opening. A file decodes to samples with the errors of its report, within the target;
-/// a refusal has words.
+/// Compresses the samples after the opening. Checks that a file decodes to samples with the errors of its report,
+/// within the target, and that a refusal has a message.
 pub fn compress(bytes: &[u8]) {
     let Some((opening, samples)) = bytes.split_first_chunk::<OPENING>() else { return };
     let samples = samples.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));

@@ -1,4 +1,4 @@
-//! What the targets share: budgets, checksums made right again, and the properties that hold for any input.
+//! Common parts of the fuzz targets: budgets, corrected checksums, and properties that hold for any input.
 
 mod allocation;
 mod compressing;
@@ -15,27 +15,30 @@ use wavelume_core::domain::Axis;
 use wavelume_formats::formats::{self, Acquisition, Interpretation, Samples};
 use wavelume_formats::projection::{self, AxesRequest};
 
-/// Samples that a header may announce to be decoded here: a valid one may announce 2^28, which only costs time.
+/// Largest number of announced samples that is decoded; a valid header may announce 2^28, which only costs time.
 pub const MOST_DECODED: usize = 1 << 18;
-/// Samples of a material that is opened: the tables of its meshes and trees are made for every input.
+/// Largest number of samples of a material that is opened; the tables of its meshes and trees are built for every
+/// input.
 pub const MOST_OPENED: usize = 1 << 16;
-/// Samples of an acquisition that is projected, and values of a virtual document that is evaluated.
+/// Largest number of samples of an acquisition that is projected, and of values of a virtual document that is
+/// evaluated.
 const MOST_PROJECTED: usize = 1 << 12;
-/// Samples of a grid of angles that is projected: averages over triangles take seconds where every branch is watched.
+/// Largest number of samples of a grid of angles that is projected; averages over triangles take seconds under
+/// instrumentation.
 const MOST_ANGULAR: usize = 1 << 6;
 
-/// One thread, the caller's own: an input that fails does so at the same place every time.
+/// Limits rayon to the caller's thread, so that a failing input always fails at the same place.
 pub fn one_thread() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
     pool.build_global().expect("no other pool was made before");
 }
 
-/// How many samples a header announces.
+/// Number of samples that a header announces.
 pub fn announced(summary: &Summary) -> usize {
     summary.axes.iter().map(Axis::len).product()
 }
 
-/// Inspects and decodes `bytes`: both agree, and the samples are those that the header announces.
+/// Inspects and decodes `bytes`. Checks that both agree, and that the samples have the announced axes.
 pub fn decode(bytes: &[u8]) {
     let summary = match compress::inspect(bytes) {
         Ok(summary) if announced(&summary) <= MOST_DECODED => summary,
@@ -53,8 +56,9 @@ pub fn decode(bytes: &[u8]) {
     assert_eq!(tensor.len(), announced(&summary));
 }
 
-/// Decodes every level of `bytes`, once from the whole file and once from as much of it as the level needs: the samples are
-/// the same. Then from the file cut at `cut` of 65,536 parts of it, where they are the same or there are none.
+/// Decodes every level of `bytes` from the whole file and from the bytes that the level needs, and checks that the
+/// samples are equal. Then decodes from the file cut at `cut` / 65,536 of its length, which gives equal samples or an
+/// error.
 pub fn decode_prefixes(bytes: &[u8], cut: u16) {
     match compress::inspect(bytes) {
         Ok(summary) if announced(&summary) <= MOST_DECODED => {}
@@ -75,7 +79,7 @@ pub fn decode_prefixes(bytes: &[u8], cut: u16) {
     }
 }
 
-/// Decodes the first, the last and a middle slice of `bytes`: where the whole decodes, they are its samples.
+/// Decodes the first, the last and a middle slice of `bytes`, and compares them with the whole if that decodes.
 pub fn decode_blocks(bytes: &[u8]) {
     let summary = match compress::inspect(bytes) {
         Ok(summary) if announced(&summary) <= MOST_OPENED => summary,
@@ -99,8 +103,8 @@ pub fn decode_blocks(bytes: &[u8]) {
     }
 }
 
-/// Everything that decodes a material on grids of angles: the whole, its levels, its slices, and its function. Other materials
-/// are passed over.
+/// Runs every decoder on a material on grids of angles: the whole, its levels, its slices, and its evaluation. Other
+/// materials are skipped.
 pub fn decode_grids(bytes: &[u8], cut: u16) {
     let is_grid = |summary: Summary| summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     if compress::inspect(bytes).is_ok_and(is_grid) {
@@ -111,10 +115,10 @@ pub fn decode_grids(bytes: &[u8], cut: u16) {
     }
 }
 
-/// Separates a file from what is said of it: the manifest of an array, or `{"how": {…}}` with any options.
+/// Separator between a file and its description: the manifest of an array, or `{"how": {…}}` with any options.
 pub const SEPARATOR: u8 = 0x1E;
 
-/// Reads `bytes` as a file of any format, and puts a small acquisition on coarse axes.
+/// Reads `bytes` as a file of any format, and projects a small acquisition onto coarse axes.
 pub fn read_format(bytes: &[u8]) {
     let mut how = Interpretation::default();
     let mut file = bytes;
@@ -135,7 +139,7 @@ pub fn read_format(bytes: &[u8]) {
     }
 }
 
-/// A MERL table, whose size is fixed, from a few numbers that are repeated; any other file as it is.
+/// Expands a MERL table, whose size is fixed, by repeating a few numbers; returns any other file unchanged.
 fn whole_table(file: &[u8]) -> Cow<'_, [u8]> {
     const HEAD: usize = 12;
     let words = |azimuths: i32, swap: fn(i32) -> [u8; 4]| [90, 90, azimuths].map(swap).concat();
@@ -168,7 +172,8 @@ fn project(acquisition: &Acquisition) {
     }
 }
 
-/// Whether `file` is a virtual document with more values than are evaluated here; its limit is 2^31 evaluations.
+/// Returns true if `file` is a virtual document with more values than are evaluated here; its own limit is 2^31
+/// evaluations.
 fn is_costly(axes: Option<&serde_json::Value>, file: &[u8]) -> bool {
     let Ok(document) = serde_json::from_slice::<serde_json::Value>(file) else { return false };
     let described = axes.map(|axes| axes.get("axes").unwrap_or(axes)).unwrap_or(&document["axes"]);
@@ -176,7 +181,7 @@ fn is_costly(axes: Option<&serde_json::Value>, file: &[u8]) -> bool {
     axes.iter().map(length).fold(1, usize::saturating_mul) > MOST_PROJECTED
 }
 
-/// How many entries a described axis has.
+/// Number of entries of a described axis.
 fn length(axis: &serde_json::Value) -> usize {
     let triangles = |level: u64| 8 << (2 * level.min(8));
     if let Some(text) = axis.as_str() {

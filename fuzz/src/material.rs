@@ -1,4 +1,4 @@
-//! Queries of an opened material, with what holds for all of them.
+//! Queries of an opened material, with checks that hold for every material.
 
 use wavelume_core::domain::{Axis, Direction};
 use wavelume_core::evaluate::{Beyond, Interpolation, Material, Place};
@@ -23,7 +23,7 @@ const POINTS: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 1.0], [0.5, 0.5], [0.123, 0.876
 /// Wavelengths in nm.
 const WAVELENGTHS: [f64; 5] = [0.001, 380.0, 550.25, 780.0, 1e9];
 
-/// Opens `bytes` and asks for values, densities, samples and albedos at the first and last index.
+/// Opens `bytes` and queries values, densities, samples and albedos at the first and last index.
 pub fn use_material(bytes: &[u8]) {
     let Ok(material) = Material::open(bytes) else { return };
     assert!(material.memory() > 0);

@@ -1,13 +1,13 @@
-//! Checksums made right again, so that mutations get behind them.
+//! Corrects checksums, so that mutations pass them.
 
 use wavelume_core::compress::{DecodeError, inspect};
 
-/// Bytes of a checksum.
+/// Length of a checksum in bytes.
 const CHECKSUM: usize = 4;
 
-/// `bytes` with the checksum of every chunk that the decoder reaches made that of its content.
+/// Returns `bytes` with corrected checksums for all chunks that the decoder reaches.
 ///
-/// The decoder says itself which checksum is wrong, so nothing of the container is known here but that of one chunk.
+/// The decoder reports which checksum is wrong, so only the layout of a single chunk is known here.
 pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let mut last = None;
@@ -19,7 +19,7 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The letter that a checksum covers in front of its chunk.
+/// Letter that a checksum covers in front of its chunk.
 fn letter(chunk: &str) -> u8 {
     match chunk {
         "header chunk" => b'H',
@@ -39,7 +39,7 @@ fn letter(chunk: &str) -> u8 {
     }
 }
 
-/// The chunk at `at`: varint length, payload, then the checksum of the letter and both.
+/// Corrects the chunk at `at`: varint length, payload, then the checksum of the letter and both.
 fn seal_chunk(bytes: &mut [u8], at: usize, letter: u8) {
     let mut length = 0_usize;
     let mut end = at;

@@ -1,8 +1,8 @@
 //! Access by host and origin: the hosts that a request may name, and the pages of other origins that may read.
 //!
-//! A page can let its own host name point at this machine (DNS rebinding) and is then of the same origin as the service.
-//! Its requests still name that host. A service that listens on a loopback address therefore answers requests for
-//! loopback hosts alone, and for names that a setting allows.
+//! A page can let its own host name resolve to this machine (DNS rebinding) and then has the same origin as the
+//! service. Its requests still name that host. A service that listens on a loopback address therefore accepts only
+//! loopback hosts and names that a setting allows.
 
 use super::problem::{Kind, Problem};
 use super::words::shown;
@@ -10,21 +10,21 @@ use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Version, header};
 use std::net::{IpAddr, SocketAddr};
 
-/// The hosts and the origins that are answered.
+/// Request hosts and page origins that the service accepts.
 #[derive(Clone, Debug)]
 pub(crate) struct Access {
-    /// The service listens on a loopback address.
+    /// True if the service listens on a loopback address.
     loopback: bool,
-    /// Host names in lower case, without a port.
+    /// Accepted host names besides loopback ones: lower case, without a port.
     names: Vec<String>,
-    /// Origins as browsers write them.
+    /// Allowed origins, as browsers serialise them.
     origins: Vec<String>,
 }
 
-/// The page that makes a request.
+/// Origin class of the page that makes a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Page {
-    /// No page, or one of this service.
+    /// No page (a plain client), or a page of this service.
     Own,
     /// A page of another origin that a setting allows to read.
     Allowed(HeaderValue),
@@ -33,7 +33,7 @@ pub(crate) enum Page {
 }
 
 impl Access {
-    /// The rules for a listener on `address`, or the setting that is wrong.
+    /// Builds the rules for a listener on `address`. The error names the setting that is invalid.
     pub(crate) fn new(address: SocketAddr, names: &[String], origins: &[String]) -> Result<Self, String> {
         let names = names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).map(|name| {
             let (host, port) = split(name).unwrap_or_default();
@@ -58,7 +58,7 @@ impl Access {
         })
     }
 
-    /// The answers depend on the page that asks.
+    /// Returns true if answers depend on the origin of the requesting page (`Vary: origin`).
     pub(crate) fn varies(&self) -> bool {
         !self.origins.is_empty()
     }
@@ -100,7 +100,7 @@ impl Access {
         Ok(HeaderValue::from_str(named).ok())
     }
 
-    /// `host` in lower case, without its port, is one of this service.
+    /// Returns true if the service accepts `host` (lower case, without a port).
     fn answers(&self, host: &str) -> bool {
         let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host).parse::<IpAddr>();
         let loopback =
@@ -108,12 +108,12 @@ impl Access {
         if loopback || self.names.iter().any(|name| name == host) {
             return true;
         }
-        // No name leads to an address, so an address cannot be rebound.
+        // DNS rebinding needs a name, so a literal address is safe.
         !self.loopback && (self.names.is_empty() || address.is_ok())
     }
 
-    /// The page that makes a request with `headers` to `host`. Browsers send `Origin` with all but plain reads, and
-    /// `Sec-Fetch-Site` with those that they take for safe.
+    /// Classifies the page that makes a request with `headers` to `host`. Browsers send `Origin` with every request
+    /// except plain reads, and `Sec-Fetch-Site` with requests to URLs that they consider trustworthy.
     pub(crate) fn page(&self, headers: &HeaderMap, host: Option<&HeaderValue>) -> Page {
         let mut origins = headers.get_all(header::ORIGIN).iter();
         let Some(origin) = origins.next() else {
@@ -144,7 +144,7 @@ fn misdirected(found: &str) -> Problem {
     Problem::new(Kind::Misdirected, detail)
 }
 
-/// An origin as RFC 6454 serialises it; `null` is none.
+/// A web origin, serialised as in RFC 6454. The opaque origin `null` is not represented.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Origin {
     scheme: String,
@@ -174,7 +174,7 @@ impl Origin {
         }
     }
 
-    /// The text that a browser sends: without the port of its scheme.
+    /// Serialises the origin as a browser does: the default port of the scheme is omitted.
     fn text(&self) -> String {
         let Self { scheme, host, port } = self;
         match port.filter(|port| Some(*port) != self.default_port()) {
@@ -184,7 +184,7 @@ impl Origin {
     }
 }
 
-/// Host in lower case and port of `host[:port]`; nothing where it is no such text.
+/// Splits `host[:port]` into the lower-case host and the port. Returns `None` for any other text.
 fn split(authority: &str) -> Option<(String, Option<u16>)> {
     let end = if authority.starts_with('[') {
         authority.find(']')? + 1

@@ -1,4 +1,4 @@
-//! The place that each request holds until the last byte of its answer is sent.
+//! Admission: each request holds a place until the last byte of its answer is sent.
 
 use super::body::{Guarded, Passed};
 use super::extract::linger;
@@ -10,21 +10,22 @@ use axum::extract::{MatchedPath, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// Size from which a whole answer takes its share of the memory for answers.
+/// Size in bytes above which an in-memory answer counts towards the limit on answer memory. Raising it leaves more
+/// answers uncounted.
 const LARGE: u64 = 64 << 10;
 
-/// Paths that answer however many places are taken.
+/// Returns true for health-check paths, which answer even when all places are taken.
 pub(crate) fn is_health(path: &str) -> bool {
     matches!(path, "/healthz" | "/readyz")
 }
 
-/// Routes that compute on a material, each with a place among the queries.
+/// Returns true for routes that compute on a material. Each such request also takes a place among the queries.
 fn is_query(route: &str) -> bool {
     let Some(question) = route.strip_prefix("/v1/materials/{id}/") else { return false };
     !matches!(question, "content" | "export")
 }
 
-/// Lets a request in if its peer has a place for it, and gives the place back when the answer is sent or dropped.
+/// Admits a request if its peer has a free place, and releases the place when the answer is sent or dropped.
 pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
     if is_health(request.uri().path()) {
         return next.run(request).await;
@@ -49,13 +50,13 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
     }
 }
 
-/// The share of the memory for answers that `body` takes. Only a body that lies whole in memory knows its size.
+/// Takes the share of answer memory that `body` needs. Only a body held whole in memory knows its size.
 fn share(app: &App, peer: Peer, body: &Body) -> Result<Option<Place>, Full> {
     let bytes = body.size_hint().exact().filter(|bytes| *bytes > LARGE);
     bytes.map(|bytes| app.held.answers.take(peer, (bytes as usize).div_ceil(KIB))).transpose()
 }
 
-/// Places that the body of an answer holds: of the request, of the query, and in the memory for answers.
+/// Places held by the body of an answer: for the request, for the query, and in the answer memory.
 struct Holding {
     _places: ((Place, Option<Place>), Option<Place>),
 }

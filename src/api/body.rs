@@ -5,15 +5,15 @@ use hyper::body::{Frame, SizeHint};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 
-/// Bytes handed over at a time. HTTP/2 takes a piece whole however little the client reads, so smaller pieces bound what
-/// lies unsent, and cost more calls.
+/// Bytes handed to the connection at a time. HTTP/2 takes a whole piece even if the client reads little. A smaller
+/// value bounds the unsent bytes but costs more calls.
 const PIECE: usize = 64 << 10;
 
-/// A guard that hears how its body is taken.
+/// Observer of how the connection consumes a body.
 pub(crate) trait Passed {
-    /// The connection asks for the next piece: it has room.
+    /// Called when the connection polls for the next piece, so it has room.
     fn asked(&mut self) {}
-    /// The connection got a piece, or a head whose body it has not asked for.
+    /// Called when the connection received a piece, or a response head whose body it has not polled for.
     fn gave(&mut self) {}
 }
 

@@ -1,4 +1,4 @@
-//! `/v1/materials/{id}/color`: what colour a material has, under any light that is named or stored.
+//! `/v1/materials/{id}/color`: the colour of a material under any named or stored illuminant.
 
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
@@ -22,78 +22,82 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(color))
 }
 
-/// Where to look, by whom and in which light.
+/// Directions, illuminant and observer for which colours are computed.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ColorQuery {
-    /// The incoming direction `θ,φ` in degrees; `0,0` if nothing is said.
+    /// Incoming direction `θ,φ` in degrees. Default: `0,0`.
     #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
-    /// The outgoing direction `θ,φ` in degrees; if nothing is said, all of them together: directional albedo, flux.
+    /// Outgoing direction `θ,φ` in degrees. Default: all outgoing directions together (directional albedo, flux).
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
-    /// One entry, from 0, for each leading index axis: `I,J`; every column of a spectral table if nothing is said.
+    /// Zero-based entry on each leading index axis: `I,J`. Default: every column of a spectral table.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a spectrum.
+    /// Illuminant: `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a
+    /// spectrum.
     #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
-    /// The column of a stored table of illuminants, by name or by number from 1.
+    /// Column of a stored table of illuminants, by name or by number from 1.
     #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
-    /// `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
+    /// Observer: `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
     #[param(value_type = Option<ObserverText>)]
     observer: Option<String>,
 }
 
-/// Colours, and what they are relative to.
+/// Colours of a material, and the white that they refer to.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Colors)]
 struct ColorAnswer {
-    /// `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`, `spectrum` or `phase function` (× 4π).
+    /// Quantity that the colours describe: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`,
+    /// `spectrum` or `phase function` (× 4π).
     of: String,
-    /// The illuminant.
+    /// Name or id of the illuminant.
     illuminant: String,
-    /// The observer.
+    /// Name or id of the observer.
     observer: String,
-    /// XYZ of white, Y = 100.
+    /// XYZ of the reference white, Y = 100.
     #[schema(min_items = 3, max_items = 3)]
     white: [f64; 3],
-    /// One for each entry looked at; null where too few wavelengths were measured.
+    /// One colour for each entry; null if too few wavelengths were measured.
     colours: Vec<Option<Color>>,
 }
 
-/// A colour.
+/// Colour of one entry, in several colour spaces.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct Color {
-    /// The entry of the index axes.
+    /// Zero-based entry on each index axis.
     index: Vec<usize>,
-    /// Its name, if it has one.
+    /// Label of the entry, if it has one.
     label: Option<String>,
-    /// Tristimulus values; white has Y = 100.
+    /// Tristimulus values XYZ; white has Y = 100.
     #[schema(min_items = 3, max_items = 3)]
     xyz: [f64; 3],
-    /// Chromaticity; null of black.
+    /// CIE chromaticity (x, y); null for black.
     #[schema(min_items = 2, max_items = 2)]
     xy: Option<[f64; 2]>,
-    /// CIE 1976 L*a*b*, relative to white.
+    /// CIE 1976 L*a*b*, relative to the reference white.
     #[schema(min_items = 3, max_items = 3)]
     lab: [f64; 3],
-    /// Linear sRGB, adapted to its white; may be out of gamut. Of lights, the largest channel of all is 1.
+    /// Linear sRGB, adapted to its white; may be out of gamut. Light colours are scaled so that the largest channel of
+    /// all entries is 1.
     #[schema(min_items = 3, max_items = 3)]
     linear_srgb: [f64; 3],
-    /// Linear sRGB mapped into the gamut: hue and lightness of Oklab stay, chroma is reduced.
+    /// Linear sRGB mapped into the gamut: hue and lightness of Oklab are kept, chroma is reduced.
     #[schema(min_items = 3, max_items = 3)]
     mapped_srgb: [f64; 3],
-    /// The mapped one as `#rrggbb`.
+    /// `mapped_srgb` as `#rrggbb`.
     #[schema(pattern = "^#[0-9a-f]{6}$")]
     srgb: String,
-    /// Whether nothing had to be mapped.
+    /// True if the colour needed no gamut mapping.
     in_gamut: bool,
-    /// Correlated colour temperature of a light, K; null more than 0.05 from the Planckian locus in CIE 1960 (u, v).
+    /// Correlated colour temperature of a light in K; null if its distance from the Planckian locus in CIE 1960 (u, v)
+    /// exceeds 0.05.
     cct: Option<f64>,
     /// Distance of a light from the Planckian locus in CIE 1960 (u, v), positive towards green.
     duv: Option<f64>,
@@ -101,7 +105,7 @@ struct Color {
     luminous: Option<f64>,
 }
 
-/// The colour of a material.
+/// Compute the colour of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/color", tag = "evaluation",
     params(("id" = DigestText, Path, description = "The material"), ColorQuery),
@@ -130,14 +134,14 @@ pub(super) struct Asked {
     observer: Named<StandardObserver>,
 }
 
-/// A name, or a stored table.
+/// A standard by name, or a stored table by digest.
 #[derive(Clone, Debug)]
 enum Named<T> {
     Standard(T),
     Stored(Digest),
 }
 
-/// The tables that a query names, opened.
+/// Tables and standards that a query names, opened.
 pub(super) struct Sources {
     illuminant: Illuminant,
     observer: StandardObserver,
@@ -160,7 +164,7 @@ impl Asked {
         Ok(Self { illuminant, column, observer: named("observer", observer)? })
     }
 
-    /// What was asked for in one text, the same for the same viewing.
+    /// Returns a cache key that is equal for equal illuminant, column and observer.
     pub(super) fn key(&self) -> String {
         fn key<T: std::fmt::Display>(named: &Named<T>) -> String {
             match named {

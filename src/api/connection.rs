@@ -29,22 +29,23 @@ use tower::ServiceExt;
 /// The first bytes of an HTTP/2 connection (RFC 9113, 3.4).
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
-/// Time that a connection of the reserve may live.
+/// Lifetime of a reserve connection. Raising it lets a client hold a reserve place for longer.
 const RESERVE_LIFE: Duration = Duration::from_secs(10);
 
-/// Unsent bytes of one connection (HTTP/1) or stream (HTTP/2) that lie in memory; a large piece of a body may exceed it.
+/// Upper bound in bytes on unsent data of one connection (HTTP/1) or stream (HTTP/2). A large body piece may exceed it.
 const SEND_BUFFER: usize = 128 << 10;
 
-/// Bytes of one HTTP/2 frame.
+/// Upper bound in bytes on the payload of an HTTP/2 frame.
 const FRAME: u32 = 16 << 10;
 
-/// Bytes that a client may send on one HTTP/2 stream, and on its connection, before they are read.
+/// HTTP/2 flow-control window in bytes, per stream and per connection: data that a client may send before the service
+/// reads it.
 const RECEIVE_WINDOW: u32 = 1 << 20;
 
-/// Streams of an HTTP/2 connection that may end with an error of the client before the connection is closed.
+/// Streams of an HTTP/2 connection that may end with a client error before the connection is closed.
 const ERROR_RESETS: usize = 128;
 
-/// The places of a new connection.
+/// Places for new connections: ordinary ones, and a reserve for health checks.
 #[derive(Debug)]
 pub(crate) struct Entrance {
     ordinary: Places,
@@ -54,9 +55,9 @@ pub(crate) struct Entrance {
 /// A place for a connection.
 #[derive(Debug)]
 pub(crate) enum Admission {
-    /// A connection for every request.
+    /// Ordinary connection: serves every request.
     Ordinary(Place),
-    /// A connection of the reserve: health is answered, everything else gets the refusal.
+    /// Reserve connection: answers health checks and refuses everything else.
     Reserve(Place, Full),
 }
 
@@ -69,7 +70,7 @@ impl Entrance {
         }
     }
 
-    /// A place for a connection of `peer`, or `None` if not even the reserve has one.
+    /// Takes a place for a connection of `peer`. Returns `None` if even the reserve is full.
     pub(crate) fn admit(&self, peer: Peer) -> Option<Admission> {
         match self.ordinary.take(peer, 1) {
             Ok(place) => Some(Admission::Ordinary(place)),
@@ -85,9 +86,9 @@ pub(crate) struct Host {
     first_bytes: Duration,
     http1: http1::Builder,
     http2: http2::Builder<TokioExecutor>,
-    /// Cancelled when connections end with their running requests.
+    /// Cancelled to close connections after their running requests.
     stop: CancellationToken,
-    /// Cancelled when connections end at once.
+    /// Cancelled to close connections at once.
     cut: CancellationToken,
 }
 
@@ -151,7 +152,7 @@ impl Host {
             let router = self.router.clone();
             async move {
                 let response = answer(router, request, refusal).await;
-                // HTTP/2 does not even ask for a piece while the client's window is closed.
+                // HTTP/2 does not poll the body while the client's flow-control window is closed.
                 if !response.body().is_end_stream() {
                     running.gave();
                 }
@@ -165,7 +166,7 @@ impl Host {
         }
     }
 
-    /// Runs a connection, and closes it when the service stops or the client is silent for too long.
+    /// Drives a connection to its end. Shuts it down when the service stops or the client is silent for too long.
     async fn attend<C: GracefulConnection>(&self, connection: C, traffic: &Traffic, once: bool) -> Result<(), String>
     where
         C::Error: std::fmt::Display,
@@ -181,7 +182,7 @@ impl Host {
                 () = self.stop.cancelled(), if !closing => true,
                 _ = ticks.tick() => match traffic.silence(self.idle, Instant::now()) {
                     Some(Silence::Unread) => return Err("the client does not take its answer".to_owned()),
-                    // The client had time to take what was left, and to close.
+                    // The client had time to read the remaining answer and to close.
                     Some(Silence::Idle) if closing && traffic.silence(2 * self.idle, Instant::now()).is_some() => {
                         return Err("the client is silent".to_owned());
                     }
@@ -197,7 +198,8 @@ impl Host {
     }
 }
 
-/// The answer to a request. A connection of the reserve is refused everything but health, and is told to close.
+/// Answers a request. A reserve connection (`refusal` is set) answers health checks only, and HTTP/1 answers tell the
+/// client to close.
 async fn answer(router: Router, request: Request, refusal: Option<Full>) -> Response {
     let Some(full) = refusal else { return router.oneshot(request).await.into_response() };
     let http1 = request.version() < axum::http::Version::HTTP_2;
@@ -212,7 +214,7 @@ async fn answer(router: Router, request: Request, refusal: Option<Full>) -> Resp
     response
 }
 
-/// Reads as many bytes as tell HTTP/1 and HTTP/2 apart; `None` if the client closes before the first one.
+/// Reads just enough bytes to tell HTTP/1 from HTTP/2. Returns `None` if the client closes before the first byte.
 async fn first_bytes(stream: &mut (impl AsyncRead + Unpin)) -> std::io::Result<Option<Bytes>> {
     let mut head = BytesMut::with_capacity(PREFACE.len());
     while head.len() < PREFACE.len() && PREFACE.starts_with(&head) {

@@ -1,4 +1,4 @@
-//! Bytes under their digest over HTTP: strong `ETag`, immutable, ranges, conditions.
+//! Stored bytes over HTTP: strong `ETag` (the digest), immutable caching, byte ranges, conditional requests.
 
 use super::problem::{Kind, Problem};
 use super::state::App;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// The media type of a material.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
-/// The blob that a row names as `digest`: it must be there.
+/// Like [`respond`], for a blob that a catalog row names: a missing blob is reported as corruption.
 pub(crate) async fn respond_named(
     app: &App,
     digest: Digest,
@@ -27,7 +27,7 @@ pub(crate) async fn respond_named(
     respond(app, digest, media_type, file_name, method, headers).await
 }
 
-/// The blob `digest`, or the part, the headers or the 304 that `headers` ask for.
+/// Answers with the blob `digest`, or with the byte range, the headers alone or the 304 that the request asks for.
 pub(crate) async fn respond(
     app: &App,
     digest: Digest,
@@ -53,7 +53,7 @@ pub(crate) async fn respond(
     Ok(labels.response(size, asked, body))
 }
 
-/// What the answers for one blob have in common.
+/// Headers common to all answers for one blob.
 #[derive(Clone, Debug)]
 struct Labels {
     etag: HeaderValue,
@@ -68,7 +68,7 @@ impl Labels {
         Self { etag, media_type: HeaderValue::from_static(media_type), disposition: disposition(file_name) }
     }
 
-    /// The status and the range of `size` bytes that `headers` ask for; `None` for a 304.
+    /// Returns the status and the byte range that `headers` request of `size` bytes, or `None` for a 304.
     fn asked(&self, headers: &HeaderMap, size: u64) -> Result<Option<(StatusCode, Range<u64>)>, Problem> {
         let etag = self.etag.to_str().unwrap_or_default();
         if not_modified(headers, etag) {
@@ -106,7 +106,7 @@ impl Labels {
     }
 }
 
-/// The file of these bytes, or the part, the headers or the 304 that `headers` ask for.
+/// Like [`respond`], for bytes in memory.
 pub(crate) fn respond_with(
     bytes: &Bytes,
     digest: Digest,
@@ -131,7 +131,8 @@ enum Part {
     None,
 }
 
-/// RFC 9110 section 14: one range is served; several, another unit or nonsense are answered with the whole.
+/// Parses `Range` (RFC 9110 section 14). One byte range is served; several ranges, other units and malformed values get
+/// the whole content.
 fn part(headers: &HeaderMap, size: u64) -> Part {
     let Some(text) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Part::Whole };
     let Some((unit, set)) = text.split_once('=') else { return Part::Whole };
@@ -164,12 +165,12 @@ fn part(headers: &HeaderMap, size: u64) -> Part {
     }
 }
 
-/// Whether `If-Range`, if there is one, names these bytes. A date never does: there are none to compare with.
+/// Returns true if `If-Range` is absent or names this `ETag`. A date never matches, because blobs have no dates.
 fn current(headers: &HeaderMap, etag: &str) -> bool {
     headers.get(header::IF_RANGE).is_none_or(|value| value == etag)
 }
 
-/// Whether `If-None-Match` names these bytes (weak comparison).
+/// Returns true if `If-None-Match` names this `ETag` (weak comparison).
 pub(super) fn not_modified(headers: &HeaderMap, etag: &str) -> bool {
     headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok()).any(|text| {
         text.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)

@@ -1,4 +1,4 @@
-//! Small material files kept in memory for a while, under their digest.
+//! In-memory cache of small material files, by digest.
 
 use super::problem::Problem;
 use crate::store::{Digest, Store, StoreExt};
@@ -6,14 +6,13 @@ use bytes::Bytes;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The largest file that is kept in memory.
+/// Size in bytes of the largest file that is cached.
 const SMALL: u64 = 1 << 20;
 
-/// Minutes that a file is kept in memory; raising it spares reads of the store.
+/// Minutes that a file stays cached. Raising it saves reads of the store.
 const KEPT: Duration = Duration::from_mins(1);
 
-/// Bytes of small files under their digest. An answer from here is right only after the catalog was asked whether the
-/// file may still be read.
+/// Cache of small files by digest. Check the catalog before answering from it: the material may have been deleted.
 #[derive(Clone, Debug)]
 pub(crate) struct Contents {
     files: moka::future::Cache<Digest, Bytes>,
@@ -26,7 +25,8 @@ impl Contents {
         Self { files }
     }
 
-    /// Verified bytes of a file that the catalog knows, read once however many ask; `None` if it is too large to keep.
+    /// Returns the verified bytes of a file that the catalog knows; `None` if it is too large to cache. Concurrent
+    /// requests share one read.
     pub(crate) async fn get(&self, store: &Arc<dyn Store>, digest: Digest) -> Result<Option<Bytes>, Problem> {
         if let Some(bytes) = self.files.get(&digest).await {
             return Ok(Some(bytes));
@@ -39,7 +39,7 @@ impl Contents {
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }
 
-    /// Forgets a deleted file.
+    /// Evicts a deleted file.
     pub(crate) async fn forget(&self, digest: Digest) {
         self.files.invalidate(&digest).await;
     }

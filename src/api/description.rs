@@ -1,4 +1,4 @@
-//! The description of the interface: what utoipa reads off the handlers, and the problems that each operation answers.
+//! Description of the interface: the parts that utoipa derives from the handlers, and the problems of each operation.
 
 use super::problem::{Kind, ProblemBody};
 use super::schemas;
@@ -10,7 +10,7 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// Problems of every operation: the host of the request and bugs.
 const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::Misdirected, Kind::Internal];
-/// Operations that answer however busy the service is.
+/// Operations that answer even when the service is at its limits.
 const HEALTH: &[&str] = &["healthz", "readyz"];
 /// Problems of all other operations: too much under way, in all or for this address.
 const BUSY: &[Kind] = &[Kind::Overloaded, Kind::TooManyAtOnce];
@@ -60,7 +60,7 @@ const BATCH: &[Kind] = &[Kind::NotAcceptable];
 /// Problems of exports.
 const EXPORT: &[Kind] = &[Kind::NotAvailable, Kind::BadSetting, Kind::OverLimit];
 
-/// The problems of each operation, beside those of all.
+/// Problems of each operation by its id, besides the common ones.
 const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("index", &[]),
     ("healthz", &[]),
@@ -108,7 +108,7 @@ pub(super) fn info() -> Info {
         .build()
 }
 
-/// Adds the problems of each operation and the schemas that no handler brings along.
+/// Adds the problems of each operation and the schemas that no handler registers.
 pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     for path in openapi.paths.paths.values_mut() {
         for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
@@ -124,7 +124,7 @@ pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     openapi
 }
 
-/// The problems of an operation by their status.
+/// Returns the problems of an operation, grouped by HTTP status.
 fn problems(operation: &str) -> BTreeMap<u16, Vec<Kind>> {
     let own = OPERATIONS.iter().find(|(name, _)| *name == operation).map_or(&[][..], |(_, kinds)| kinds);
     let mut problems: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();

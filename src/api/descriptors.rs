@@ -1,9 +1,10 @@
-//! The limit on descriptors: raised as far as the system lets it be, and places fitted to what is left.
+//! Limit on file descriptors: raised to the hard limit, and connection and request places fitted to it.
 
 use crate::jobs::Limits;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Descriptors of the process beside connections, requests and uploads: listener, catalog, logs, locks, the runtime.
+/// Descriptors reserved for the process itself: listener, catalog, logs, locks, runtime. Raising it leaves fewer for
+/// connections and requests.
 const OWN: u64 = 128;
 
 /// Descriptors of one upload: its staging file, and a file that it is unpacked to.
@@ -20,13 +21,13 @@ pub(crate) fn raise_descriptor_limit() {
     }
 }
 
-/// Descriptors that this process may have open; `None` without a limit.
+/// Returns the soft limit on descriptors of this process; `None` means unlimited.
 pub(crate) fn limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Lowers the places for connections and requests until all of them have a descriptor. A request needs one beside its
-/// connection's for the file that it sends.
+/// Lowers the connection and request places until each of them has a descriptor. A request needs one for the file that
+/// it sends, besides that of its connection.
 pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
     let count = |number: usize| number as u64;
     let health = count(limits.health_connections);
@@ -44,7 +45,7 @@ pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
     );
     limits.connections = connections;
     limits.requests = requests;
-    // Half of the places at most for one address, however few there are.
+    // One address gets at most half of the places, even when there are few.
     limits.connections_each = limits.connections_each.min(connections.div_ceil(2));
     limits.requests_each = limits.requests_each.min(requests.div_ceil(2));
 }

@@ -1,4 +1,4 @@
-//! `/v1/jobs/{id}/events`: what happens to a job, as server-sent events.
+//! `/v1/jobs/{id}/events`: state and progress of a job as server-sent events.
 
 use super::extract::JobId;
 use super::job::{Job, change, find};
@@ -15,10 +15,10 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::Receiver;
 
-/// A line now and then keeps proxies from ending a quiet stream.
+/// Interval of keep-alive lines, which keep proxies from ending a quiet stream. Raising it risks their timeouts.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// The last state and progress that a follower was told.
+/// Event stream of one follower, with the last state and progress that it was sent.
 struct Told {
     app: App,
     _place: Place,
@@ -39,7 +39,7 @@ pub(super) async fn get_job_events(
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let place = app.held.followers.take(peer, 1)?;
-    // Listening begins before the first look: nothing falls between.
+    // Subscribe before the first read, so that no change is missed.
     let changes = app.engine.hub.listen();
     find(&app, &id).await?;
     let told = Told { app, _place: place, id, changes, state: None, progress: 0.0 };
@@ -52,7 +52,7 @@ async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>
         if told.app.stop.is_cancelled() {
             return None;
         }
-        // A client that loses the stream asks again; a database that is busy is asked again.
+        // A failed read (busy database) is retried at the next change or timeout.
         if let Ok(row) = find(&told.app, &told.id).await {
             let (state, progress) = (row.state, row.progress);
             if told.state != Some(state) {

@@ -1,4 +1,4 @@
-//! `/v1/materials/{id}/export`: a material in a format that others read, with the error that the format adds.
+//! `/v1/materials/{id}/export`: a material in an exchange format, with the error that the format adds.
 
 use super::content::not_modified;
 use super::extract::{Id, Query};
@@ -23,10 +23,10 @@ use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The header that states what the file adds to the error of the material.
+/// Response header with the error that the exported file adds to that of the material.
 pub(crate) const EXPORT_ERROR: HeaderName = HeaderName::from_static("wavelume-export-error");
 
-/// Bytes of a file that are handed over at a time.
+/// Bytes of a file handed to the connection at a time.
 const PIECE: usize = 1 << 20;
 
 /// The routes of this resource.
@@ -34,34 +34,34 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
-/// Which format, and how densely.
+/// Export format and sampling density.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ExportQuery {
-    /// `rgl`, `merl`, `mbsdf` (surfaces), `lm63`, `eulumdat` (luminaires), `spd`, `csv` (spectra), `tabphase` (phase
-    /// functions), `npy` (the dense float32 tensor, NaN = masked) or `manifest` (its axes).
+    /// Format to write: `rgl`, `merl`, `mbsdf` (surfaces), `lm63`, `eulumdat` (luminaires), `spd`, `csv` (spectra),
+    /// `tabphase` (phase functions), `npy` (the dense float32 tensor, NaN = masked) or `manifest` (its axes).
     #[param(value_type = ExportName)]
     format: String,
-    /// One entry, from 0, for each leading index axis: `I,J`; `npy` and `manifest` hold every entry and take none.
+    /// Zero-based entry on each leading index axis: `I,J`. `npy` and `manifest` contain every entry and accept none.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase); by the material's own axes if nothing is said,
-    /// of mbsdf the angles of the source.
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase). Default: from the material's own axes; for
+    /// mbsdf the angles of the source.
     #[param(value_type = Option<u32>)]
     side: Option<usize>,
-    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat); by the material's own axes if nothing is
-    /// said, of luminaires the angles of the source.
+    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat). Default: from the material's own
+    /// axes; for luminaires the angles of the source.
     step: Option<f64>,
-    /// Linear sRGB instead of spectra (rgl).
+    /// True to write linear sRGB instead of spectra (rgl).
     #[serde(default)]
     #[param(value_type = Option<bool>)]
     rgb: bool,
-    /// The wavelength in nm, instead of the mean over wavelengths (tabphase).
+    /// Wavelength in nm (tabphase). Default: the mean over wavelengths.
     wavelength: Option<f64>,
 }
 
-/// A material in another format.
+/// Export a material in another format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
     params(("id" = DigestText, Path, description = "The material"), ExportQuery),
@@ -98,11 +98,11 @@ async fn export(
         step: query.step,
         rgb: query.rgb,
         wavelength: query.wavelength,
-        // What is sent could be uploaded.
+        // An exported file stays within the upload limit, so that it can be uploaded again.
         most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
     };
     known(&app, id).await?;
-    // Another version may write another file.
+    // The version is part of the key: another version may write another file.
     let what = format!("{id} export {format:?} {options:?} {}", env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
     let mut response = if not_modified(&headers, &etag) {
@@ -142,8 +142,8 @@ async fn file(
     format: ExportFormat,
     options: ExportOptions,
 ) -> Result<Response, Problem> {
-    // A file lies whole in memory until its last byte is sent. The work keeps the place too: it goes on when its client
-    // leaves.
+    // A file stays whole in memory until its last byte is sent. The computation holds the place too, because it
+    // continues when the client disconnects.
     let place = app.held.exports.take(peer, 1)?;
     let (exported, place) = if format == ExportFormat::Npy {
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
@@ -172,7 +172,7 @@ async fn file(
     Ok(response)
 }
 
-/// The value of the header.
+/// Formats the value of the `Wavelume-Export-Error` header.
 fn stated(about: &Summary) -> String {
     let error = &about.error;
     let luminaire = match (&about.lamp, about.flux_error) {
@@ -194,7 +194,7 @@ fn name(response: &mut Response, id: Digest, extension: &str) {
     response.headers_mut().extend(HeaderValue::from_str(&name).ok().map(|v| (header::CONTENT_DISPOSITION, v)));
 }
 
-/// The bytes piece by piece; `place` is held until the last one is taken.
+/// Streams the bytes in pieces and holds `place` until the last one is taken.
 fn pieces(bytes: Vec<u8>, place: Place) -> Body {
     let parts = futures::stream::unfold((Bytes::from(bytes), place), |(mut rest, place)| async move {
         if rest.is_empty() {

@@ -1,4 +1,4 @@
-//! Queries, bodies and path segments that become problems when they are not understood.
+//! Extractors of queries, bodies and path segments, whose errors become problems.
 
 use super::pace::Pace;
 use super::places::{KIB, Peer, Place};
@@ -13,7 +13,7 @@ use futures::StreamExt;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-/// The query string as `T`.
+/// Query string parsed as `T`.
 #[derive(Clone, Debug)]
 pub(crate) struct Query<T>(pub(crate) T);
 
@@ -25,15 +25,15 @@ pub(crate) struct Id(pub(crate) Digest);
 #[derive(Clone, Debug)]
 pub(crate) struct JobId(pub(crate) String);
 
-/// A whole JSON body as bytes, its media type checked; it is parsed where the maths run.
+/// A complete JSON body as bytes, its media type checked. It is parsed later, on the query threads.
 #[derive(Debug)]
 pub(crate) struct JsonBytes {
     pub(crate) bytes: Bytes,
-    /// Share of the memory for bodies, as large as the bytes that came.
+    /// Share of the memory for bodies, as large as the bytes received.
     _share: Place,
 }
 
-/// A whole JSON body that is no batch.
+/// A complete JSON body that is not a batch, at most 512 KiB.
 #[derive(Debug)]
 pub(crate) struct SmallJson(pub(crate) JsonBytes);
 
@@ -84,14 +84,14 @@ impl<S: Send + Sync> FromRequestParts<S> for Name {
     }
 }
 
-/// Bytes of a query string, half of what the head of a request may have by default. Long lists of wavelengths are for the
+/// Upper bound in bytes on a query string: half of the default request head. Longer lists of wavelengths belong in the
 /// body of a POST.
 pub(crate) const LONGEST_QUERY: usize = 16 << 10;
 
-/// Characters of a word that a list is filtered by: more than any stored word has.
+/// Upper bound in characters on a filter word of a list: longer than any stored word.
 pub(crate) const LONGEST_WORD: usize = 255;
 
-/// Refuses query strings that are too long or decode to no text.
+/// Refuses query strings that are too long, are not UTF-8 or contain U+0000.
 fn check_query(query: &str) -> Result<(), Problem> {
     if query.len() > LONGEST_QUERY {
         let detail = format!("a query string of {} bytes, expected at most {LONGEST_QUERY}", query.len());
@@ -109,7 +109,7 @@ fn check_query(query: &str) -> Result<(), Problem> {
     }
 }
 
-/// The bytes of percent-encoded text; what is no escape stays as it is.
+/// Percent-decodes text; malformed escapes stay as they are.
 fn percent_decoded(text: &str) -> Vec<u8> {
     let digit = |b: Option<&u8>| b.and_then(|&b| char::from(b).to_digit(16));
     let mut bytes = Vec::with_capacity(text.len());
@@ -127,7 +127,7 @@ fn percent_decoded(text: &str) -> Vec<u8> {
     bytes
 }
 
-/// A word that a list is filtered by, for `deserialize_with`; an empty one filters nothing.
+/// Deserialises a filter word of a list, for `deserialize_with`. An empty word filters nothing.
 pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
     let text = String::deserialize(deserializer)?;
     match text.chars().count() {
@@ -140,7 +140,7 @@ pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<
     }
 }
 
-/// The only parameter of the path.
+/// Returns the only parameter of the path.
 async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String, Problem> {
     let params = RawPathParams::from_request_parts(parts, state)
         .await
@@ -148,10 +148,10 @@ async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String,
     Ok(params.iter().next().map(|(_, value)| value.to_owned()).unwrap_or_default())
 }
 
-/// Bytes of memory that a body takes with its first piece.
+/// Bytes of memory reserved with the first piece of a body.
 const FIRST: usize = 16 << 10;
 
-/// The size of a JSON body that is no batch.
+/// Upper bound in bytes on a JSON body that is not a batch.
 const SMALL: usize = 512 << 10;
 
 impl FromRequest<App> for JsonBytes {
@@ -198,7 +198,8 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
             if length > limit {
                 return Err(too_large(limit));
             }
-            // Memory is taken for what has come, not for what is announced; doubling copies each byte once or twice.
+            // Memory is reserved for received bytes, not for the declared length. Doubling copies each byte once or
+            // twice.
             if length > reserved {
                 let room = length.max(2 * reserved).max(FIRST).min(limit).next_multiple_of(KIB);
                 share.grow((room - reserved) / KIB)?;
@@ -223,7 +224,7 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
     Ok(JsonBytes { bytes: bytes.freeze(), _share: share })
 }
 
-/// A JSON object as `T`: 400 if it is no JSON, 422 if it is not what was expected.
+/// Parses a JSON object as `T`: 400 if it is not JSON, 422 if its content is not what was expected.
 pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
     // serde would fill a struct from an array by position.
     let is_object = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
@@ -231,7 +232,7 @@ pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem
     if let Some(Ok(value)) = parsed {
         return Ok(value);
     }
-    // serde_json's own categories do not tell apart what is no JSON and what is other JSON.
+    // The error categories of serde_json do not separate malformed JSON from JSON of another shape.
     match (serde_json::from_slice::<serde::de::IgnoredAny>(bytes), parsed) {
         (Err(error), _) => Err(Problem::new(Kind::BadBody, error.to_string())),
         (Ok(_), Some(Err(error))) => Err(Problem::new(Kind::InvalidRequest, error.to_string())),
@@ -239,7 +240,7 @@ pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem
     }
 }
 
-/// The declared length of a body.
+/// Returns the declared length (`Content-Length`) of a body.
 pub(crate) fn declared_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
@@ -266,16 +267,15 @@ fn too_large(limit: usize) -> Problem {
     Problem::new(Kind::TooLarge, format!("a JSON body may have {limit} bytes"))
 }
 
-/// Takes what is left of a request that was refused: most clients read the answer only after they have sent a good part
-/// of their body.
+/// Drains the rest of a refused request: most clients read the answer only after sending a good part of their body.
 pub(crate) async fn linger(request: Request) {
-    // Who asks before sending hears the answer without.
+    // With `Expect: 100-continue` no body was sent: nothing to drain.
     if !request.headers().contains_key(header::EXPECT) {
         linger_body(request.into_body()).await;
     }
 }
 
-/// Takes what is left of a body.
+/// Drains a body: at most 32 MiB within 2 s.
 pub(crate) async fn linger_body(body: Body) {
     let mut left: usize = 32 << 20;
     let mut stream = body.into_data_stream();
@@ -287,7 +287,7 @@ pub(crate) async fn linger_body(body: Body) {
             }
         }
     };
-    // However it goes, the answer follows.
+    // The answer follows whether or not the body was drained.
     let _ = tokio::time::timeout(std::time::Duration::from_secs(2), drain).await;
 }
 

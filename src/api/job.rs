@@ -1,4 +1,4 @@
-//! A job as the interface shows it: its JSON, a look at it, and the wait for its next change.
+//! A job as the HTTP interface shows it: its JSON, its lookup, and the wait for its next change.
 
 use super::problem::{Kind, Problem, ProblemBody};
 use super::schemas::{DigestText, JobIdText};
@@ -13,7 +13,7 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use utoipa::ToSchema;
 
-/// How often a job of another process is looked at.
+/// Interval at which a job of another process is polled. Raising it delays the updates of such jobs.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// The states of a job.
@@ -35,33 +35,33 @@ enum StateSchema {
 pub(super) struct Job {
     #[schema(value_type = JobIdText)]
     id: String,
-    /// The state in which it is or ended.
+    /// Current or final state.
     #[schema(value_type = StateSchema)]
     state: &'static str,
-    /// 0 to 1.
+    /// Progress from 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
-    /// What it reads; null for a report.
+    /// Id of the measurement that the job reads; null for a report.
     #[schema(value_type = Option<DigestText>)]
     measurement: Option<Digest>,
-    /// The material it made.
+    /// Id of the material that the job made.
     #[schema(value_type = Option<DigestText>)]
     material: Option<Digest>,
-    /// The digest of the report it made: an array of tables, as `wavelume paper --json` prints it.
+    /// Digest of the report that the job made: an array of tables, as `wavelume paper --json` prints it.
     #[schema(value_type = Option<DigestText>)]
     report: Option<Digest>,
-    /// Why it failed or died.
+    /// Reason for which the job failed or died.
     problem: Option<ProblemBody>,
-    /// How often it was begun.
+    /// Number of attempts started.
     attempts: u32,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     created_ms: i64,
-    /// When its state changed last, ms of the Unix epoch.
+    /// Time of the last change of state, ms of the Unix epoch.
     updated_ms: i64,
     pub(super) links: Links,
 }
 
-/// Where to go from a job.
+/// URLs related to a job.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = JobLinks)]
 pub(super) struct Links {
@@ -69,14 +69,14 @@ pub(super) struct Links {
     pub(super) this: String,
     events: String,
     cancel: String,
-    /// The material or the report, once there is one.
+    /// URL of the material or the report, once there is one.
     result: Option<String>,
 }
 
 impl Job {
     pub(super) fn of(row: JobRow) -> Self {
         let this = format!("/v1/jobs/{}", row.id);
-        // A problem of an attempt that is made again is not the job's.
+        // The problem of an attempt that will be repeated is not the job's.
         let problem = match row.state {
             JobState::Failed | JobState::Dead => row.problem.as_deref(),
             JobState::Queued | JobState::Running | JobState::Succeeded | JobState::Cancelled => None,
@@ -105,7 +105,7 @@ impl Job {
     }
 }
 
-/// The job, as of now.
+/// Reads the current row of a job.
 pub(super) async fn find(app: &App, id: &str) -> Result<JobRow, Problem> {
     app.engine.job(id).await?.ok_or_else(|| absent(id))
 }
@@ -114,19 +114,19 @@ pub(super) fn absent(id: &str) -> Problem {
     Problem::new(Kind::NotFound, format!("there is no job {id}"))
 }
 
-/// Waits until something about the job may be new.
+/// Waits until the job may have changed, at most for [`LOOK`].
 pub(super) async fn change(changes: &mut Receiver<Arc<str>>, id: &str) {
     let told = async {
         loop {
             match changes.recv().await {
                 Ok(job) if *job == *id => return,
                 Ok(_) => {}
-                // Some news were missed: this job's may be among them.
+                // The receiver lagged; an update of this job may be among the dropped ones.
                 Err(RecvError::Lagged(_)) => return,
                 Err(RecvError::Closed) => std::future::pending().await,
             }
         }
     };
-    // Jobs of other processes are not told here.
+    // Jobs of other processes send no updates here, hence the timeout.
     let _ = tokio::time::timeout(LOOK, told).await;
 }

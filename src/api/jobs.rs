@@ -28,10 +28,10 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(cancel_job))
 }
 
-/// The longest that a client may wait for a job in one request.
+/// Upper bound in seconds on the N of `Prefer: wait=N`. Raising it lets one request hold a place for longer.
 const LONGEST_WAIT: u64 = 60;
 
-/// What to do; `kind` says which, and is `compress` if nothing is said.
+/// Job request; `kind` selects its type. Default: `compress`.
 #[derive(ToSchema)]
 #[schema(as = JobRequest)]
 #[serde(untagged)]
@@ -41,90 +41,95 @@ enum RequestSchema {
     Paper(PaperSchema),
 }
 
-/// A wish for the tables of the paper, made again beside the printed figures.
+/// Request to recompute tables of the paper, beside the printed figures.
 #[derive(ToSchema)]
 #[schema(as = PaperRequest)]
 #[serde(deny_unknown_fields)]
 #[allow(dead_code, reason = "describes jobs::PaperRequest, whose types know nothing of OpenAPI")]
 struct PaperSchema {
-    /// `paper`.
+    /// Always `paper`.
     kind: Paper,
-    /// Their numbers, 1 to 7, each once, in the order wanted; all tables if nothing is said.
+    /// Table numbers, 1 to 7, each once, in the desired order. Default: all tables.
     #[schema(min_items = 1, max_items = 7)]
     tables: Option<Vec<u8>>,
 }
 
-/// A wish to compress, in the command line's names.
+/// Compression request, in the names of the command line.
 #[derive(ToSchema)]
 #[schema(as = CompressRequest)]
 #[serde(deny_unknown_fields)]
 #[allow(dead_code, reason = "describes jobs::CompressRequest, whose types know nothing of OpenAPI")]
 struct CompressSchema {
-    /// `compress`, which is also what is done if nothing is said.
+    /// `compress` (the default).
     #[schema(nullable = false)]
     kind: Option<Compress>,
-    /// The id of the measurement.
+    /// Id of the measurement.
     measurement: DigestText,
-    /// The promise: one of `{"er_l2": 0.01}`, `{"er_l1": 0.01}`, `{"max_relative_error": 0.02}`,
-    /// `{"max_absolute_error": 0.5}` (in the unit of the samples), `{"relative_rmse": 0.01}`, `{"delta_e": 1}` or
-    /// `{"delta_e": {"at_most": 1, "illuminant": "A"}}` (CIEDE2000 of every spectrum; illuminant A, B, C, D50, D65, F11
-    /// or E, D65 if nothing is said; policy `rd`), `{"ratio": 64}`, `{"bytes": 4096}`, `{"step": 0.02}` (no promise:
-    /// the quantiser's step in natural logarithms; policy `rd`), `"auto"` (er(L2) down to the estimated noise of the
-    /// measurement, or to the uncertainties that it states where these are larger; policy `rd`), `"lossless"`.
+    /// Target: one of `{"er_l2": 0.01}`, `{"er_l1": 0.01}`, `{"max_relative_error": 0.02}`, `{"max_absolute_error":
+    /// 0.5}` (in the unit of the samples), `{"relative_rmse": 0.01}`, `{"delta_e": 1}` or `{"delta_e": {"at_most": 1,
+    /// "illuminant": "A"}}` (CIEDE2000 of every spectrum; illuminant A, B, C, D50, D65, F11 or E, default D65; policy
+    /// `rd`), `{"ratio": 64}`, `{"bytes": 4096}`, `{"step": 0.02}` (no error bound: fixes the quantiser step in
+    /// natural-log units; policy `rd`), `"auto"` (er(L2) down to the estimated noise of the measurement, or to its
+    /// stated uncertainties where these are larger; policy `rd`), `"lossless"`.
     ///
-    /// A measurement on a grid of angles keeps its promise at the samples of the file: `{"er_l2": 0.01}` keeps the root mean
-    /// square of (decoded − stated) / stated, over all values above zero at the angles and wavelengths that the file states, at
-    /// most 1 %. Where samples were averaged over triangles first, it is one against these averages, and the errors at the
-    /// samples are stated beside it.
+    /// For a measurement on a grid of angles the bound holds at the samples of the file. `{"er_l2": 0.01}` keeps the
+    /// root mean square of (decoded − stated) / stated at most 1 %, over all values above zero at the stated angles and
+    /// wavelengths. If samples were averaged over triangles first, the bound holds against these averages, and the
+    /// errors at the samples are stated beside it.
     #[schema(value_type = Value, example = json!({"er_l2": 0.01}))]
     target: serde_json::Value,
-    /// `rd` or `conventional`.
+    /// Selection and coding of the coefficients: `rd` or `conventional`.
     #[schema(nullable = false)]
     policy: Option<PolicyName>,
-    /// The spectral basis, or `auto`.
+    /// Name of the spectral basis, or `auto`.
     #[schema(nullable = false)]
     basis: Option<String>,
-    /// Relative floor.
+    /// Relative floor, as a fraction of the maximum: smaller samples leave the relative errors, and their absolute
+    /// error is at most the floor.
     floor: Option<f64>,
-    /// The largest relative error of the light of any direction and wavelength (directional albedo, flux); policy `rd`.
+    /// Upper bound on the relative error of the light of any direction and wavelength (directional albedo, flux);
+    /// policy `rd`.
     albedo_error: Option<f64>,
-    /// `grid`: directions stay on the angles of the file, which has to state a grid of them (what is done where it does and
-    /// nothing is asked for); `triangles`: samples are averaged over triangles, as a level asks, too.
+    /// Directions of the tensor. `grid` keeps the grid of angles that the file must state (the default if it states one
+    /// and no level is given). `triangles` averages samples over triangles, as a subdivision level also does.
     domain: Option<DomainName>,
-    /// The function between the directions of a grid of angles, written into the file: `cubic`, of logarithms and with as much of
-    /// straight lines as keeps a luminaire's flux within 0.3 % of the zonal flux of its samples, or `linear`. Default `cubic`.
+    /// Interpolation between the directions of a grid of angles, written into the file: `cubic` (the default) or
+    /// `linear`. `cubic` interpolates logarithms, blended with enough linear interpolation to keep a luminaire's flux
+    /// within 0.3 % of the zonal flux of its samples.
     #[schema(nullable = false)]
     interpolation: Option<InterpolationName>,
-    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions; errors are
-    /// then those against these means.
+    /// True to replace each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
+    /// directions. Errors are then measured against these means.
     #[schema(nullable = false)]
     reciprocal: Option<bool>,
-    /// Subdivision level of the incoming triangles.
+    /// Subdivision level of the triangles of incoming directions.
     incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles.
+    /// Subdivision level of the triangles of outgoing directions.
     outgoing_level: Option<u8>,
-    /// `START:STOP:STEP` in nm.
+    /// Wavelengths to resample to: `START:STOP:STEP` in nm.
     wavelengths: Option<String>,
-    /// The axes of an array, as its manifest would say.
+    /// Axes of an array, in the form of its manifest.
     #[schema(value_type = Option<Value>)]
     axes: Option<serde_json::Value>,
-    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
+    /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
     quantity: Option<StatedQuantityName>,
-    /// Whether the file carries its provenance.
+    /// True (the default) to write the provenance into the file.
     #[schema(nullable = false)]
     metadata: Option<bool>,
-    /// Whether one incoming direction is decoded without the others (policy `rd`; the material has no coarser levels then).
+    /// True to make each incoming direction decodable without the others (policy `rd`). The material then has no
+    /// coarser levels.
     #[schema(nullable = false)]
     random_access: Option<bool>,
-    /// Fails the job (`unreachable-target`) where the material adds more to the noise of scattered samples than twice the
-    /// promised error or half of the noise, or has another light than they; else that is a warning among its notes.
+    /// True to fail the job (`unreachable-target`) if the material adds more to the noise of scattered samples than
+    /// twice the promised error or half of the noise, or if its light differs from theirs. Otherwise these are warnings
+    /// among its notes.
     #[schema(nullable = false)]
     strict: Option<bool>,
-    /// What to call the material.
+    /// Name of the material.
     name: Option<Text>,
-    /// Under which licence it is.
+    /// Licence of the material.
     licence: Option<Text>,
-    /// Tags to find it by.
+    /// Tags of the material.
     #[schema(nullable = false, max_items = 32)]
     tags: Option<Vec<Text>>,
 }
@@ -176,7 +181,7 @@ async fn post_job(
     let wait = wait(&headers);
     let key = idempotency_key(&headers)?;
     let measurement = request.measurement().map(|id| id.to_string()).unwrap_or_default();
-    // The body's meaning, not its white space, is what must be the same.
+    // Requests are compared as parsed, so white space in the body does not matter.
     let meaning = serde_json::to_vec(&request).map_err(|error| Problem::internal(&error))?;
     let enqueued = app.engine.enqueue(&request, key.map(|key| (key, Digest::of(&meaning)))).await?;
     let (mut row, new) = match enqueued {
@@ -197,7 +202,7 @@ async fn post_job(
     if new {
         tracing::info!(job = row.id, measurement, "job queued");
     }
-    // The job is queued: a client for which there is no place to wait hears that at once.
+    // The job is queued: a client without a place to wait is answered at once.
     let place = wait.map(|_| app.held.followers.take(peer, 1));
     let wait = wait.filter(|_| matches!(place, Some(Ok(_))));
     if let Some(seconds) = wait {
@@ -218,7 +223,7 @@ async fn post_job(
     Ok(response)
 }
 
-/// How a job is doing.
+/// Get the state of a job.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses((status = 200, description = "The job", body = Job))
@@ -246,7 +251,7 @@ async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response
     }
 }
 
-/// Waits for the end of a job, for some time.
+/// Waits up to `time` for a job to end.
 async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRow, Problem> {
     let mut changes = app.engine.hub.listen();
     let deadline = tokio::time::Instant::now() + time;
@@ -264,7 +269,7 @@ async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRo
     Ok(row)
 }
 
-/// RFC 7240: `wait=N` among the preferences; what is not understood is not preferred.
+/// Parses `wait=N` from `Prefer` (RFC 7240), capped at [`LONGEST_WAIT`]. Other preferences are ignored.
 fn wait(headers: &HeaderMap) -> Option<u64> {
     headers
         .get_all("prefer")

@@ -1,4 +1,4 @@
-//! `/v1/formats`, their templates and `/v1/bases`: what is known here.
+//! `/v1/formats`, their templates and `/v1/bases`: the known file formats and wavelet bases.
 
 use super::extract::Name;
 use super::problem::{Kind, Problem};
@@ -17,7 +17,7 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(get_template)).routes(routes!(list_bases))
 }
 
-/// A format.
+/// A file format.
 #[derive(Debug, Serialize, ToSchema)]
 struct Format {
     name: &'static str,
@@ -28,7 +28,7 @@ struct Format {
     writes: bool,
 }
 
-/// The formats that are recognised, in the order they are probed.
+/// List the recognised file formats, in the order in which they are probed.
 #[utoipa::path(
     get, path = "/v1/formats", tag = "known",
     responses((status = 200, description = "The formats", body = Vec<Format>))
@@ -44,8 +44,9 @@ async fn list_formats() -> Json<Vec<Format>> {
     Json(known.collect())
 }
 
-/// A file to be filled in, which reads as it is: `radiometric-csv-long`, `radiometric-csv-wide`, `npy-manifest`,
-/// `phase-table`, or the script `radiometric-arrow-python`; the name of a format is that of its first one.
+/// Get a template file to fill in, which is readable as it is: `radiometric-csv-long`, `radiometric-csv-wide`,
+/// `npy-manifest`, `phase-table`, or the script `radiometric-arrow-python`. The name of a format selects its first
+/// template.
 #[utoipa::path(
     get, path = "/v1/formats/{name}/template", tag = "known",
     params(("name" = String, Path, description = "The template or its format")),
@@ -61,7 +62,7 @@ async fn get_template(Name(name): Name) -> Result<Response, Problem> {
     Ok(([(CONTENT_TYPE, template.media_type)], template.text).into_response())
 }
 
-/// The wavelet bases.
+/// List the wavelet bases.
 #[utoipa::path(
     get, path = "/v1/bases", tag = "known",
     responses((status = 200, description = "The bases", body = Vec<serde_json::Value>))

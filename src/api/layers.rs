@@ -1,4 +1,4 @@
-//! Layers around every handler: request ids, logs and figures, hosts and origins, panics as problems.
+//! Layers around every handler: request ids, logs and metrics, hosts and origins, panics as problems.
 
 use super::access::{Access, Page};
 use super::problem::{Kind, Problem};
@@ -14,23 +14,24 @@ use std::time::Instant;
 /// The header of a request's id.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("request-id");
 
-/// Characters of a client's request id; a longer one is replaced, because it stands in the log and in the answer.
+/// Upper bound in characters on a client's request id. A longer one is replaced, because it is written to the log and
+/// the answer.
 const LONGEST_ID: usize = 128;
 
-/// Characters of a path in the log; the middle of a longer one is left out.
+/// Upper bound in characters on a logged path; a longer one loses its middle.
 const LOGGED_PATH: usize = 300;
 
-/// Characters of a method in the log.
+/// Upper bound in characters on a logged method.
 const LOGGED_METHOD: usize = 20;
 
-/// Refuses requests for other hosts and writes by pages of other origins, and lets the pages read that may.
+/// Refuses requests for other hosts and writes by pages of other origins, and lets allowed pages read the answers.
 pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
         Err(problem) => return refuse(request, problem).await,
     };
     let page = access.page(request.headers(), host.as_ref());
-    // HTTP/2 names the host elsewhere.
+    // HTTP/2 carries the host in `:authority`.
     request.headers_mut().extend(host.map(|host| (header::HOST, host)));
     let preflight =
         request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
@@ -72,7 +73,7 @@ pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut req
     response
 }
 
-/// A question to a material by POST: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
+/// Returns true for queries of a material by POST: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
 fn asks(request: &Request) -> bool {
     let path = request.uri().path();
     request.method() == Method::POST
@@ -85,7 +86,7 @@ async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Names, logs and counts each request once, by its route.
+/// Assigns an id to each request, logs it once and records its duration by route.
 pub(crate) async fn observe(request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
@@ -105,7 +106,7 @@ pub(crate) async fn observe(request: Request, next: Next) -> Response {
     response
 }
 
-/// The client's id of its request, where it has one that may stand in a log, else one in the order of time.
+/// Returns the client's request id if it is safe to log, otherwise a new id that sorts by time.
 fn request_id(headers: &HeaderMap) -> String {
     let mut ids = headers.get_all(REQUEST_ID).iter();
     let id = ids.next().and_then(|id| id.to_str().ok()).filter(|_| ids.next().is_none());
@@ -116,7 +117,7 @@ fn request_id(headers: &HeaderMap) -> String {
     }
 }
 
-/// Methods are the client's word: only known ones become labels.
+/// Returns the metrics label of a method. Clients choose methods freely, so unknown ones become `other`.
 fn method_name(method: &Method) -> &'static str {
     match *method {
         Method::GET => "GET",
@@ -128,12 +129,12 @@ fn method_name(method: &Method) -> &'static str {
     }
 }
 
-/// Headers that hold for every answer.
+/// Adds the security headers common to all answers.
 pub(crate) async fn harden(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    // Nothing here is a page with scripts, or part of another page.
+    // No answer is a page with scripts or a part of another page.
     let nothing = HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'");
     headers.insert(header::CONTENT_SECURITY_POLICY, nothing);
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
@@ -142,20 +143,20 @@ pub(crate) async fn harden(request: Request, next: Next) -> Response {
     response
 }
 
-/// A handler panicked: a bug of ours.
+/// Answers a request whose handler panicked: a bug of the service.
 #[allow(clippy::needless_pass_by_value, reason = "the layer hands the panic over")]
 pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
     let message = crate::jobs::panic_message(panic.as_ref());
     Problem::internal(&format!("a handler panicked: {message}")).into_response()
 }
 
-/// No route has this path.
+/// Answers a request whose path has no route.
 pub(crate) async fn no_route(request: Request) -> Response {
     let detail = format!("no route is at {}", shown(request.uri().path(), LOGGED_PATH));
     refuse(request, Problem::new(Kind::NotFound, detail)).await
 }
 
-/// The route has other methods; axum adds `Allow`.
+/// Answers a request with a method that its route lacks; axum adds `Allow`.
 pub(crate) async fn no_method(request: Request) -> Response {
     let detail = format!("{} is not for this resource; see Allow", shown(request.method().as_str(), LOGGED_METHOD));
     refuse(request, Problem::new(Kind::MethodNotAllowed, detail)).await

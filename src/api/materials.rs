@@ -28,94 +28,94 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(get_blob))
 }
 
-/// Which materials to list.
+/// Filter of a list of materials.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// `next` of an earlier answer.
+    /// Cursor: `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// How many at most, 1 to 1000; 50 if nothing is said.
+    /// Upper bound on the number of items, 1 to 1000. Default: 50.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
-    /// Of this quantity.
+    /// Only materials of this quantity.
     #[param(value_type = Option<QuantityName>)]
     quantity: Option<Quantity>,
-    /// Made of this measurement.
+    /// Only materials made from this measurement.
     #[param(value_type = Option<DigestText>)]
     measurement: Option<Digest>,
-    /// With this tag.
+    /// Only materials with this tag.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     tag: Option<String>,
-    /// With this in one of its names or tags.
+    /// Only materials with this text in one of their names or tags.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     q: Option<String>,
 }
 
-/// A material: what it is, how good it is, where it comes from.
+/// A material: its content, its errors and its provenance.
 #[derive(Debug, Serialize, ToSchema)]
 struct Material {
-    /// The digest of the file.
+    /// Digest of the file.
     #[schema(value_type = DigestText)]
     id: Digest,
-    /// The last name that a job gave it.
+    /// Latest name given by a job.
     name: Option<String>,
-    /// The tags that any of its jobs gave it.
+    /// Tags given by any of its jobs.
     tags: Vec<String>,
-    /// The measurements it was made of; several if they gave equal bytes.
+    /// Measurements that it was made from; several if they gave equal bytes.
     #[schema(value_type = Vec<DigestText>)]
     measurements: Vec<Digest>,
     #[serde(flatten)]
     manifest: Manifest,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     created_ms: i64,
     links: Links,
 }
 
-/// What was achieved, in the names of `wavelume compress --json`.
+/// Results of a compression, in the names of `wavelume compress --json`.
 #[derive(Debug, Serialize, Deserialize, ToSchema)]
 struct Manifest {
-    /// The digest of the file without its metadata chunk: equal for equal decoded samples of equal settings.
+    /// Digest of the file without its metadata chunk: equal for equal decoded samples and equal settings.
     payload_digest: String,
-    /// Every name that a job gave it, at most 32, the last one last: jobs with equal results share a material.
+    /// Names given by jobs, at most 32, the latest last. Jobs with equal results share a material.
     #[serde(default)]
     names: Vec<String>,
-    /// The last licence that a job gave it.
+    /// Latest licence given by a job.
     licence: Option<String>,
-    /// Every licence that a job gave it, at most 32, the last one last.
+    /// Licences given by jobs, at most 32, the latest last.
     #[serde(default)]
     licences: Vec<String>,
-    /// The format of the measurement.
+    /// Format of the measurement file.
     format: String,
     dialect: String,
     quantity: String,
     unit: String,
-    /// For people, outermost first.
+    /// Human-readable axes, outermost first.
     axes: Vec<String>,
     policy: String,
     basis: String,
-    /// The size of the file.
+    /// Size of the file in bytes.
     bytes: u64,
     kept_coefficients: Option<u64>,
     /// Samples per kept coefficient.
     ratio_coefficients: Option<f64>,
     /// Bytes of the float32 tensor per byte of the file.
     ratio_bytes: Option<f64>,
-    /// The samples that the measurement states; the errors and counts that follow are those of the decoded file at them. Relative
-    /// errors are taken over samples above zero and not below the floor.
+    /// Number of samples that the measurement states. The following errors and counts are those of the decoded file at
+    /// these samples. Relative errors are taken over samples above zero and not below the floor.
     samples: u64,
     er_l1: Option<f64>,
     er_l2: Option<f64>,
     max_relative_error: Option<f64>,
     relative_rmse: Option<f64>,
-    /// Values that these errors are measured at, where these are not the numbers of the file: values after resampling to other
-    /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
+    /// Values at which these errors are measured, if not at the numbers of the file. They are values after resampling
+    /// to other wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     errors_at: Option<String>,
-    /// Cells times wavelengths, where samples were averaged over cells; `er_l1_cells`, `er_l2_cells`,
+    /// Cells times wavelengths, if samples were averaged over cells. `er_l1_cells`, `er_l2_cells`,
     /// `max_relative_error_cells` and `relative_rmse_cells` are the errors of the decoded file against those averages.
     #[serde(default)]
     samples_cells: Option<u64>,
@@ -135,76 +135,82 @@ struct Manifest {
     masked_samples: u64,
     max_absolute_error_unscored: Option<f64>,
     mask_mismatches: u64,
-    /// Colour differences, where they were promised: `illuminant`, `largest` and `mean` CIEDE2000, `spectra`,
+    /// Colour differences, if the target bounds them: `illuminant`, `largest` and `mean` CIEDE2000, `spectra`,
     /// `unscored_spectra`.
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     delta_e: Option<Value>,
-    /// How much of the light of every direction and wavelength (directional albedo, flux) the file keeps: `largest` and
-    /// `rms` relative error, and the `brightest` of the measurement; null without directions.
+    /// Preservation of the light of every direction and wavelength (directional albedo, flux): its `largest` and `rms`
+    /// relative error, and the `brightest` light of the measurement. Null without directions.
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     light: Option<Value>,
-    /// Interpolation between incidences, and its errors: `interpolation`, what was chosen; `left_out_er_l2`, er(L2) of each
-    /// inner incidence where it is left out; `estimated_er_l2`, er(L2) that is expected between incidences, and
-    /// `estimated_moved`, the largest share of light expected in the wrong place there; null where none stands between others.
+    /// Interpolation between incidences and its errors. `interpolation` is the chosen method. `left_out_er_l2` is the
+    /// leave-one-out er(L2) of the inner incidences. `estimated_er_l2` is the er(L2) expected between incidences, and
+    /// `estimated_moved` the largest share of light expected in the wrong place there. Null if no incidence lies
+    /// between others.
     #[serde(default)]
     #[schema(value_type = Option<Object>)]
     incidences: Option<Value>,
-    /// Errors at scattered samples: `noise`, the root mean square of their relative noise (null where too few samples show it);
-    /// `fit`, er(L2) of the evaluated material at all that were not rejected; `fit_all`, with these; `added`, the part of `fit`
-    /// that the material adds to the noise; `allowed`, the largest part that it may add; `rejected`, the `values` left out as
-    /// outliers, and their share of all `samples` and of their `light`; `isolated`, the same of those that lie alone; `lobe`, the
-    /// number of values far above their neighbours that are a narrow lobe and were not rejected; `light`, the largest
-    /// differences `kept`, `together` and `all` of `light_at_samples`, null without samples; `within_2u` as below.
+    /// Errors at scattered samples. `noise`: root mean square of their relative noise (null if too few samples show
+    /// it). `fit`: er(L2) of the evaluated material at all samples that were not rejected; `fit_all`: also at the
+    /// rejected ones. `added`: the part of `fit` that the material adds to the noise; `allowed`: the upper bound on it.
+    /// `rejected`: the number of `values` left out as outliers, and their share of all `samples` and of their `light`;
+    /// `isolated`: the same for rejected values that lie alone. `lobe`: number of values far above their neighbours
+    /// that form a narrow lobe and were not rejected. `light`: the largest differences `kept`, `together` and `all` of
+    /// `light_at_samples`, null without samples. `within_2u`: as below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     scattered: Option<Value>,
-    /// Lobe of a scan that is narrower than its cells and stands beside them: `lobe`, its numbers as the container's text
-    /// (section 18) has them; `full_width` at half its maximum, in degrees, along both axes; `samples_within_half`, the number of
-    /// samples of all incidences within half its maximum; `is_resolved`, whether these are three or more; `light`, the mean of its
-    /// albedo over the `incidences` (degrees) that it was fitted to, and `light_range`, its limits where few samples tell it;
-    /// `reduced`, the part of its light that was taken from it so that no albedo exceeds 1; `unseen_bands`, the number of bands
-    /// that have the colour of their neighbours. Absent where the cells hold everything.
+    /// Lobe of a scan that is narrower than its cells and is added to them. `lobe` has its numbers, named as in section
+    /// 18 of the container's text. `full_width` is the full width at half maximum along both axes, in degrees.
+    /// `samples_within_half` counts the samples of all incidences within half its maximum; `is_resolved` is true for
+    /// three or more. `light` is the mean of its albedo over the `incidences` (degrees) that it was fitted to, and
+    /// `light_range` are its limits if few samples constrain it. `reduced` is the part of its light that was removed so
+    /// that no albedo exceeds 1. `unseen_bands` counts the bands whose colour is that of their neighbours. Absent if the
+    /// cells hold everything.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     lobe: Option<Value>,
-    /// Light of the material less that of scattered samples, in parts of the latter, by incidence (`theta_i` and `phi_i` in
-    /// degrees) and group of bands (first and last of `wavelengths` in nm and of `channels`): `kept` at the samples that were
-    /// not rejected, `together` with the rejected ones that lie together, `all` with all; null where there is no sample. Each is a
-    /// sum by the area that a sample stands for, times cos θ for scattering; `light` is that of the samples but for rejected ones
-    /// that lie alone, the mean over the channels, and where it is `by_area` and they cover the hemisphere the albedo or flux;
+    /// Light of the material minus that of scattered samples, relative to the latter. Each entry is one incidence
+    /// (`theta_i` and `phi_i` in degrees) and one group of bands (first and last of `wavelengths` in nm and of
+    /// `channels`). `kept` compares at the samples that were not rejected, `together` adds the rejected samples that
+    /// lie together, and `all` adds all. Each is null if there is no such sample. Sums are weighted by the area that a
+    /// sample represents, times cos θ for scattering. `light` is that of the samples without isolated rejected ones,
+    /// averaged over the channels. If it is `by_area` and the samples cover the hemisphere, it is the albedo or flux.
     /// `noise` is the standard error of `together`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(value_type = Vec<Object>)]
     light_at_samples: Vec<Value>,
-    /// Share of the values with a stated standard uncertainty u from which the file is at most 2u away, 0 to 1; absent
-    /// where the measurement states none, and where its grid was averaged over triangles.
+    /// Share (0 to 1) of the values with a stated standard uncertainty u that the file keeps within 2u. Absent if the
+    /// measurement states none, or if its grid was averaged over triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(minimum = 0.0, maximum = 1.0)]
     within_2u: Option<f64>,
-    /// Where the target `auto` stopped: `stopped_at` is `uncertainty`, the relative root mean square of the
-    /// uncertainties that the measurement states, or `noise`, the estimated one, whichever is larger; both beside it,
-    /// null where unknown. Absent for other targets.
+    /// Stopping point of the target `auto`. `stopped_at` is `uncertainty` (relative root mean square of the stated
+    /// uncertainties) or `noise` (the estimated one), whichever is larger. Both values stand beside it, null if
+    /// unknown. Absent for other targets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     auto: Option<Value>,
-    /// Standard deviations of the relative noise of the measurement, found by its lack of structure: `relative` of one
-    /// sample, its `uncertainty`, `common` to neighbouring spectral samples; null where none can be told.
+    /// Standard deviations of the relative noise of the measurement, estimated from its lack of structure: `relative`
+    /// of one sample, its `uncertainty`, and the part `common` to neighbouring spectral samples. Null if there is no
+    /// estimate.
     #[schema(value_type = Option<Object>)]
     noise: Option<Value>,
-    /// What the cells of the projection stand on.
+    /// Coverage of the projection: numbers of measured, interpolated, filled and empty cells.
     #[schema(value_type = Object)]
     coverage: Value,
-    /// Everything the parser assumed, filled or skipped, and warnings where the target lies below the noise, where
-    /// incoming directions are too sparse for the lobe, where a lobe is no wider than the instrument resolves, and
-    /// where the material has another light than scattered samples.
+    /// Everything the parser assumed, filled or skipped, and warnings: of a target below the noise, of incoming
+    /// directions too sparse for the lobe, of a lobe no wider than the instrument resolves, and of light that differs
+    /// from that of scattered samples.
     #[schema(value_type = Vec<Object>)]
     notes: Vec<Value>,
-    /// What the first bytes of the file hold, coarse first, the whole last: a coarser material is one range request away.
+    /// Levels that the first bytes of the file decode to, coarsest first, the whole last. One range request fetches a
+    /// coarser material.
     #[serde(default)]
     levels: Vec<MaterialLevel>,
-    /// The measurement, its options, the request and the program, of the first job that made it.
+    /// Measurement, options, request and program of the first job that made the material.
     #[schema(value_type = Object)]
     provenance: Value,
 }
@@ -212,16 +218,16 @@ struct Manifest {
 /// A level that a material can be decoded to: of its last triangle axis, or a coarser grid of angles.
 #[derive(Debug, Serialize, Deserialize, ToSchema)]
 struct MaterialLevel {
-    /// The level.
+    /// Number of the level.
     level: u8,
-    /// Bytes of the file, from its start, that the level needs.
+    /// Length in bytes of the beginning of the file that the level needs.
     bytes: u64,
-    /// er(L2), rounded up: against the averages of the original samples over the level's triangles, or of evaluating the level at
-    /// the angles of the file.
+    /// er(L2), rounded up. For triangles it is taken against the averages of the original samples over the level's
+    /// triangles. For a grid it is that of evaluating the level at the angles of the file.
     er_l2: f64,
 }
 
-/// Where to go from a material.
+/// URLs related to a material.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = MaterialLinks)]
 struct Links {
@@ -242,7 +248,7 @@ struct Links {
 #[derive(Debug, Serialize, ToSchema)]
 struct MaterialPage {
     items: Vec<Material>,
-    /// The cursor of the next page; null on the last.
+    /// Cursor of the next page; null on the last page.
     next: Option<String>,
 }
 
@@ -260,7 +266,7 @@ async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) 
     Ok(Json(MaterialPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
 }
 
-/// The manifest of a material.
+/// Get the manifest of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 200, description = "The manifest", body = Material))
@@ -269,7 +275,7 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
     Material::of(row(&app, id).await?).map(Json)
 }
 
-/// Forget a material; its bytes go with the next sweep.
+/// Delete a material. The next sweep removes its bytes.
 #[utoipa::path(
     delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
@@ -280,7 +286,7 @@ async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCod
     deleted(outcome, &absent(id))
 }
 
-/// The container.
+/// Get the file of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = DigestText, Path, description = "Its id")),
     responses(
@@ -303,8 +309,8 @@ async fn get_material_content(
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
-/// Bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes that none of
-/// them names any more are not there.
+/// Get bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes that
+/// none of them names any more are not found.
 #[utoipa::path(
     get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = DigestText, Path, description = "Their digest")),
     responses(
@@ -327,7 +333,7 @@ async fn get_blob(
         Some(Namer::Material) => MATERIAL,
         Some(Namer::Report) => "application/json",
         Some(Namer::Measurement) => "application/octet-stream",
-        // The bytes may be there until the next sweep: they are nobody's to read.
+        // The bytes may exist until the next sweep, but nobody may read them.
         None => return Err(StoreError::NotFound(digest).into()),
     };
     content::respond(&app, digest, media_type, None, &method, &headers).await
@@ -338,8 +344,8 @@ async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// The name of a material that the catalog knows. Every answer about a material asks this first, whatever is in memory:
-/// another process may have deleted the material.
+/// Returns the name of a material that the catalog knows. Every answer about a material checks this first, even if the
+/// material is in memory: another process may have deleted it.
 pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Problem> {
     if let Some(name) = app.engine.archive.catalog.material_name(id).await? {
         return Ok(name);
@@ -348,7 +354,7 @@ pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Probl
     Err(Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Frees the memory that a deleted material takes.
+/// Frees the memory of a deleted material.
 async fn forget(app: &App, id: Digest) {
     app.engine.close_material(id).await;
     app.contents.forget(id).await;
@@ -359,8 +365,8 @@ fn absent(id: Digest) -> String {
 }
 
 impl Manifest {
-    /// Reads the document of a catalog. Those of before 2026-11-23 name the errors of the cells as `er_l2` and so on, and have
-    /// those at the samples in an object of their own.
+    /// Reads a manifest document of the catalog. Documents from before 2026-11-23 name the errors of the cells `er_l2`
+    /// and so on, and keep those at the samples in an object of their own.
     fn read(document: &str) -> Result<Self, serde_json::Error> {
         let mut document: Map<String, Value> = serde_json::from_str(document)?;
         if let Some(Value::Object(at_samples)) = document.remove("errors_at_samples") {
@@ -378,7 +384,7 @@ impl Material {
     fn of(row: MaterialRow) -> Result<Self, Problem> {
         let mut manifest = Manifest::read(&row.document)
             .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
-        // Documents of before have no lists.
+        // Documents of earlier versions have no lists.
         if manifest.names.is_empty() {
             manifest.names.extend(row.name.clone());
         }

@@ -1,4 +1,4 @@
-//! `/v1/measurements`: uploads and what was understood of them.
+//! `/v1/measurements`: uploads and their descriptions.
 
 use super::content;
 use super::extract::{Id, Query, linger, word};
@@ -31,56 +31,56 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(get_measurement_content))
 }
 
-/// What the client says about the bytes.
+/// Options that a client states with an upload.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct PostQuery {
-    /// What the file is called.
+    /// Name of the file.
     #[param(value_type = Option<Text>)]
     filename: Option<String>,
-    /// What to call the measurement.
+    /// Name of the measurement.
     #[param(value_type = Option<Text>)]
     name: Option<String>,
-    /// The id of an uploaded spectrum to join with a luminaire.
+    /// Id of an uploaded spectrum to join with a luminaire.
     #[param(value_type = Option<DigestText>)]
     spectrum: Option<Digest>,
-    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
+    /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
     #[param(value_type = Option<StatedQuantityName>)]
     quantity: Option<StatedQuantity>,
-    /// The unit of a value.
+    /// Unit of a value.
     #[param(value_type = Option<UnitName>)]
     unit: Option<Unit>,
-    /// The unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
+    /// Unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
     #[param(value_type = Option<Text>)]
     wavelength_unit: Option<String>,
-    /// The column of a table, by name or by number from 1.
+    /// Column of a table, by name or by number from 1.
     #[param(value_type = Option<Text>)]
     column: Option<String>,
-    /// What the values of a phase table integrate to over the sphere: `1`, `4pi`, `vsf` or `relative`.
+    /// Integral of the values of a phase table over the sphere: `1`, `4pi`, `vsf` or `relative`.
     #[param(value_type = Option<NormalizationName>)]
     normalization: Option<Normalization>,
 }
 
-/// Which measurements to list.
+/// Filter of a list of measurements.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// `next` of an earlier answer.
+    /// Cursor: `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// How many at most, 1 to 1000; 50 if nothing is said.
+    /// Upper bound on the number of items, 1 to 1000. Default: 50.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
-    /// Of this quantity.
+    /// Only measurements of this quantity.
     #[param(value_type = Option<QuantityName>)]
     quantity: Option<Quantity>,
-    /// Of this format.
+    /// Only measurements of this format.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     format: Option<String>,
-    /// With this in name, file name or format.
+    /// Only measurements with this text in their name, file name or format.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     q: Option<String>,
@@ -89,69 +89,69 @@ struct ListQuery {
 /// A measurement.
 #[derive(Debug, Serialize, ToSchema)]
 struct Measurement {
-    /// The digest of the bytes; with options, the digest of both.
+    /// Digest of the bytes; with options, digest of both.
     #[schema(value_type = DigestText)]
     id: Digest,
-    /// The digest of the bytes.
+    /// Digest of the bytes.
     #[schema(value_type = DigestText)]
     content_digest: Digest,
     name: Option<String>,
     file_name: Option<String>,
-    /// The size of the bytes.
+    /// Size in bytes.
     bytes: u64,
     #[serde(flatten)]
     understood: Understood,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     created_ms: i64,
     links: Links,
 }
 
-/// What was understood of the bytes.
+/// Description of an uploaded file, as it was parsed.
 #[derive(Debug, Serialize, Deserialize, ToSchema)]
 struct Understood {
-    /// The name of the format.
+    /// Name of the format.
     format: String,
-    /// Its revision and flavour.
+    /// Revision and flavour of the format.
     dialect: Option<String>,
-    /// The quantity, once it is known.
+    /// Quantity, once it is known.
     quantity: Option<String>,
-    /// The unit of a value, once it is known.
+    /// Unit of a value, once it is known.
     unit: Option<String>,
-    /// Each with `kind`, `count` and what belongs to the kind.
+    /// Axes, outermost first. Each has `kind`, `count` and kind-specific fields.
     #[schema(value_type = Vec<Object>)]
     axes: Vec<Value>,
-    /// Values in the file.
+    /// Number of values in the file.
     samples: Option<u64>,
-    /// The smallest and the largest value.
+    /// Smallest and largest value.
     range: Option<[f64; 2]>,
-    /// What the values cover, and what holds outside.
+    /// Extent of the values, and the meaning of directions outside it.
     #[schema(value_type = Option<Object>)]
     coverage: Option<Value>,
-    /// Angles of the instrument that the file states, full and in degrees: `detector_aperture` and `source_divergence`.
+    /// Full angles of the instrument in degrees, if the file states them: `detector_aperture` and `source_divergence`.
     #[serde(default = "nothing_stated")]
     #[schema(value_type = Object)]
     instrument: Value,
     /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
-    /// reciprocity, negative values, a lobe no wider than the instrument resolves): `kind` (`assumed`, `filled`,
-    /// `skipped`, `warning` or `checked`) and `message`.
+    /// reciprocity, negative values, a lobe no wider than the instrument resolves). Each has `kind` (`assumed`,
+    /// `filled`, `skipped`, `warning` or `checked`) and `message`.
     #[schema(value_type = Vec<Object>)]
     warnings: Vec<Value>,
     /// Header fields of the file: `name` and `value`.
     #[schema(value_type = Vec<Object>)]
     fields: Vec<Value>,
-    /// What must still be said, here or in the job, before the file can be compressed; empty if nothing.
+    /// Options still needed, here or in the job, before the file can be compressed; empty if none.
     needs: Vec<String>,
-    /// How the client said the bytes are to be read.
+    /// Reading options that the client stated.
     #[schema(value_type = Object)]
     options: Value,
 }
 
-/// The instrument of a document of an earlier version.
+/// Default of `instrument` for documents of an earlier version.
 fn nothing_stated() -> Value {
     Value::Object(serde_json::Map::new())
 }
 
-/// Where to go from a measurement.
+/// URLs related to a measurement.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = MeasurementLinks)]
 struct Links {
@@ -165,20 +165,20 @@ struct Links {
 #[derive(Debug, Serialize, ToSchema)]
 struct MeasurementPage {
     items: Vec<Measurement>,
-    /// The cursor of the next page; null on the last.
+    /// Cursor of the next page; null on the last page.
     next: Option<String>,
 }
 
-/// What an archive became.
+/// Result of unpacking an archive.
 #[derive(Debug, Serialize, ToSchema)]
 struct Unpacked {
-    /// One measurement for each file that is one, by the names of the files.
+    /// One measurement for each file that is one, sorted by file name.
     items: Vec<Measurement>,
-    /// The other files.
+    /// Files that are not measurements.
     skipped: Vec<Skipped>,
 }
 
-/// A file of an archive that is no measurement.
+/// A file of an archive that is not a measurement.
 #[derive(Debug, Serialize, ToSchema)]
 struct Skipped {
     file_name: String,
@@ -190,9 +190,9 @@ struct Skipped {
 #[serde(untagged)]
 #[expect(dead_code, reason = "describes the two answers in the OpenAPI document")]
 enum Uploaded {
-    /// Of one file.
+    /// Answer for a single file.
     One(Box<Measurement>),
-    /// Of a zip archive.
+    /// Answer for a zip archive.
     Several(Unpacked),
 }
 
@@ -288,7 +288,7 @@ async fn list_measurements(
     Ok(Json(MeasurementPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
 }
 
-/// What is known of a measurement.
+/// Get the description of a measurement.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 200, description = "The measurement", body = Measurement))
@@ -297,7 +297,7 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
     Measurement::of(row(&app, id).await?).map(Json)
 }
 
-/// Forget a measurement; its bytes go with the next sweep.
+/// Delete a measurement. The next sweep removes its bytes.
 #[utoipa::path(
     delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
@@ -306,7 +306,7 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
 }
 
-/// The original bytes, decoded.
+/// Get the uploaded bytes, without their content coding.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}/content", tag = "measurements",
     params(("id" = DigestText, Path, description = "Its id")),
@@ -332,7 +332,7 @@ async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, format!("there is no measurement {id}")))
 }
 
-/// Cursor and limit of a list.
+/// Parses the cursor and the limit of a list.
 pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option<Cursor>, usize), Problem> {
     let cursor = cursor.map(str::parse).transpose();
     let cursor =
@@ -343,7 +343,7 @@ pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option
     }
 }
 
-/// The answer to a wish to delete.
+/// Maps the outcome of a deletion to an answer.
 pub(super) fn deleted(deleted: Deleted, absent: &str) -> Result<StatusCode, Problem> {
     match deleted {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),

@@ -1,4 +1,4 @@
-//! HTTP: translation only; one file a resource, one place that maps errors to problems.
+//! HTTP interface: translation only. Each resource has a file of its own, and one module maps errors to problems.
 
 mod access;
 mod admit;

@@ -1,4 +1,4 @@
-//! The least rate at which a body must arrive: a client that sends a byte now and then must not hold its place.
+//! Lower bound on the rate at which a body arrives, so that a client that trickles bytes does not hold its place.
 
 use super::problem::{Kind, Problem};
 use crate::jobs::Limits;
@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Time between two entries of the history, as a part of the window.
+/// Entries of the history per window. Raising it measures the rate more exactly, at the cost of memory.
 const STEPS: u32 = 30;
 
 /// Measures how fast a body arrives. Only the time spent waiting for the client counts, not what the service needs to
@@ -19,7 +19,7 @@ pub(crate) struct Pace {
     idle: Duration,
     waited: Duration,
     bytes: u64,
-    /// Time waited and bytes received at moments about a thirtieth of the window apart, over one window.
+    /// History over one window, an entry about every thirtieth of it: time waited and bytes received so far.
     history: VecDeque<(Duration, u64)>,
 }
 
@@ -36,7 +36,7 @@ impl Pace {
         }
     }
 
-    /// Waits for the next piece of a body, `None` at its end. `size` gives the bytes of a piece.
+    /// Waits for the next piece of a body; `None` at its end. `size` returns the bytes of a piece.
     pub(crate) async fn next<T>(
         &mut self,
         next: impl Future<Output = Option<T>>,
@@ -50,7 +50,7 @@ impl Pace {
         Ok(piece)
     }
 
-    /// Counts `bytes` that came after a wait of `waited`.
+    /// Counts `bytes` that arrived after a wait of `waited`; fails if they arrive too slowly.
     fn received(&mut self, waited: Duration, bytes: u64) -> Result<(), Slow> {
         self.waited += waited;
         self.bytes += bytes;
@@ -58,7 +58,7 @@ impl Pace {
         if self.history.is_empty() {
             self.history.push_back((Duration::ZERO, self.bytes - bytes));
         }
-        // The youngest entry that is a whole window ago becomes the first.
+        // The youngest entry that is at least one window old becomes the first.
         while self.history.get(1).is_some_and(|(then, _)| counted >= *then + self.window) {
             self.history.pop_front();
         }
@@ -78,7 +78,7 @@ impl Pace {
     }
 }
 
-/// Reason for which a body is no longer waited for.
+/// Reason for giving up a body.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Slow {
     #[error("nothing came for {0:?}")]
@@ -99,7 +99,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// The second in which a body is given up whose pieces of `bytes` come every `every`.
+    /// Returns the second in which a body is given up, if a piece of `bytes` arrives after each `every`.
     fn refused_after(every: Duration, bytes: u64) -> Option<u64> {
         let mut pace = Pace::new(&Limits::default());
         let mut waited = Duration::ZERO;

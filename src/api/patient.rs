@@ -1,4 +1,4 @@
-//! A connection whose writes may wait only so long: a client that does not read must not hold its place for ever.
+//! A connection with a timeout on writes, so that a client that does not read cannot hold its place for ever.
 
 use bytes::{Buf, Bytes};
 use std::io;
@@ -8,11 +8,11 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// A stream that gives up writing after `patience` without any progress, and first reads bytes that were taken from it.
+/// A stream that fails a write after `patience` without progress, and first replays bytes that were read ahead.
 #[derive(Debug)]
 pub(crate) struct Patient<S> {
     inner: S,
-    /// Bytes that were read from `inner` before.
+    /// Bytes already read from `inner`, to be replayed.
     head: Bytes,
     patience: Duration,
     timer: Pin<Box<Sleep>>,

@@ -1,4 +1,4 @@
-//! Places that clients hold, counted by address as well as in all.
+//! Places that clients hold, counted per address and in total.
 
 use super::problem::{Kind, Problem};
 use crate::jobs::CLIENT;
@@ -9,10 +9,10 @@ use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Unit in which places that count bytes are taken.
+/// Unit in bytes of places that count memory.
 pub(crate) const KIB: usize = 1024;
 
-/// The client that a place is counted for: an IPv4 address, or the /64 of an IPv6 address, which one subscriber has whole.
+/// Client for whom a place is counted: an IPv4 address, or the /64 of an IPv6 address, which belongs to one subscriber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Peer(IpAddr);
 
@@ -27,12 +27,12 @@ impl Peer {
         })
     }
 
-    /// The peer that the listener wrote into the request; one common peer for requests that came without a listener.
+    /// Returns the peer that the listener stored in the request. Requests without a listener share one peer.
     pub(crate) fn of_extensions(extensions: &Extensions) -> Self {
         extensions.get().copied().unwrap_or(Self(IpAddr::V4(Ipv4Addr::UNSPECIFIED)))
     }
 
-    /// Runs `work` on behalf of this peer: what it computes takes turns with that of others.
+    /// Runs `work` on behalf of this peer, so that its computations take turns with those of other peers.
     pub(crate) fn on_behalf<T>(self, work: impl Future<Output = T>) -> impl Future<Output = T> {
         CLIENT.scope(self.0, work)
     }
@@ -59,7 +59,7 @@ impl<S: Sync> FromRequestParts<S> for Peer {
     }
 }
 
-/// A kind of places: so many in all, so many for each peer. Cheap to clone.
+/// Places of one kind, limited in total and per peer. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Places {
     shared: Arc<Shared>,
@@ -81,7 +81,7 @@ struct Taken {
     by: HashMap<Peer, usize>,
 }
 
-/// One or more places, given back when dropped.
+/// One or more places, released when dropped.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Place {
@@ -90,7 +90,7 @@ pub(crate) struct Place {
     count: usize,
 }
 
-/// A refusal: every place is taken, or every place of this peer.
+/// A refusal: all places are taken, or all that this peer may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Full {
     All { kind: &'static str, limit: usize },
@@ -98,7 +98,7 @@ pub(crate) enum Full {
 }
 
 impl Places {
-    /// `all` places, of which one peer gets at most `each`. `kind` names them to clients and in figures.
+    /// Creates `all` places, of which one peer gets at most `each`. `kind` names them in messages and metrics.
     pub(crate) fn new(kind: &'static str, all: usize, each: usize) -> Self {
         Self { shared: Arc::new(Shared { kind, all, each, taken: Mutex::default() }) }
     }
@@ -114,7 +114,7 @@ impl Places {
         self.shared.taken().all
     }
 
-    /// Kind and number of places taken, for figures.
+    /// Returns the kind and the number of places taken, for metrics.
     pub(crate) fn figure(&self) -> (&'static str, usize) {
         (self.shared.kind, self.taken())
     }

@@ -1,4 +1,4 @@
-//! `/v1/materials/{id}/preview.png`: a picture of a material, made here and the same for good.
+//! `/v1/materials/{id}/preview.png`: a picture of a material, drawn on request and never changing.
 
 use super::color::Asked;
 use super::content::not_modified;
@@ -22,30 +22,32 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(preview))
 }
 
-/// How large, and in which light.
+/// Size, illuminant and observer of a picture.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct PreviewQuery {
-    /// Pixels along a side, 64 to 512; 256 if nothing is said.
+    /// Pixels along a side, 64 to 512. Default: 256.
     #[param(value_type = Option<u32>, minimum = 64, maximum = 512)]
     size: Option<usize>,
-    /// One entry, from 0, for each leading index axis: `I,J`; the first, and of a spectral table every column, if nothing
-    /// is said.
+    /// Zero-based entry on each leading index axis: `I,J`. Default: the first entry, or every column of a spectral
+    /// table.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a spectrum.
+    /// Illuminant: `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a
+    /// spectrum.
     #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
-    /// The column of a stored table of illuminants, by name or by number from 1.
+    /// Column of a stored table of illuminants, by name or by number from 1.
     #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
-    /// `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
+    /// Observer: `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
     #[param(value_type = Option<ObserverText>)]
     observer: Option<String>,
 }
 
-/// A ball of a BRDF, BTDF or BSDF, the polar diagram of a luminaire or phase function, the plot of spectra.
+/// Draw a material: a ball of a BRDF, BTDF or BSDF, the polar diagram of a luminaire or phase function, the plot of
+/// spectra.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/preview.png", tag = "materials",
     params(("id" = DigestText, Path, description = "The material"), PreviewQuery),
@@ -68,7 +70,7 @@ async fn preview(
     let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
     let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
     let material = open(&app, id).await?;
-    // Another version may draw another picture.
+    // The version is part of the key: another version may draw another picture.
     let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
     let mut response = if not_modified(&headers, &etag) {

@@ -1,4 +1,5 @@
-//! The one place where errors become RFC 9457 problems: a stable `type`, a status, a sentence; internal text goes to the log.
+//! The only place where errors become RFC 9457 problems: a stable `type`, a status, a sentence. Internal error text
+//! goes to the log.
 
 use super::words::shown;
 use crate::catalog::CatalogError;
@@ -13,7 +14,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Characters of a detail: a longer one, which repeats what a client sent, loses its middle.
+/// Upper bound in characters on a detail. A longer one, which quotes a client's text, loses its middle.
 const LONGEST_DETAIL: usize = 1000;
 
 /// An error as a client sees it.
@@ -32,11 +33,11 @@ pub(crate) struct ProblemBody {
     /// `urn:wavelume:problem:` and a stable code.
     #[serde(rename = "type")]
     kind: String,
-    /// What the type means.
+    /// Meaning of the type.
     title: &'static str,
     /// The HTTP status.
     pub(crate) status: u16,
-    /// What happened here.
+    /// Description of this occurrence.
     pub(crate) detail: String,
 }
 
@@ -111,18 +112,18 @@ impl Problem {
         self
     }
 
-    /// The same problem with words on where it is.
+    /// Prefixes the detail with a place, for example a line number.
     pub(crate) fn at(mut self, place: &str) -> Self {
         self.detail = format!("{place}: {}", self.detail);
         self
     }
 
-    /// A request that asks for what cannot be.
+    /// Builds the problem of a well-formed request that cannot be fulfilled.
     pub(crate) fn invalid(detail: impl Into<String>) -> Self {
         Self::new(Kind::InvalidRequest, detail)
     }
 
-    /// Something went wrong inside: `error` goes to the log, the client gets the kind's own words.
+    /// Builds the problem of an internal failure: `error` goes to the log, the client gets `detail`.
     fn inside(kind: Kind, error: &dyn std::fmt::Display, detail: &str) -> Self {
         tracing::error!(%error, problem = kind.code(), "a request failed");
         Self::new(kind, detail)
@@ -132,7 +133,7 @@ impl Problem {
         Self::inside(Kind::Internal, error, "the failure was logged")
     }
 
-    /// A row names bytes that are not there.
+    /// Builds the problem of a catalog row that names missing bytes.
     pub(crate) fn missing(digest: Digest) -> Self {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }
@@ -204,7 +205,7 @@ impl From<EvaluateError> for Problem {
             EvaluateError::Query(_) | EvaluateError::Axes(_) | EvaluateError::Tensor(_) => {
                 Self::new(Kind::UnfitQuery, error.to_string())
             }
-            // The digest was right: these are the bytes that were stored.
+            // The digest matched, so these bytes were stored like this: damaged earlier, or of another version.
             EvaluateError::Decode(_) => Self::inside(Kind::Corrupt, &error, "the stored material cannot be opened"),
         }
     }
@@ -291,7 +292,7 @@ impl From<JobProblem> for Problem {
             Code::Unavailable => Kind::Unavailable,
             Code::WorkerLost => Kind::WorkerLost,
         };
-        // What passed or broke inside was logged where it happened.
+        // Transient and internal failures were logged where they happened.
         match problem.code {
             Code::Internal | Code::Unavailable => Self::new(kind, kind.title()),
             _ => Self::new(kind, problem.detail),

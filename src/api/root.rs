@@ -1,4 +1,4 @@
-//! The root: what this is, how it is doing, what it can do.
+//! Root of the interface: introduction, health, metrics and description.
 
 use super::places::Places;
 use super::problem::{Kind, Problem};
@@ -19,7 +19,7 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(openapi_json))
 }
 
-/// What this is, and the first lines to try.
+/// Show an introduction with the first commands to try.
 #[utoipa::path(
     get, path = "/", tag = "root",
     responses((status = 200, description = "A page for people", body = String, content_type = "text/plain"))
@@ -42,7 +42,7 @@ async fn index(headers: HeaderMap) -> String {
     )
 }
 
-/// Whether the process answers.
+/// Check that the process answers.
 #[utoipa::path(
     get, path = "/healthz", tag = "root",
     responses((status = 200, description = "It does", body = String, content_type = "text/plain"))
@@ -51,7 +51,8 @@ async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Readiness: the catalog answers and can be written, and so can the store. Waits for no writer, at most about two seconds.
+/// Check readiness: the catalog answers, and catalog and store can be written. Never waits for a writer; takes at most
+/// about two seconds.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
     responses((status = 200, description = "They can", body = String, content_type = "text/plain"))
@@ -67,7 +68,7 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     Ok("ready\n")
 }
 
-/// Figures in the text format of Prometheus.
+/// Get the metrics in the text format of Prometheus.
 #[utoipa::path(
     get, path = "/metrics", tag = "root",
     responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
@@ -92,7 +93,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     Ok(([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response())
 }
 
-/// The description of this interface.
+/// Get the description of this interface.
 #[utoipa::path(
     get, path = "/openapi.json", tag = "root",
     responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value))

@@ -22,7 +22,7 @@ fn routes() -> OpenApiRouter<App> {
         .merge(known::routes())
 }
 
-/// The routes with everything around them. Layers below run first.
+/// Builds the routes with the layers around them. Layers below run first.
 pub(super) fn router(app: App) -> Router {
     let (router, _) = routes().split_for_parts();
     let access = Arc::clone(&app.access);

@@ -1,4 +1,4 @@
-//! The description of words and numbers whose own types know nothing of OpenAPI: enumerations, patterns and limits.
+//! Schemas of words and numbers whose own types know nothing of OpenAPI: enumerations, patterns and limits.
 
 use super::extract::LONGEST_WORD;
 use crate::compress::Policy;
@@ -99,7 +99,7 @@ described! {
     DirectionText = "DirectionText", text("`θ,φ` in degrees, θ from 0 to 180.").pattern(Some(
         format!(r"^(180|(1[0-7][0-9]|[1-9]?[0-9])(\.[0-9]{{1,12}})?),-?{NUMBER}$"),
     )).examples(["30,90"]);
-    /// The place on the index axes of a query.
+    /// The entry on each index axis that a query selects.
     IndexText = "IndexText", text("One entry, from 0, for each leading index axis: `I,J`.")
         .pattern(Some("^[0-9]{1,7}(,[0-9]{1,7}){0,7}$")).examples(["0"]);
     /// The wavelengths of a query.

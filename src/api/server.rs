@@ -18,31 +18,32 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::{AbortOnDropHandle, TaskTracker};
 
-/// Time between two log lines about connections that the system did not hand over.
+/// Shortest time between two log lines about connections that were not accepted. Raising it shortens the log of an
+/// overload.
 const COMPLAINT: Duration = Duration::from_secs(10);
 
-/// How to serve; `ServeConfig::new(data, listen)` has a default for everything else.
+/// Configuration of a service; [`ServeConfig::new`] has defaults for everything but data directory and address.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
     /// The address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Host names that requests may name beside loopback ones. On a loopback address no other is answered; on any other
-    /// address an empty list answers all.
+    /// Host names that requests may name besides loopback ones. On a loopback address all other names are refused; on
+    /// any other address an empty list accepts all.
     pub names: Vec<String>,
-    /// Origins (`https://app.example.org`) whose pages may read and ask; pages of others may not.
+    /// Origins (`https://app.example.org`) whose pages may read and query; pages of other origins may not.
     pub origins: Vec<String>,
     /// Data directory, threads, workers and limits.
     pub work: WorkConfig,
 }
 
 impl ServeConfig {
-    /// Defaults for everything but where the data are and where to listen.
+    /// Builds a configuration with defaults for everything but the data directory and the address.
     pub fn new(data: impl Into<PathBuf>, listen: SocketAddr) -> Self {
         Self { listen, names: Vec::new(), origins: Vec::new(), work: WorkConfig::new(data) }
     }
 }
 
-/// Why the service did not start or ended badly.
+/// Failure to start the service, or to end it properly.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
     /// The address cannot be listened on.
@@ -50,10 +51,10 @@ pub enum ServeError {
     Listen {
         /// The address.
         address: SocketAddr,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A host name or an origin is none.
+    /// A host name or an origin in the configuration is invalid.
     #[error("{0}")]
     Setting(String),
     /// The data directory cannot be used.
@@ -61,23 +62,23 @@ pub enum ServeError {
     Archive(#[from] ArchiveError),
 }
 
-/// Way in which a service is asked to stop.
+/// Way to stop a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// Connections are still accepted for the notice time while `/readyz` says *stopping*.
+    /// Connections are still accepted for the notice time while `/readyz` reports *stopping*.
     Announced,
     /// The listener is closed at once.
     AtOnce,
 }
 
-/// A caller that says no more stops the service at once.
+/// A shutdown signal without details stops the service at once.
 impl From<()> for Stop {
     fn from((): ()) -> Self {
         Self::AtOnce
     }
 }
 
-/// A service that has its address and its data, and does not answer yet.
+/// A service that owns its address and its data directory but does not answer yet.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -88,7 +89,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Takes the address and opens the data directory.
+    /// Binds the address and opens the data directory.
     pub async fn bind(mut config: ServeConfig) -> Result<Self, ServeError> {
         let taken = |source| ServeError::Listen { address: config.listen, source };
         let listener = TcpListener::bind(config.listen).await.map_err(taken)?;
@@ -101,12 +102,13 @@ impl Server {
         Ok(Self { address, listener, access: Arc::new(access), engine, workers: config.work.workers })
     }
 
-    /// The address taken, with its real port.
+    /// Returns the bound address, with its real port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Answers until `shutdown` and its notice, then lets running requests and jobs end within the drain time.
+    /// Serves until `shutdown` resolves and its notice time is over, then lets running requests and jobs end within the
+    /// drain time.
     pub async fn run<S: Into<Stop>>(
         self,
         shutdown: impl Future<Output = S> + Send + 'static,
@@ -161,7 +163,7 @@ impl Server {
     }
 }
 
-/// Binds and runs.
+/// Binds a service and runs it.
 pub async fn serve<S: Into<Stop>>(
     config: ServeConfig,
     shutdown: impl Future<Output = S> + Send + 'static,
@@ -169,8 +171,8 @@ pub async fn serve<S: Into<Stop>>(
     Server::bind(config).await?.run(shutdown).await
 }
 
-/// Accepts connections until `closing`; each is a task of the returned tracker. It never waits for a place: a connection
-/// that waited in the system's queue would keep health unanswered.
+/// Accepts connections until `closing` resolves; each is a task of the returned tracker. It never waits for a place: a
+/// connection waiting in the system's queue would block health checks.
 async fn accept(
     listener: &TcpListener,
     host: &Arc<Host>,
@@ -188,7 +190,7 @@ async fn accept(
         let (stream, address) = match accepted {
             Ok(accepted) => accepted,
             Err(error) => {
-                // Out of descriptors, or the client is gone already: neither ends the service.
+                // Out of descriptors, or the client has left: neither ends the service.
                 if complained.is_none_or(|last| last.elapsed() >= COMPLAINT) {
                     complained = Some(Instant::now());
                     tracing::warn!(%error, "a connection was not accepted");
@@ -202,7 +204,7 @@ async fn accept(
             tracing::debug!(%peer, "a connection was closed: its address has all its places");
             continue;
         };
-        // Small answers must not wait for more to come; a socket that cannot say so works all the same.
+        // Sends small answers at once; a socket without this option still works.
         let _ = stream.set_nodelay(true);
         connections.spawn(Arc::clone(host).serve(stream, peer, admission));
     }
@@ -210,7 +212,7 @@ async fn accept(
     connections
 }
 
-/// Histograms keep every duration until somebody folds them.
+/// Folds histograms every 5 s; until then they keep every recorded duration.
 async fn keep_up(metrics: PrometheusHandle) {
     loop {
         tokio::time::sleep(Duration::from_secs(5)).await;
@@ -218,7 +220,7 @@ async fn keep_up(metrics: PrometheusHandle) {
     }
 }
 
-/// The process has one recorder of metrics; the first service installs it.
+/// Returns the only metrics recorder of the process; the first service installs it.
 fn metrics() -> Option<PrometheusHandle> {
     static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
     RECORDER.get_or_init(|| PrometheusBuilder::new().install_recorder().ok()).clone()

@@ -14,26 +14,26 @@ pub(crate) struct App {
     pub(crate) engine: Arc<Engine>,
     /// Hosts and origins that are answered.
     pub(crate) access: Arc<Access>,
-    /// Places that clients hold, by address and in all.
+    /// Places that clients hold, per address and in total.
     pub(crate) held: Held,
-    /// Small material files that were asked for lately.
+    /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,
-    /// Cancelled when the signal to stop has come: `/readyz` says so while the listener still answers.
+    /// Cancelled by the stop signal: `/readyz` reports it while the listener still answers.
     pub(crate) stopping: CancellationToken,
     /// Cancelled when the listener is closed: event streams and waits end.
     pub(crate) stop: CancellationToken,
-    /// `None` where another recorder of metrics was installed in this process.
+    /// `None` if another recorder of metrics was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
-    /// The description of the interface, rendered once.
+    /// Description of the interface in JSON, rendered once.
     pub(crate) openapi: Arc<str>,
 }
 
-/// Every kind of place that a request can hold.
+/// All kinds of places that a request can hold.
 #[derive(Clone, Debug)]
 pub(crate) struct Held {
-    /// Requests under way, until the last byte of the answer is sent.
+    /// Running requests, until the last byte of the answer is sent.
     pub(crate) requests: Places,
-    /// Queries under way, likewise.
+    /// Running queries, until the last byte of the answer is sent.
     pub(crate) queries: Places,
     /// Uploads being received.
     pub(crate) uploads: Places,
@@ -43,7 +43,7 @@ pub(crate) struct Held {
     pub(crate) answers: Places,
     /// Batches answered as streams.
     pub(crate) streams: Places,
-    /// Exported files made or sent.
+    /// Exported files that are being made or sent.
     pub(crate) exports: Places,
     /// Clients that follow a job.
     pub(crate) followers: Places,
@@ -64,7 +64,7 @@ impl Held {
         }
     }
 
-    /// Every kind, for figures.
+    /// Returns every kind of places, for metrics.
     pub(crate) fn kinds(&self) -> [&Places; 8] {
         let Self { requests, queries, uploads, bodies, answers, streams, exports, followers } = self;
         [requests, queries, uploads, bodies, answers, streams, exports, followers]

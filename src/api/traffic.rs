@@ -1,4 +1,4 @@
-//! Requests under way on one connection: when there were none last, and which client has stopped to read its answer.
+//! Running requests of one connection: since when there are none, and whether the client has stopped reading an answer.
 
 use super::body::Passed;
 use std::collections::HashMap;
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Requests under way on one connection.
+/// Running requests of one connection.
 #[derive(Debug)]
 pub(crate) struct Traffic {
     state: Mutex<State>,
@@ -15,9 +15,9 @@ pub(crate) struct Traffic {
 #[derive(Debug)]
 struct State {
     next: u64,
-    /// For each request, the moment from which a piece of its answer has waited to be sent.
+    /// For each request, the time since which a piece of its answer waits to be sent.
     running: HashMap<u64, Option<Instant>>,
-    /// The last moment at which a request began or ended.
+    /// Time at which a request last began or ended.
     last: Instant,
 }
 
@@ -33,7 +33,7 @@ pub(crate) struct Running {
 pub(crate) enum Silence {
     /// No request is under way.
     Idle,
-    /// The client does not take its answer.
+    /// The client does not read its answer.
     Unread,
 }
 
@@ -52,8 +52,8 @@ impl Traffic {
         Running { traffic: Arc::clone(self), id }
     }
 
-    /// Reason to close the connection at `now`, if nothing has moved on it for `idle`. An answer gets twice as long for each piece,
-    /// because a slow connection takes pieces in bursts.
+    /// Returns a reason to close the connection at `now`, if nothing has moved on it for `idle`. An answer gets twice
+    /// as long for each piece, because a slow connection takes pieces in bursts.
     pub(crate) fn silence(&self, idle: Duration, now: Instant) -> Option<Silence> {
         let state = self.state();
         if state.running.is_empty() {

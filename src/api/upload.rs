@@ -1,4 +1,4 @@
-//! An uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
+//! From an uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
 
 use super::extract::{declared_length, linger, linger_body};
 use super::pace::{Pace, Slow};
@@ -19,13 +19,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio_util::io::StreamReader;
 
-/// What is hashed and written in one go.
+/// Bytes hashed and written at a time.
 const PIECE: usize = 1 << 20;
 
-/// Decoded bytes before the ratio counts: a small file may well be all zeros.
+/// Decoded bytes exempt from the limit on the compression ratio: a small file may well be all zeros.
 const FREE: u64 = 1 << 20;
 
-/// How the body is coded.
+/// Content coding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Coding {
     Identity,
@@ -33,7 +33,7 @@ enum Coding {
     Zstd,
 }
 
-/// Why the body ended before its end; carried through the decoders inside an I/O error.
+/// Reason for a body that ended early; carried through the decoders inside an I/O error.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 enum Cut {
     #[error("the connection ended")]

@@ -1,4 +1,5 @@
-//! Bodies with `Content-Encoding: zstd` (RFC 8878), decoded as they arrive: a block at a time, in a window of at most 8 MB.
+//! Bodies with `Content-Encoding: zstd` (RFC 8878), decoded as they arrive: one block at a time, in a window of at most
+//! 8 MB.
 
 use ruzstd::decoding::errors::FrameDecoderError;
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
@@ -7,39 +8,39 @@ use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncBufRead, AsyncRead, ReadBuf};
 
-/// RFC 9659: a content coding needs a window of at most 8 MB.
+/// Upper bound in bytes on the window of a content coding (RFC 9659: 8 MB).
 const WINDOW: u64 = 8 << 20;
-/// RFC 8878, section 3.1.1: what a frame begins with, little-endian.
+/// Magic number of a frame, little-endian (RFC 8878, section 3.1.1).
 const MAGIC: u32 = 0xFD2F_B528;
 const MAGIC_AND_DESCRIPTOR: usize = 5;
-/// Section 3.1.2: what a skippable frame begins with, but for its last four bits.
+/// Magic number of a skippable frame without its last four bits (section 3.1.2).
 const SKIPPABLE: u32 = 0x184D_2A50;
-/// Section 3.1.1.2: the most bytes of a block, and what stands before and after it.
+/// Upper bound in bytes on a block (section 3.1.1.2); below, the lengths of its header and of a frame's checksum.
 const BLOCK: usize = 128 << 10;
 const BLOCK_HEADER: usize = 3;
 const CHECKSUM: usize = 4;
 
-/// The decoded bytes of `source`, which holds frames one after another.
+/// Reader of the decoded bytes of `source`, which contains frames one after another.
 pub(super) struct ZstdReader<R> {
     source: R,
     frames: Frames,
 }
 
-/// The decoder, and the piece of the body that it takes next, as far as that has arrived.
+/// The decoder, and the received part of the piece of the body that it takes next.
 struct Frames {
     decoder: FrameDecoder,
     piece: Vec<u8>,
     next: Piece,
-    /// The frame whose blocks arrive; none between frames.
+    /// Frame whose blocks arrive; `None` between frames.
     frame: Option<Frame>,
 }
 
-/// A frame, as far as its end is checked.
+/// Data for the check at the end of a frame.
 struct Frame {
     has_checksum: bool,
-    /// Bytes of content by its header, if that says.
+    /// Bytes of content that the header declares, if it does.
     declared: Option<u64>,
-    /// Bytes of content that were read.
+    /// Bytes of content read so far.
     read: u64,
 }
 
@@ -48,14 +49,14 @@ struct Frame {
 enum Piece {
     /// The header of a frame, or the end of the body.
     Header,
-    /// A block, with the checksum behind it if it is the last one of a frame that has one.
+    /// A block, with the checksum after it if it is the last one of a frame with a checksum.
     Block,
-    /// This many bytes of a skippable frame.
+    /// Remaining bytes of a skippable frame.
     Skipped(u32),
 }
 
 impl Piece {
-    /// The rest of a skippable frame, or what follows it where nothing is left.
+    /// Returns the rest of a skippable frame, or the next header if nothing is left.
     fn skipped(left: u32) -> Self {
         if left > 0 { Self::Skipped(left) } else { Self::Header }
     }
@@ -94,7 +95,8 @@ impl<R: AsyncBufRead + Unpin> AsyncRead for ZstdReader<R> {
 }
 
 impl Frames {
-    /// Takes a beginning of what has arrived, at most to the end of the piece, which is decoded then; returns its length.
+    /// Takes arrived bytes, at most to the end of the current piece, which is then decoded. Returns the number of bytes
+    /// taken.
     fn take(&mut self, arrived: &[u8]) -> io::Result<usize> {
         if let Piece::Skipped(left) = self.next {
             let taken = arrived.len().min(left as usize);
@@ -110,7 +112,7 @@ impl Frames {
         Ok(taken)
     }
 
-    /// The length of the piece, as far as its first bytes say.
+    /// Returns the length of the current piece, as far as its first bytes determine it.
     fn length(&self) -> io::Result<usize> {
         match (self.next, self.piece.as_slice()) {
             (Piece::Header, [a, b, c, d, after @ ..]) => match (u32::from_le_bytes([*a, *b, *c, *d]), after) {
@@ -134,7 +136,7 @@ impl Frames {
         }
     }
 
-    /// Decodes the piece, which is whole.
+    /// Decodes the complete piece.
     fn decode(&mut self) -> io::Result<()> {
         let is_header = matches!(self.next, Piece::Header);
         self.next = match self.piece.as_slice() {
@@ -171,21 +173,21 @@ impl Frames {
         }
     }
 
-    /// The end of the body.
+    /// Ends the body; fails inside a frame.
     fn end(&self) -> io::Result<()> {
         let is_whole = matches!(self.next, Piece::Header) && self.piece.is_empty();
         if is_whole { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
     }
 }
 
-/// The length of a frame's header by its descriptor, section 3.1.1.1.1.
+/// Returns the length of a frame header, which its descriptor determines (section 3.1.1.1.1).
 fn header_length(descriptor: u8) -> usize {
     let window = usize::from(!is_one_segment(descriptor));
     let dictionary = [0, 1, 2, 4][usize::from(descriptor & 3)];
     MAGIC_AND_DESCRIPTOR + window + dictionary + content_size_length(descriptor)
 }
 
-/// The length of the field that says how much content a frame has; 0 where there is none.
+/// Returns the length of the content-size field of a frame header; 0 if it is absent.
 fn content_size_length(descriptor: u8) -> usize {
     match descriptor >> 6 {
         0 => usize::from(is_one_segment(descriptor)),
@@ -193,7 +195,7 @@ fn content_size_length(descriptor: u8) -> usize {
     }
 }
 
-/// Returns true where the window is as large as the content.
+/// Returns true if the window is as large as the content.
 fn is_one_segment(descriptor: u8) -> bool {
     descriptor & 0x20 != 0
 }

@@ -17,15 +17,15 @@ use tokio::sync::{Mutex, OwnedMutexGuard};
 #[derive(Clone, Debug)]
 pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
-    /// One writer of this process at a time: waiting here is fair, SQLite's busy handler is not.
+    /// Turn of a writer of this process: waiting here is fair, SQLite's busy handler is not.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
 }
 
-/// A write transaction: nothing happened unless it is committed.
+/// A write transaction, which changes nothing unless it is committed.
 pub(super) struct Write {
     pub(super) transaction: Transaction<'static, Any>,
-    /// When it began, by the database's clock.
+    /// Start time by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
     _turn: OwnedMutexGuard<()>,
 }
@@ -37,7 +37,7 @@ impl Catalog {
         Ok(Self::migrate(file).await?.0)
     }
 
-    /// Opens it, brings the schema up to date and says how many migrations that took.
+    /// Opens the catalog, brings its schema up to date and returns the number of migrations applied.
     pub(crate) async fn migrate(file: &Path) -> Result<(Self, usize), CatalogError> {
         install_default_drivers();
         let url = url(file)?;
@@ -57,7 +57,7 @@ impl Catalog {
             .await?;
         let catalog = Self { pool, turn: Arc::default(), readiness: Arc::new(Readiness::new(url)) };
         let before = catalog.applied().await;
-        // Two processes may start at once; the second finds the tables of the first and looks again.
+        // Two processes may start at once; the second finds the tables of the first and tries again.
         let migrations = schema::migrator();
         let (mut tries, start) = (0, Instant::now());
         while let Err(error) = migrations.run(&catalog.pool).await {
@@ -78,7 +78,7 @@ impl Catalog {
         Ok((catalog, after.saturating_sub(before)))
     }
 
-    /// Ends all connections.
+    /// Closes all connections.
     pub(crate) async fn close(&self) {
         self.pool.close().await;
     }

@@ -1,17 +1,18 @@
 //! SQL that differs between databases, as SQLite takes it.
 
-/// Now, in ms of the Unix epoch, by the database's own clock: workers on several hosts share it.
+/// Query for the current time in ms of the Unix epoch by the database's own clock, which workers on several hosts
+/// share.
 pub(super) const CLOCK: &str = "SELECT CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)";
 
-/// Rows that another worker is claiming are skipped; SQLite has one writer at a time and needs nothing.
+/// Clause that skips rows which another worker is claiming; empty for SQLite, which has one writer at a time.
 pub(super) const SKIP_LOCKED: &str = "";
 
-/// Statements that make a connection wait for others, and its commits durable. Waiting comes first: the switch to WAL
-/// itself needs the lock.
+/// Statements that make a connection wait for locks, and its commits durable. The wait comes first, because the switch
+/// to WAL itself needs the lock.
 pub(super) const PRAGMAS: [&str; 3] =
     ["PRAGMA busy_timeout = 20000", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = FULL"];
 
-/// Query of the texts in a parameter that holds a JSON array: `Any` has no arrays of its own.
+/// Returns a query for the texts in a parameter that holds a JSON array: `Any` has no array type.
 pub(super) fn each(parameter: &str) -> String {
     format!("SELECT value FROM json_each({parameter})")
 }

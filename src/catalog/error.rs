@@ -1,15 +1,15 @@
-//! Reasons why the catalog did not answer.
+//! Failures of the catalog.
 
 use sqlx::migrate::MigrateError;
 use std::path::PathBuf;
 
-/// Why the catalog did not answer.
+/// Failure of the catalog to answer.
 #[derive(Debug, thiserror::Error)]
 pub enum CatalogError {
-    /// The database.
+    /// The database failed.
     #[error("database: {0}")]
     Sql(#[from] sqlx::Error),
-    /// The schema is not this version's.
+    /// The schema does not fit this version.
     #[error("database schema: {0}")]
     Migrate(#[from] MigrateError),
     /// The file cannot serve as the catalog.
@@ -23,14 +23,14 @@ pub enum CatalogError {
     /// Another program has held the write lock for longer than a writer should.
     #[error("the catalog is locked: another program has been writing to it for a while; end that program")]
     Locked,
-    /// A row holds what this version never writes.
+    /// A row has content that this version never writes.
     #[error("{table} row {id}: {reason}")]
     Row {
         /// The table.
         table: &'static str,
         /// The row.
         id: String,
-        /// What is wrong with it.
+        /// Description of the fault.
         reason: String,
     },
 }

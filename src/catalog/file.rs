@@ -1,4 +1,4 @@
-//! The file of the catalog: its URL, a look at it before it is opened for good, and what to do about its faults.
+//! File of the catalog: its URL, a check before it is opened for good, and advice on its faults.
 
 use super::dialect::PRAGMAS;
 use super::error::CatalogError;
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
 
-/// A database URL holds a path percent-encoded.
+/// Returns the database URL of `file`, whose path is percent-encoded.
 pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
     let path = file
         .to_str()
@@ -25,11 +25,11 @@ pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
     Ok(format!("sqlite:{encoded}?mode=rwc"))
 }
 
-/// Opens and reads the file without a pool, whose retries would hide the fault for 30 s. The fault, with what to do
-/// about it, is the error.
+/// Opens and reads the file without a pool, whose retries would hide a fault for 30 s. The error names the fault and
+/// what to do about it.
 pub(super) async fn check(file: &Path, url: &str) -> Result<(), CatalogError> {
     let start = Instant::now();
-    // Another process that starts now may hold the lock for a moment, where SQLite does not wait.
+    // Another process that starts now may hold the lock briefly, and SQLite does not wait for it here.
     while let Err(error) = look(url).await {
         if primary(&error) != Some(BUSY) || is_hopeless(&error, start) {
             return Err(unusable(file, error));
@@ -48,10 +48,10 @@ async fn look(url: &str) -> Result<(), sqlx::Error> {
     connection.close().await
 }
 
-/// Seconds of waiting for the lock after which a start gives up.
+/// Seconds of waiting for the lock after which a start gives up. Raising it tolerates longer writers.
 const START: Duration = Duration::from_secs(10);
 
-/// Whether another try cannot help: the file is at fault, or its lock has not been free since `start`.
+/// Returns true if another try cannot help: the file is at fault, or its lock has not been free since `start`.
 pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
     match primary(error) {
         Some(BUSY) => start.elapsed() >= START,
@@ -60,7 +60,7 @@ pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
     }
 }
 
-/// The error of a file that cannot serve, with what to do about it.
+/// Builds the error of a file that cannot serve as the catalog, with what to do about it.
 pub(super) fn unusable(file: &Path, error: sqlx::Error) -> CatalogError {
     let advice = match primary(&error) {
         Some(NOT_A_DATABASE) => {

@@ -1,17 +1,17 @@
-//! A job as the catalog knows it: its states, its row, and the answers that clients and workers get about it.
+//! A job in the catalog: its states, its row, and the outcomes that clients and workers get.
 
 use super::materials::NewMaterial;
 use crate::store::Digest;
 use std::fmt;
 use std::time::Duration;
 
-/// Where a job is in its life.
+/// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum JobState {
     /// Waits for a worker. → running when claimed, → cancelled when asked.
     Queued,
     /// Belongs to a worker. → succeeded, failed or cancelled by its worker; → queued when the lease runs out or the
-    /// attempt failed for a passing reason; → dead when attempts are used up.
+    /// attempt failed for a transient reason; → dead when attempts are used up.
     Running,
     /// A material or a report was made. Final.
     Succeeded,
@@ -19,108 +19,108 @@ pub(crate) enum JobState {
     Failed,
     /// Given up after the last attempt. Final.
     Dead,
-    /// Stopped because somebody asked. Final.
+    /// Stopped on request. Final.
     Cancelled,
 }
 
 /// A job to queue.
 #[derive(Clone, Debug)]
 pub(crate) struct NewJob {
-    /// Its id.
+    /// Id of the job.
     pub id: String,
-    /// Its arguments.
+    /// Arguments, encoded for the queue.
     pub frame: String,
-    /// What it reads, if it reads a measurement.
+    /// Measurement that the job reads, if any.
     pub measurement: Option<Digest>,
-    /// The client's key and the digest of the body it came with.
+    /// Idempotency key of the client, and the digest of the request that came with it.
     pub idempotency: Option<(String, Digest)>,
 }
 
-/// A job remembered.
+/// A job as stored.
 #[derive(Clone, Debug)]
 pub(crate) struct JobRow {
-    /// Its id.
+    /// Id of the job.
     pub id: String,
-    /// What it reads, if it reads a measurement.
+    /// Measurement that the job reads, if any.
     pub measurement: Option<Digest>,
-    /// Where it is.
+    /// Current state.
     pub state: JobState,
-    /// How far it is, 0..=1.
+    /// Progress from 0 to 1.
     pub progress: f64,
-    /// How often it was begun.
+    /// Number of attempts started.
     pub attempts: u32,
-    /// The material it made.
+    /// Material that the job made.
     pub material: Option<Digest>,
-    /// The bytes of the report it made.
+    /// Digest of the report that the job made.
     pub report: Option<Digest>,
-    /// JSON: why it failed, or why the last attempt did.
+    /// Problem as JSON: why the job failed, or why its last attempt did.
     pub problem: Option<String>,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     pub created_ms: i64,
-    /// When its state changed last.
+    /// Time of the last change of state, ms of the Unix epoch.
     pub updated_ms: i64,
 }
 
-/// What became of a wish to queue.
+/// Outcome of enqueueing.
 #[derive(Clone, Debug)]
 pub(crate) enum Enqueued {
     /// A new job.
     New(JobRow),
-    /// The job that the same key and body made before.
+    /// The job that the same key and request made before.
     Known(JobRow),
-    /// The key was used with another body.
+    /// The key was used with another request.
     KeyTaken,
     /// There is no such measurement.
     NoMeasurement,
-    /// Too many jobs wait.
+    /// Too many jobs are waiting.
     Full,
 }
 
-/// A job in the hands of a worker.
+/// A job claimed by a worker.
 #[derive(Clone, Debug)]
 pub(crate) struct Claimed {
-    /// Its id.
+    /// Id of the job.
     pub id: String,
-    /// Its arguments.
+    /// Arguments, encoded for the queue.
     pub frame: String,
     /// The fencing epoch that every later write must name.
     pub epoch: i64,
-    /// How often it was begun, this time included.
+    /// Number of attempts started, this one included.
     pub attempts: u32,
 }
 
-/// What a worker hears when it says that it lives.
+/// Answer to a worker that renews its lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beat {
-    /// Go on.
+    /// The job is still this worker's: continue.
     Yours,
-    /// Somebody asked to cancel.
+    /// A cancel was requested.
     Cancel,
-    /// The job is another's now.
+    /// Another worker owns the job now.
     Lost,
 }
 
-/// How a worker ends its attempt.
+/// End of a worker's attempt.
 #[derive(Clone, Debug)]
 pub(crate) enum Ended {
-    /// With a material, published and pinned under this holder.
+    /// Success with a material, published and pinned under this holder.
     Material(Box<NewMaterial>, String),
-    /// With the bytes of a report, published and pinned under this holder.
+    /// Success with the bytes of a report, published and pinned under this holder.
     Report(Digest, String),
-    /// With a problem (JSON) that another attempt would have too.
+    /// Permanent failure: a problem (JSON) that another attempt would have too.
     Failed(String),
-    /// With a problem (JSON) that may pass: again after the delay, unless attempts are used up.
+    /// Transient failure with a problem (JSON): retried after the delay, unless attempts are used up.
     Retry {
         /// The problem.
         problem: String,
-        /// When to try again.
+        /// Time before the next attempt.
         delay: Duration,
-        /// How many attempts there are in all.
+        /// Upper bound on the number of attempts.
         attempts: u32,
     },
-    /// Because somebody asked.
+    /// Stopped on request.
     Cancelled,
-    /// Back to the queue, because the worker stops or cannot read the job: the attempt does not count.
+    /// Back to the queue, because the worker stops or cannot read the job. The attempt does not count.
     Released,
 }
 
@@ -129,9 +129,10 @@ pub(crate) enum Ended {
 pub(crate) enum Ending {
     /// The attempt has ended and the job is in this state.
     Now(JobState),
-    /// The job was another worker's already; nothing was written.
+    /// Another worker owned the job already; nothing was written.
     Lost,
-    /// The pin of the result has run out, so a sweep may have taken its bytes; nothing was written. Publish them again.
+    /// The pin of the result has expired, so a sweep may have removed its bytes; nothing was written. Publish them
+    /// again.
     Unpinned,
 }
 
@@ -151,7 +152,7 @@ impl JobState {
         }
     }
 
-    /// Whether nothing follows.
+    /// Returns true if no other state can follow.
     pub(crate) fn is_final(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }

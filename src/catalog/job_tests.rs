@@ -22,7 +22,7 @@ async fn claim(catalog: &Catalog, worker: &str, lease: Duration) -> Option<Claim
     catalog.claim(worker, lease, &[]).await.unwrap()
 }
 
-/// The end of an attempt that made this material, published and pinned.
+/// Builds the end of an attempt that made this material, published and pinned.
 async fn made(catalog: &Catalog, material: Box<NewMaterial>) -> Ended {
     catalog.pin(material.id, "holder", LEASE).await.unwrap();
     Ended::Material(material, "holder".to_owned())

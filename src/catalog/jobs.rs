@@ -21,7 +21,7 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Queues a job, unless its key says it was queued before.
+    /// Queues a job, unless its idempotency key was used before. `most` bounds the jobs that wait.
     pub(crate) async fn enqueue(&self, new: &NewJob, most: u64) -> Result<Enqueued, CatalogError> {
         let mut write = self.write().await?;
         if let Some((key, body)) = &new.idempotency {
@@ -77,7 +77,7 @@ impl Catalog {
         Ok(Enqueued::New(row))
     }
 
-    /// One job.
+    /// Returns one job.
     pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
             .bind(id.to_owned())
@@ -87,13 +87,13 @@ impl Catalog {
             .transpose()
     }
 
-    /// How many jobs are in each state, for the metrics.
+    /// Returns the number of jobs in each state, for the metrics.
     pub(crate) async fn job_counts(&self) -> Result<Vec<(JobState, u64)>, CatalogError> {
         let rows = sqlx::query("SELECT state, COUNT(*) FROM jobs GROUP BY state").fetch_all(&self.pool).await?;
         rows.iter().map(|row| Ok((state("", row.try_get(0)?)?, row.try_get::<i64, _>(1)?.max(0) as u64))).collect()
     }
 
-    /// Takes the job that has waited longest and may begin, if there is one. Those whose ids are in `but` are left to
+    /// Claims the job that has waited longest and may start, if there is one. Jobs whose ids are in `but` are left to
     /// other workers.
     pub(crate) async fn claim(
         &self,
@@ -102,7 +102,7 @@ impl Catalog {
         but: &[String],
     ) -> Result<Option<Claimed>, CatalogError> {
         let but = serde_json::json!(but).to_string();
-        // A look without the write lock first: an idle worker must not disturb writers.
+        // Look without the write lock first, so that an idle worker does not disturb writers.
         let any = format!("SELECT 1 FROM jobs WHERE state = 'queued' AND id NOT IN ({}) LIMIT 1", each("$1"));
         let any = sqlx::query(AssertSqlSafe(any)).bind(but.clone()).fetch_optional(&self.pool).await?;
         if any.is_none() {
@@ -139,7 +139,7 @@ impl Catalog {
         Ok(Some(claimed))
     }
 
-    /// A sign of life: renews the lease, keeps the progress and hears what the world wants.
+    /// Renews the lease of a running job, stores its progress and tells its worker whether to continue.
     pub(crate) async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
         let mut write = self.write().await?;
         let renewed = sqlx::query(
@@ -196,7 +196,7 @@ impl Catalog {
             }
             Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), 0, job.attempts),
             Ended::Cancelled => (JobState::Cancelled, None, 0, job.attempts),
-            // Whoever asked for a cancel does not want another attempt.
+            // After a cancel request no further attempt is wanted.
             Ended::Retry { .. } | Ended::Released if cancel => (JobState::Cancelled, None, 0, job.attempts),
             Ended::Retry { problem, attempts, .. } if job.attempts >= *attempts => {
                 (JobState::Dead, Some(problem.clone()), 0, job.attempts)
@@ -226,8 +226,8 @@ impl Catalog {
         Ok(Ending::Now(state))
     }
 
-    /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. The job afterwards, if there
-    /// is one.
+    /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. Returns the job afterwards,
+    /// if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let mut write = self.write().await?;
         sqlx::query("UPDATE jobs SET state = 'cancelled', updated_at = $2 WHERE id = $1 AND state = 'queued'")
@@ -249,10 +249,10 @@ impl Catalog {
         Ok(row)
     }
 
-    /// Takes jobs back whose lease ran out, or whose worker is in `gone`, and returns their ids.
+    /// Takes back jobs whose lease has expired or whose worker is in `gone`, and returns their ids.
     ///
-    /// A worker that vanished may have been killed by the job itself, so the attempt counts: `problem` (JSON) is what a
-    /// job dies of after `attempts`.
+    /// A worker that vanished may have been killed by the job itself, so the attempt counts. After `attempts` of them
+    /// the job is dead of `problem` (JSON).
     pub(crate) async fn reap(
         &self,
         gone: &[String],

@@ -1,4 +1,4 @@
-//! The write lock of the database: when this process last had it, and whether it is free now.
+//! Write lock of the database: when this process last held it, and whether it is free now.
 
 use super::error::CatalogError;
 use super::result_code::{BUSY, primary};
@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 /// [`Catalog::ping`](super::Catalog::ping) overlook a lock for as long.
 const FRESH: Duration = Duration::from_secs(5);
 
-/// Pause between two looks at the write lock.
+/// Pause between two checks of the write lock.
 pub(super) const PAUSE: Duration = Duration::from_millis(20);
 
-/// Time of the last write, and how to connect for a look at the lock.
+/// Time of the last write, and the URL for a check of the lock.
 #[derive(Debug)]
 pub(super) struct Readiness {
     pub(super) url: String,
@@ -36,7 +36,7 @@ impl Readiness {
     }
 }
 
-/// Whether the write lock can be had at this moment.
+/// Returns true if the write lock is free at this moment.
 pub(super) async fn is_free(url: &str) -> Result<bool, CatalogError> {
     let mut connection = AnyConnection::connect(url).await?;
     connection.execute("PRAGMA busy_timeout = 0").await?;

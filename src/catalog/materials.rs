@@ -10,54 +10,54 @@ use serde_json::{Map, Value, json};
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
-/// A material to remember.
+/// A material to store.
 #[derive(Clone, Debug)]
 pub(crate) struct NewMaterial {
-    /// The digest of the file.
+    /// Digest of the file.
     pub id: Digest,
-    /// The digest without the metadata chunk.
+    /// Digest of the file without its metadata chunk.
     pub payload: Digest,
     /// The quantity.
     pub quantity: Quantity,
-    /// The size of the file.
+    /// Size of the file in bytes.
     pub bytes: u64,
-    /// What the user calls it.
+    /// Name given by the user.
     pub name: Option<String>,
-    /// The user's tags.
+    /// Tags given by the user.
     pub tags: Vec<String>,
-    /// What it was made of.
+    /// Id of the measurement that it was made from.
     pub measurement: Digest,
-    /// JSON object: the manifest.
+    /// Manifest, a JSON object.
     pub document: Map<String, Value>,
 }
 
-/// A material remembered.
+/// A material as stored.
 #[derive(Clone, Debug)]
 pub(crate) struct MaterialRow {
-    /// Its id.
+    /// Id: the digest of the file.
     pub id: Digest,
-    /// What the user calls it: the last name that a job gave.
+    /// Latest name that a job gave.
     pub name: Option<String>,
-    /// The tags, in alphabetical order.
+    /// Tags in alphabetical order.
     pub tags: Vec<String>,
-    /// The measurements it was made of, in order.
+    /// Ids of the measurements that it was made from, in ascending order.
     pub measurements: Vec<Digest>,
-    /// JSON: the manifest.
+    /// Manifest as JSON.
     pub document: String,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     pub created_ms: i64,
 }
 
-/// Which materials to list.
+/// Filter of a list of materials.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MaterialFilter {
-    /// Of this quantity.
+    /// Only materials of this quantity.
     pub quantity: Option<Quantity>,
-    /// Made of this measurement.
+    /// Only materials made from this measurement.
     pub measurement: Option<Digest>,
-    /// With this tag.
+    /// Only materials with this tag.
     pub tag: Option<String>,
-    /// With this in one of its names or tags.
+    /// Only materials with this text in one of their names or tags.
     pub q: Option<String>,
 }
 
@@ -68,7 +68,7 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// One material.
+    /// Returns one material.
     pub(crate) async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
         let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE id = $1"))
             .bind(id.to_string())
@@ -80,7 +80,7 @@ impl Catalog {
         }
     }
 
-    /// The name of a material, if there is such a material: the question before any cached answer about it.
+    /// Returns the name of a material, if there is such a material. Checked before any cached answer about it.
     pub(crate) async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
         let row = sqlx::query("SELECT name FROM materials WHERE id = $1")
             .bind(id.to_string())
@@ -89,7 +89,7 @@ impl Catalog {
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Materials, newest first.
+    /// Returns a page of materials, newest first.
     pub(crate) async fn materials(
         &self,
         filter: &MaterialFilter,
@@ -122,7 +122,7 @@ impl Catalog {
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 
-    /// Forgets a material; nothing stands on one.
+    /// Deletes a material; nothing depends on one.
     pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();
@@ -168,10 +168,10 @@ impl Catalog {
 /// documents that many jobs have named differently.
 const MOST_NAMES: usize = 32;
 
-/// Remembers a material within a transaction.
+/// Stores a material within a transaction.
 ///
-/// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays the first job's; name and
-/// licence are those of the last job that gave any; all names, licences, tags and sources add up and stay searchable.
+/// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays that of the first job. Name
+/// and licence are the latest given. All names, licences, tags and sources accumulate and stay searchable.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
     let known = sqlx::query("SELECT name, document, created_at FROM materials WHERE id = $1")
@@ -235,8 +235,8 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     Ok(())
 }
 
-/// Appends `given` to the texts under `key`, each once and the last one given last, and returns them all. `current` is
-/// the only text of a document that has no list yet.
+/// Appends `given` to the texts under `key` and returns them all: each once, the latest last. `current` is the only
+/// text of a document that has no list yet.
 fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, given: Option<String>) -> Vec<String> {
     let listed = document.get(key).and_then(Value::as_array);
     let mut texts: Vec<String> = match listed {

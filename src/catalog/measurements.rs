@@ -1,4 +1,4 @@
-//! Rows of measurements: what was uploaded and what was understood of it.
+//! Rows of measurements: uploads and their descriptions.
 
 use super::database::Catalog;
 use super::error::CatalogError;
@@ -9,78 +9,78 @@ use crate::store::Digest;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
-/// A measurement to remember.
+/// A measurement to store.
 #[derive(Clone, Debug)]
 pub(crate) struct NewMeasurement {
-    /// The digest of the content, or of the content and its interpretation.
+    /// Digest of the content, or of the content and its reading options.
     pub id: Digest,
-    /// The digest of the bytes.
+    /// Digest of the content.
     pub content: Digest,
     /// The measurement whose content is the spectrum joined with this one.
     pub spectrum: Option<Digest>,
-    /// What the user calls it.
+    /// Name given by the user.
     pub name: Option<String>,
-    /// What the file was called.
+    /// Name of the uploaded file.
     pub file_name: Option<String>,
-    /// The size of the content.
+    /// Size of the content in bytes.
     pub bytes: u64,
-    /// The name of its format.
+    /// Name of the format.
     pub format: String,
-    /// The quantity, if it is known yet.
+    /// Quantity, if it is known yet.
     pub quantity: Option<Quantity>,
-    /// JSON: what was understood.
+    /// Description as JSON.
     pub document: String,
 }
 
-/// A measurement remembered.
+/// A measurement as stored.
 #[derive(Clone, Debug)]
 pub(crate) struct MeasurementRow {
-    /// Its id.
+    /// Id of the measurement.
     pub id: Digest,
-    /// The digest of the bytes.
+    /// Digest of the content.
     pub content: Digest,
-    /// What the user calls it.
+    /// Name given by the user.
     pub name: Option<String>,
-    /// What the file was called.
+    /// Name of the uploaded file.
     pub file_name: Option<String>,
-    /// The size of the content.
+    /// Size of the content in bytes.
     pub bytes: u64,
-    /// JSON: what was understood.
+    /// Description as JSON.
     pub document: String,
-    /// When it came, ms of the Unix epoch.
+    /// Time of creation, ms of the Unix epoch.
     pub created_ms: i64,
 }
 
-/// Which measurements to list.
+/// Filter of a list of measurements.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeasurementFilter {
-    /// Of this quantity.
+    /// Only measurements of this quantity.
     pub quantity: Option<Quantity>,
-    /// Of this format.
+    /// Only measurements of this format.
     pub format: Option<String>,
-    /// With this in name, file name, format or dialect.
+    /// Only measurements with this text in their name, file name or format.
     pub q: Option<String>,
 }
 
-/// Outcome of remembering a measurement.
+/// Outcome of storing a measurement.
 #[derive(Clone, Debug)]
 pub(crate) enum Added {
-    /// The row, and whether it is new.
+    /// The row, and true if it is new.
     Row(MeasurementRow, bool),
-    /// The spectrum it stands on was deleted meanwhile; nothing was written.
+    /// The spectrum that it depends on was deleted meanwhile; nothing was written.
     NoSpectrum,
-    /// The pin has run out, so a sweep may have taken the content; nothing was written. Publish the content again.
+    /// The pin has expired, so a sweep may have removed the content; nothing was written. Publish the content again.
     Unpinned,
 }
 
 /// Outcome of a deletion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Deleted {
-    /// It is gone; its bytes go with the next sweep.
+    /// Deleted; the next sweep removes the bytes.
     Done,
-    /// There was none.
+    /// There is no such row.
     Absent,
-    /// Something stands on it: a sentence that says what.
+    /// Another row depends on it; the text names that row.
     InUse(String),
 }
 
@@ -91,7 +91,7 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Remembers a measurement whose content is published and pinned by `pin_holder`; the pin ends.
+    /// Stores a measurement whose content is published and pinned by `pin_holder`, and ends the pin.
     pub(crate) async fn add_measurement(&self, new: &NewMeasurement, pin_holder: &str) -> Result<Added, CatalogError> {
         let mut write = self.write().await?;
         if !unpin(&mut write, new.content, pin_holder).await? {
@@ -140,7 +140,7 @@ impl Catalog {
         Ok(Added::Row(row, inserted == 1))
     }
 
-    /// One measurement.
+    /// Returns one measurement.
     pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
             .bind(id.to_string())
@@ -150,7 +150,7 @@ impl Catalog {
             .transpose()
     }
 
-    /// Measurements, newest first.
+    /// Returns a page of measurements, newest first.
     pub(crate) async fn measurements(
         &self,
         filter: &MeasurementFilter,
@@ -177,7 +177,7 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 
-    /// Forgets a measurement, unless a material, another measurement or unfinished work stands on it.
+    /// Deletes a measurement, unless a material, another measurement or an unfinished job depends on it.
     pub(crate) async fn delete_measurement(&self, id: Digest) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();

@@ -1,7 +1,7 @@
-//! What is known about which digest: SQL and its migrations.
+//! Catalog of measurements, materials and jobs by digest: SQL and its migrations.
 //!
 //! The same queries serve SQLite and PostgreSQL: `$n` placeholders, three column types, and two fragments that differ
-//! (the clock, and how rows are locked while a job is claimed). Writes on SQLite begin with `BEGIN IMMEDIATE`, so that a
+//! (the clock, and the row locks while a job is claimed). Writes on SQLite begin with `BEGIN IMMEDIATE`, so that a
 //! transaction never has to give up because it read before it wrote.
 
 mod database;
@@ -59,7 +59,7 @@ pub(crate) mod testing {
         }
     }
 
-    /// Pins and adds it, as an upload does.
+    /// Pins and adds a measurement, as an upload does.
     pub(crate) async fn add(catalog: &Catalog, new: &NewMeasurement) -> (MeasurementRow, bool) {
         catalog.pin(new.content, "test", Duration::from_mins(1)).await.unwrap();
         match catalog.add_measurement(new, "test").await.unwrap() {
@@ -68,7 +68,7 @@ pub(crate) mod testing {
         }
     }
 
-    /// Lets every pin run out now.
+    /// Expires every pin now.
     pub(crate) async fn expire_pins(catalog: &Catalog) {
         sqlx::query("UPDATE pins SET expires_at = 0").execute(&catalog.pool).await.unwrap();
     }

@@ -1,21 +1,21 @@
-//! Pages of a list, newest first: a cursor is the place after the last row seen, so that new rows shift nothing.
+//! Pages of a list, newest first. A cursor is the position after the last row seen, so that new rows shift nothing.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// The place after a row: its time and its id.
+/// Position after a row: its time and its id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Cursor {
     pub(super) created_at: i64,
     pub(super) id: String,
 }
 
-/// Text that is no cursor.
+/// Text that is not a cursor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a cursor, expected the `next` of an earlier answer")]
 pub(crate) struct NotACursor;
 
-/// Rows and where to go on, if there are more.
+/// One page of rows, and the cursor of the next page if there are more.
 #[derive(Clone, Debug)]
 pub(crate) struct Page<T> {
     /// The rows.
@@ -25,14 +25,14 @@ pub(crate) struct Page<T> {
 }
 
 impl Cursor {
-    /// The cursor before the newest row.
+    /// Returns the cursor before the newest row.
     pub(super) fn newest() -> Self {
         Self { created_at: i64::MAX, id: String::new() }
     }
 }
 
 impl<T> Page<T> {
-    /// A page of `rows`, of which one more than `limit` was asked for.
+    /// Builds a page of `rows`, of which one more than `limit` was requested.
     pub(super) fn of(mut rows: Vec<T>, limit: usize, place: impl Fn(&T) -> Cursor) -> Self {
         let more = rows.len() > limit;
         rows.truncate(limit);
@@ -60,7 +60,7 @@ impl FromStr for Cursor {
     }
 }
 
-/// The pattern of a substring search for `LIKE … ESCAPE '\'`.
+/// Returns the pattern of a case-insensitive substring search for `LIKE … ESCAPE '\'`.
 pub(super) fn pattern(text: &str) -> String {
     let mut pattern = String::from("%");
     for c in text.to_lowercase().chars() {

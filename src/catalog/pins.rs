@@ -1,14 +1,15 @@
-//! Digests that are about to be named: a publisher pins first, names within the time of its pin or publishes again, and
-//! a sweep takes a blob's name away only while it holds the write lock and has seen neither a row nor a live pin for it.
+//! Pins of digests that are about to be named. A publisher pins a digest first, and either names it before its pin
+//! expires or publishes again. A sweep takes a blob's name away only while it holds the write lock and has seen neither
+//! a row nor a live pin for it.
 //!
 //! ```text
 //! publisher: pin ─ publish ─ [ pin still live? row in, pin out ]     [ … ]: one write transaction
 //! sweep:     [ no row, no live pin? retire ] ─ remove the bytes
 //! ```
 //!
-//! The two transactions exclude each other. If the publisher's comes first, the sweep sees the row. If the sweep's comes
-//! first, the pin had run out, so the publisher is refused and publishes again. The bytes are removed after the
-//! transaction, under a name that nobody publishes to, so that a slow removal delays no writer and a late one hits
+//! The two transactions exclude each other. If the publisher's comes first, the sweep sees the row. If the sweep's
+//! comes first, the pin had expired, so the publisher is refused and publishes again. The bytes are removed after the
+//! transaction, under a name that nobody publishes to. A slow removal therefore delays no writer, and a late one hits
 //! nothing that was published since.
 
 use super::database::{Catalog, Write};
@@ -30,8 +31,8 @@ pub(crate) enum Namer {
 }
 
 impl Catalog {
-    /// Keeps sweeps away from `digest` for `time`, or until [`Catalog::add_measurement`] or [`Catalog::end`] names it. A pin
-    /// of the same holder is renewed.
+    /// Keeps sweeps away from `digest` for `time`, or until [`Catalog::add_measurement`] or [`Catalog::end`] names it.
+    /// A pin of the same holder is renewed.
     pub(crate) async fn pin(&self, digest: Digest, holder: &str, time: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         let until = write.now.saturating_add(time.as_millis() as i64);
@@ -47,7 +48,7 @@ impl Catalog {
         write.commit().await
     }
 
-    /// Runs `retire` while nobody can begin to name `digest`, if no row and no live pin names it; returns its result.
+    /// Calls `retire` if no row and no live pin names `digest`, while none can be added; returns its result.
     ///
     /// Every writer waits for `retire`, so it must be short. It is a plain call and not a future: it can neither be
     /// dropped half-way nor outlive the transaction.
@@ -73,7 +74,7 @@ impl Catalog {
         Ok(retired)
     }
 
-    /// Forgets idempotency keys older than `age`, and pins that have run out.
+    /// Deletes idempotency keys older than `age`, and expired pins.
     pub(crate) async fn forget_keys(&self, age: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         sqlx::query("DELETE FROM pins WHERE expires_at <= $1").bind(write.now).execute(&mut *write.transaction).await?;
@@ -84,7 +85,7 @@ impl Catalog {
         write.commit().await
     }
 
-    /// The kind of row that names `digest`, if there is one: the bytes of any other digest are nobody's to read.
+    /// Returns the kind of row that names `digest`, if there is one. Bytes that no row names must not be served.
     pub(crate) async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
         let row = sqlx::query(
             "SELECT 1 AS kind FROM materials WHERE id = $1 \
@@ -102,7 +103,7 @@ impl Catalog {
         }))
     }
 
-    /// Every digest that a row names, with what names it.
+    /// Returns every digest that a row names, each with a description of the row.
     pub(crate) async fn named(&self) -> Result<BTreeMap<Digest, String>, CatalogError> {
         let rows = sqlx::query(
             "SELECT content, 'measurement ' || id FROM measurements UNION ALL SELECT id, 'material ' || id FROM materials \
@@ -124,8 +125,8 @@ impl Catalog {
     }
 }
 
-/// Takes the pin out that kept `digest` while it was published; `false` if it has run out, so that a sweep may have taken
-/// the blob and nothing may name it.
+/// Ends the pin that kept `digest` while it was published. Returns false if it has expired: a sweep may have removed
+/// the blob, and nothing may name it.
 pub(super) async fn unpin(write: &mut Write, digest: Digest, holder: &str) -> Result<bool, CatalogError> {
     let live = sqlx::query("DELETE FROM pins WHERE digest = $1 AND holder = $2 AND expires_at > $3")
         .bind(digest.to_string())

@@ -1,4 +1,4 @@
-//! Readiness of the catalog, told by a probe that never waits for a writer.
+//! Readiness check of the catalog that never waits for a writer.
 
 use super::database::Catalog;
 use super::error::CatalogError;
@@ -13,8 +13,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 impl Catalog {
     /// Checks within about two seconds that the database answers and can be written.
     ///
-    /// Never waits for a writer and delays none: a write of this process within the last 5 s is proof enough. Without
-    /// one, a connection of its own asks for the write lock without waiting and gives it back at once.
+    /// Never waits for a writer and delays none: a write of this process within the last 5 s is proof enough. Otherwise
+    /// a separate connection requests the write lock without waiting and releases it at once.
     pub(crate) async fn ping(&self) -> Result<(), CatalogError> {
         let read = sqlx::query("SELECT 1 FROM pins LIMIT 1").fetch_optional(&self.pool);
         timeout(PATIENCE, read).await.map_err(|_| CatalogError::Locked)??;

@@ -1,4 +1,4 @@
-//! `wavelume bases`: the bases that are known.
+//! `wavelume bases`: lists the wavelet bases.
 
 use super::failure::Failure;
 use super::output::{Table, print, print_json};
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&table.render())
 }
 
-/// The length of a filter; the data's own basis has none.
+/// Formats the length of a filter; the data's own basis has none.
 fn taps(length: usize) -> String {
     if length == 0 { "-".to_owned() } else { length.to_string() }
 }

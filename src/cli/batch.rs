@@ -7,23 +7,23 @@ use crate::domain::{Direction, Quantity};
 use crate::evaluate::{Directions, EvaluateError, Material};
 use std::path::{Path, PathBuf};
 
-/// Values of a block of answers, at most.
+/// Upper bound on the values of a block of answers. Raising it costs memory.
 const VALUES: usize = 1 << 20;
-/// Rows of a block, at most.
+/// Upper bound on the rows of a block.
 const ROWS: usize = 1 << 14;
 
-/// Destination and form of the answers to a table.
+/// Destination and format of the answers to a table.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BatchArgs {
-    /// The file that gets the answers to --directions, one row each [default: stdout]
+    /// File for the answers to --directions, one row each [default: stdout]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// The form of the answers to --directions [default: by the name of --output, else csv]
+    /// Format of the answers to --directions [default: by the name of --output, else csv]
     #[arg(long, value_enum)]
     format: Option<TableFormat>,
 }
 
-/// The queries of a table.
+/// Queries read from a table.
 pub(crate) struct Queries {
     rows: Rows,
     path: PathBuf,
@@ -40,7 +40,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// The number of queries.
+    /// Returns the number of queries.
     pub(crate) fn len(&self) -> usize {
         self.range.len()
     }
@@ -62,7 +62,7 @@ impl Block {
 }
 
 impl Queries {
-    /// Directions at which a material is evaluated.
+    /// Opens a table of directions at which a material is evaluated.
     pub(crate) fn evaluated(path: &Path, material: &Material) -> Result<Self, Failure> {
         let columns: &[&str] = match sides(material) {
             (true, true) => &["theta_i", "phi_i", "theta_o", "phi_o"],
@@ -75,7 +75,7 @@ impl Queries {
         Self::open(path, columns)
     }
 
-    /// Incoming directions and points of the unit square for which one direction each is drawn.
+    /// Opens a table of incoming directions and points of the unit square; each row draws one direction.
     pub(crate) fn drawn(path: &Path, material: &Material) -> Result<Self, Failure> {
         Self::open(path, if sides(material).0 { &["theta_i", "phi_i", "u1", "u2"] } else { &["u1", "u2"] })
     }
@@ -84,7 +84,7 @@ impl Queries {
         Ok(Self { rows: Rows::open(path, columns)?, path: path.to_owned(), columns })
     }
 
-    /// The queries of `numbers`, the rows behind the first `before`.
+    /// Builds the queries of a block from `numbers`; `before` rows of the table precede it.
     fn block(&self, numbers: &[f64], before: u64) -> Result<Block, Failure> {
         let width = self.columns.len();
         let count = numbers.len() / width;
@@ -114,7 +114,7 @@ impl Queries {
     }
 }
 
-/// Which directions the quantity of a material has: incoming and outgoing ones.
+/// Returns the directions that the quantity of a material has: (incoming, outgoing).
 fn sides(material: &Material) -> (bool, bool) {
     let layout = material.layout();
     let has_incoming = layout.incoming.is_some() || material.quantity().directions() == 2;
@@ -122,7 +122,7 @@ fn sides(material: &Material) -> (bool, bool) {
 }
 
 impl BatchArgs {
-    /// Refuses what does nothing without a table.
+    /// Refuses options that have no effect without a table.
     pub(crate) fn check_unused(&self) -> Result<(), Failure> {
         let named = [("--output", self.output.is_some()), ("--format", self.format.is_some())];
         match named.iter().find(|(_, is_named)| *is_named) {
@@ -131,7 +131,7 @@ impl BatchArgs {
         }
     }
 
-    /// Answers all queries of a table: `ask` writes a row of as many values as there are `names` for each of a block.
+    /// Answers all queries of a table. `ask` writes one row of `names.len()` values for each query of a block.
     pub(crate) fn answer(
         &self,
         mut queries: Queries,
@@ -152,7 +152,7 @@ impl BatchArgs {
             values.clear();
             values.resize(count * width, 0.0);
             if let Err(error) = ask(&block, &mut values) {
-                // A block is refused whole: one of its rows tells why.
+                // A block is refused as a whole: repeat it row by row to find the one at fault.
                 let at_fault = (0..count).find_map(|row| {
                     block.range = row..row + 1;
                     let refused = ask(&block, &mut values[row * width..][..width]).err()?;

@@ -1,4 +1,4 @@
-//! `wavelume color`: what colour a material has.
+//! `wavelume color`: the colour of a material.
 
 use super::failure::Failure;
 use super::output::print_json;
@@ -13,18 +13,18 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The incoming direction in degrees [default: 0,0]
+    /// Incoming direction in degrees [default: 0,0]
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     wi: Option<Direction>,
-    /// The outgoing direction in degrees [default: all of them together: directional albedo, flux]
+    /// Outgoing direction in degrees [default: all of them together: directional albedo, flux]
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     wo: Option<Direction>,
-    /// One entry, from 0, for each leading index axis [default: every column of a spectral table]
+    /// Zero-based entry on each leading index axis [default: every column of a spectral table]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     #[command(flatten)]
     viewing: ViewingArgs,
-    /// Taken for symmetry with the other commands: the answer is always JSON
+    /// Accepted for symmetry with the other commands: the answer is always JSON
     #[arg(long, hide = true)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! `wavelume combine`: the weighted sum of materials, in the compressed domain where they allow it.
+//! `wavelume combine`: the weighted sum of materials, in the compressed domain where possible.
 
 use super::failure::Failure;
 use super::input::read_file;
@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// The materials: same quantity, unit and axes
     #[arg(value_name = "M.wlm", required = true)]
     materials: Vec<PathBuf>,
-    /// One factor a material [default: 1 each]
+    /// One factor for each material [default: 1 each]
     #[arg(long, value_name = "W,...", value_parser = query::weights, allow_hyphen_values = true)]
     weights: Option<List<f64>>,
     /// The material to write
@@ -27,10 +27,10 @@ pub(crate) struct Args {
     output: PathBuf,
     #[command(flatten)]
     target: TargetArgs,
-    /// The policy to compress again with; a promise, a policy or a basis that is named compresses again [default: rd]
+    /// Policy of a recompression; naming a target, a policy or a basis forces one [default: rd]
     #[arg(long)]
     policy: Option<Policy>,
-    /// The spectral basis to compress again with [default: auto]
+    /// Spectral basis of a recompression [default: auto]
     #[arg(long)]
     basis: Option<String>,
     /// Leave the provenance out of the file
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// What was done; the errors are those that combining added.
+/// Result of a combination; `added` holds the errors that combining added.
 #[derive(Serialize)]
 struct Answer<'a> {
     digest: String,

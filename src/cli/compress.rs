@@ -29,7 +29,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// The report of `--json`: the pipeline's, and how long it took.
+/// Report of `--json`: that of the pipeline, and the elapsed time.
 #[derive(serde::Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let outcome = outcome.map_err(|error| Failure::from(error).about(&args.measurement.input))?;
     let seconds = start.elapsed().as_secs_f64();
     write_file(&args.output, &outcome.bytes)?;
-    // A terminal shows the report's own lines; whoever reads it elsewhere would miss them.
+    // A terminal shows the notes of the report; other outputs need the warnings on stderr.
     if args.json || !std::io::stdout().is_terminal() {
         for note in outcome.report.notes.iter().filter(|note| note.kind == NoteKind::Warning) {
             warn(&note.message);
@@ -68,10 +68,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&sheet.render(&heading))
 }
 
-/// A progress bar on a terminal, nothing elsewhere.
+/// A progress bar on a terminal; invisible elsewhere.
 struct Bar(ProgressBar);
 
-/// The steps of the bar.
+/// Resolution of the bar in steps.
 const STEPS: u64 = 1000;
 
 impl Bar {

@@ -1,4 +1,4 @@
-//! What is inside an archive: one line a file, each read as it would be alone.
+//! Contents of an archive: one line a file, each read as it would be alone.
 
 use super::failure::Failure;
 use super::input::Loaded;
@@ -7,7 +7,7 @@ use crate::domain::{Quantity, Unit};
 use crate::formats::{Acquisition, Archive};
 use serde::Serialize;
 
-/// The files of an archive.
+/// Contents of an archive.
 #[derive(Serialize)]
 pub(crate) struct Contents {
     kind: &'static str,
@@ -15,14 +15,14 @@ pub(crate) struct Contents {
     members: Vec<Inside>,
 }
 
-/// One file.
+/// One file of an archive.
 #[derive(Serialize)]
 struct Inside {
     name: String,
     bytes: u64,
     #[serde(flatten)]
     understood: Option<Understood>,
-    /// Why it is not read.
+    /// Reason why the file is not read.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<String>,
 }
@@ -36,7 +36,7 @@ struct Understood {
 }
 
 impl Contents {
-    /// Reads every file with what the user said of all of them.
+    /// Reads every file with the user's reading options.
     pub(crate) fn read(loaded: &Loaded) -> Result<Self, Failure> {
         let mut archive = Archive::open(loaded.bytes()).map_err(Failure::failed)?;
         let members = archive.members().to_vec();
@@ -52,7 +52,7 @@ impl Contents {
         Ok(Self { kind: "archive", bytes: loaded.bytes().len() as u64, members: members.collect() })
     }
 
-    /// For people.
+    /// Renders a human-readable table.
     pub(crate) fn render(&self, name: &str) -> String {
         let read = self.members.iter().filter(|member| member.understood.is_some()).count();
         let mut table = Table::new(&["bytes", "name", "quantity", "what it is"]);

@@ -20,11 +20,12 @@ pub(crate) struct Args {
     /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
-    /// A coarser level, a grid of fewer angles or larger triangles, as `inspect` lists them; the first bytes of the file are then enough
+    /// Level to decode: a grid of fewer angles or larger triangles, as `inspect` lists them; the first bytes of the
+    /// file are then enough
     #[arg(long, value_name = "N")]
     level: Option<u8>,
-    /// One entry of the axes in front of the outgoing directions, from 0, row-major: a slice [outgoing, wavelength]; of a material
-    /// of --random-access nothing else is decoded
+    /// Zero-based, row-major entry of the axes before the outgoing directions; writes a slice [outgoing, wavelength].
+    /// Of a --random-access material nothing else is decoded
     #[arg(long, value_name = "I", conflicts_with = "level")]
     incoming: Option<usize>,
     #[command(flatten)]
@@ -42,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     write_array(&args.output, measurement, None, args.json)
 }
 
-/// The samples of the material in `path`, at its finest level if none is named.
+/// Decodes the material in `path`, at its finest level if none is given.
 pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
@@ -50,19 +51,19 @@ pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> R
     threads.run(whole)?.map_err(|error| Failure::from(error).about(path))
 }
 
-/// The slice of the material in `path` behind one entry of the axes in front of the outgoing directions.
+/// Decodes the slice of the material in `path` for one entry of the axes before the outgoing directions.
 fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || {
         let decoded = compress::decode_block(&bytes, block)?;
         let (quantity, unit, sampling) = (decoded.summary.quantity, decoded.summary.unit, decoded.summary.sampling);
-        // A part of what it is: the axes that its quantity asks for are not all there.
+        // A slice lacks some of the axes that its quantity requires.
         Ok(Measurement { quantity, unit, sampling, tensor: decoded.whole(block)? })
     };
     threads.run(decode)?.map_err(|error: DecodeError| Failure::from(error).about(path))
 }
 
-/// Writes a measurement as an array and its manifest beside it, and says so.
+/// Writes a measurement as an array with its manifest beside it, and reports the files.
 pub(crate) fn write_array(
     path: &Path,
     measurement: Measurement,
@@ -72,8 +73,8 @@ pub(crate) fn write_array(
     write_marked(path, measurement, coverage, &[], json)
 }
 
-/// As [`write_array`]; where cells are `filled`, a second array says
-/// which (`NAME.filled.npy`, over the axes before the spectral one, 1 where a cell is filled).
+/// Like [`write_array`]. If cells are `filled`, a second array marks them: `NAME.filled.npy`, over the axes before the
+/// spectral one, 1 if a cell is filled.
 pub(crate) fn write_marked(
     path: &Path,
     measurement: Measurement,
@@ -87,7 +88,7 @@ pub(crate) fn write_marked(
     let (quantity, unit, masked) = (measurement.quantity, measurement.unit, measurement.tensor.masked());
     let axes_are_spectral = measurement.tensor.axes().last().is_some_and(Axis::is_spectral);
     let (samples, range) = (measurement.tensor.len(), measurement.tensor.range());
-    // The array's bytes are a second copy of the samples; the first goes before they are written.
+    // The encoded array is a second copy of the samples; the first is dropped before the bytes are written.
     let bytes = formats::write_npy(&shape, measurement.tensor.samples());
     drop(measurement);
     write_file(path, &bytes)?;

@@ -19,15 +19,15 @@ pub(crate) struct Args {
     once: bool,
 }
 
-/// A bundled measurement and what is done with it.
+/// A bundled measurement and its processing.
 struct Exhibit {
-    /// What it is, for people.
+    /// Human-readable title.
     title: &'static str,
     file: &'static str,
     bytes: &'static [u8],
-    /// A spectrum to join, as a file of its own.
+    /// Spectrum to join, as a file of its own.
     spectrum: Option<(&'static str, &'static [u8])>,
-    /// What the file does not say, as query parameters.
+    /// Reading options that the file does not state, as query parameters.
     options: &'static [(&'static str, &'static str)],
     er_l2: f64,
 }
@@ -68,14 +68,14 @@ const EXHIBITS: &[Exhibit] = &[
     },
 ];
 
-/// How often a job is looked at.
+/// Interval at which a job is polled.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// What became of an exhibit.
+/// Outcome of compressing an exhibit.
 struct Outcome {
     material: Value,
     seconds: f64,
-    /// Whether the material was there before.
+    /// True if the material existed before.
     kept: bool,
 }
 
@@ -209,7 +209,7 @@ impl Visitor {
         Ok(text(&answer, "id")?.to_owned())
     }
 
-    /// Runs a job to its end; also whether it had ended before.
+    /// Runs a job to its end. Also returns true if it had ended before.
     async fn job(&self, measurement: &str, er_l2: f64, key: Option<&str>) -> Result<(Value, bool), Failure> {
         let body = json!({ "measurement": measurement, "target": { "er_l2": er_l2 } });
         let mut request = self.client.post(format!("{}/v1/jobs", self.base)).json(&body);
@@ -232,7 +232,7 @@ impl Visitor {
         }
     }
 
-    /// The manifest of a job's material; `None` if it is gone.
+    /// Returns the manifest of a job's material; `None` if it is gone.
     async fn material(&self, job: &Value) -> Result<Option<Value>, Failure> {
         let url = format!("{}/v1/materials/{}", self.base, text(job, "material")?);
         let answer = send(self.client.get(url)).await?;
@@ -247,7 +247,7 @@ async fn send(request: RequestBuilder) -> Result<Response, Failure> {
     request.send().await.map_err(|error| Failure::failed(reason(&error)))
 }
 
-/// The JSON of an answer, or the problem it names.
+/// Returns the JSON of an answer, or the problem that it states.
 async fn read(answer: Response) -> Result<Value, Failure> {
     let (status, path) = (answer.status(), answer.url().path().to_owned());
     let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
@@ -262,13 +262,13 @@ fn text<'a>(answer: &'a Value, name: &str) -> Result<&'a str, Failure> {
     answer[name].as_str().ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
 }
 
-/// A number of a manifest, from its error report where it is one of those.
+/// Returns a number of a manifest, or of its error report.
 fn number(material: &Value, name: &str) -> Result<f64, Failure> {
     let found = material[name].as_f64().or_else(|| material["errors"][name].as_f64());
     found.ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
 }
 
-/// `text` as a value in a query.
+/// Percent-encodes `text` as a value in a query.
 fn escaped(text: &str) -> String {
     text.bytes()
         .map(|byte| match byte {

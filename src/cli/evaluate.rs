@@ -14,30 +14,31 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The incoming direction in degrees, for quantities that have one
+    /// Incoming direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
-    /// The outgoing direction in degrees, for quantities that have one
+    /// Outgoing direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wo: Option<Direction>,
-    /// A table of directions instead of --wi and --wo, one query a row: columns `theta_i, phi_i, theta_o, phi_o` in degrees as
-    /// far as the quantity has them, named in the first line of a CSV, in this order in a NumPy array [rows, columns]; - is stdin
+    /// Table of directions instead of --wi and --wo, one query a row. Columns `theta_i, phi_i, theta_o, phi_o` in
+    /// degrees, as far as the quantity has them: named in the first line of a CSV, in this order in a NumPy array
+    /// [rows, columns]; - is stdin
     #[arg(long, value_name = "FILE.csv|npy|-")]
     directions: Option<PathBuf>,
     #[command(flatten)]
     batch: BatchArgs,
-    /// One entry, from 0, for each leading index axis
+    /// Zero-based entry on each leading index axis
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     /// Wavelengths in nm [default: the material's own]
     #[arg(long, value_name = "START:STOP:STEP|A,B,...", value_parser = query::wavelengths)]
     wavelengths: Option<List<f64>>,
-    /// The value of the cell, or a continuous function of direction
+    /// Interpolation over directions
     #[arg(long, value_enum, default_value_t)]
     interpolation: How,
-    /// What there is outside the measured range of wavelengths
+    /// Values outside the measured range of wavelengths
     #[arg(long, value_enum, default_value_t)]
     beyond: Outside,
     #[command(flatten)]
@@ -58,22 +59,22 @@ enum How {
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum Outside {
-    /// Nothing is known: null.
+    /// Masked: null.
     #[default]
     Masked,
-    /// No light.
+    /// Zero: no light.
     Zero,
     /// The sample at the end of the range.
     Nearest,
 }
 
-/// The answer; masked values are null.
+/// Answer to one query; masked values are null.
 #[derive(serde::Serialize)]
 struct Answer {
     wavelengths: Option<Vec<f64>>,
     values: Vec<f32>,
     unit: Unit,
-    /// The incoming direction lies past the last elevation that was measured.
+    /// True if the incoming direction lies beyond the last measured elevation.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
 }
@@ -107,7 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit, extrapolated })
 }
 
-/// Spectra for the rows of a table.
+/// Evaluates spectra for the rows of a table.
 fn rows(args: &Args, table: &Path, material: &Material, how: Interpolation, beyond: Beyond) -> Result<(), Failure> {
     let wavelengths = args.wavelengths.as_ref().map(|list| &list.0[..]);
     let names = match (wavelengths, material.axes().last()) {

@@ -1,4 +1,4 @@
-//! `wavelume export`: a material in a format that others read.
+//! `wavelume export`: a material in an exchange format.
 
 use super::decode::decode;
 use super::failure::Failure;
@@ -19,27 +19,27 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The format to write: rgl, merl, mbsdf, lm63, eulumdat, spd, csv, tabphase or npy
+    /// Format to write: rgl, merl, mbsdf, lm63, eulumdat, spd, csv, tabphase or npy
     #[arg(long, value_parser = format)]
     format: ExportFormat,
-    /// The file to write; an existing one is replaced whole
+    /// File to write; an existing one is replaced whole
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// One entry, from 0, for each leading index axis
+    /// Zero-based entry on each leading index axis
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: by the material's own axes; mbsdf: the
-    /// angles of the source]
+    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: from the material's own axes;
+    /// mbsdf: the angles of the source]
     #[arg(long, value_name = "N")]
     side: Option<usize>,
-    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: by the material's own axes;
-    /// lm63, eulumdat: the angles of the source]
+    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: from the material's own
+    /// axes; lm63, eulumdat: the angles of the source]
     #[arg(long, value_name = "DEGREES")]
     step: Option<f64>,
-    /// Linear sRGB instead of spectra (rgl)
+    /// Write linear sRGB instead of spectra (rgl)
     #[arg(long)]
     rgb: bool,
-    /// The wavelength in nm, instead of the mean over wavelengths (tabphase)
+    /// Wavelength in nm (tabphase) [default: the mean over wavelengths]
     #[arg(long, value_name = "NM")]
     wavelength: Option<f64>,
     #[command(flatten)]
@@ -156,7 +156,7 @@ fn sheet(summary: &Summary, bytes: usize) -> Sheet {
     sheet
 }
 
-/// A relative difference in signed per cent with three digits; one that rounds to zero has no minus sign.
+/// Formats a relative difference in signed per cent with three decimals; a rounded zero has no minus sign.
 fn deviation(relative: f64) -> String {
     // Adding 0 turns a negative zero into 0.
     format!("{:+.3} %", (1e5 * relative).round() / 1e3 + 0.0)

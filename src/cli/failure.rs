@@ -1,4 +1,4 @@
-//! How a command fails: one line for stderr and an exit code.
+//! Failure of a command: one line for stderr and an exit code.
 
 use crate::algebra::AlgebraError;
 use crate::compress::{CompressError, DecodeError};
@@ -10,26 +10,26 @@ use crate::preview::PreviewError;
 use std::fmt;
 use std::path::Path;
 
-/// Why a command did not do what was asked.
+/// Reason why a command failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Failure {
     /// The command line does not fit the command or the file: exit code 2.
     Usage(String),
-    /// Anything else: exit code 1.
+    /// Any other failure: exit code 1.
     Failed(String),
-    /// Whoever read stdout has closed it; nothing is left to say.
+    /// The reader of stdout has closed it: exit code 0 without a message.
     Closed,
-    /// The program broke one of its own rules, and has said where.
+    /// Internal error, already reported by the panic hook: exit code 1.
     Bug,
 }
 
 impl Failure {
-    /// A failure that is not the command line's.
+    /// Builds a failure with exit code 1.
     pub fn failed(message: impl fmt::Display) -> Self {
         Self::Failed(message.to_string())
     }
 
-    /// A command line that cannot be answered.
+    /// Builds a failure of usage, with exit code 2.
     pub fn usage(message: impl fmt::Display) -> Self {
         Self::Usage(message.to_string())
     }
@@ -43,7 +43,7 @@ impl Failure {
         }
     }
 
-    /// The same failure with the file it is about in front.
+    /// Puts the path of the file at fault before the message.
     #[must_use]
     pub fn about(self, path: &Path) -> Self {
         match self {
@@ -55,7 +55,7 @@ impl Failure {
 }
 
 impl fmt::Display for Failure {
-    /// One line, whatever the message holds: text of a file may be quoted in it.
+    /// Writes one line, even if the message quotes text of a file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),
@@ -65,7 +65,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// `text` with every run of white space and control characters as one space.
+/// Returns `text` with every run of white space and control characters replaced by one space.
 pub fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join(" ")
@@ -74,7 +74,7 @@ pub fn one_line(text: &str) -> String {
 impl From<PipelineError> for Failure {
     fn from(error: PipelineError) -> Self {
         match &error {
-            // The file is fine; what was said about it, or not said, is not.
+            // The file is fine; an option is missing or wrong.
             PipelineError::Format(refusal) | PipelineError::Spectrum(refusal)
                 if refusal.kind == FormatErrorKind::NeedsOption =>
             {

@@ -1,4 +1,4 @@
-//! `wavelume formats`: the file formats that are known, and templates of those that are written by hand.
+//! `wavelume formats`: the known file formats, and templates of those that are written by hand.
 
 use super::failure::Failure;
 use super::output::{Table, print, print_json};
@@ -9,8 +9,8 @@ pub(crate) struct Args {
     /// Print an array of JSON
     #[arg(long)]
     json: bool,
-    /// Print a file to be filled in: radiometric-csv-long, radiometric-csv-wide, npy-manifest, radiometric-arrow-python or
-    /// phase-table
+    /// Print a template to fill in: radiometric-csv-long, radiometric-csv-wide, npy-manifest, radiometric-arrow-python
+    /// or phase-table
     #[arg(long, value_name = "NAME", conflicts_with = "json")]
     template: Option<String>,
 }

@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Opens a data directory that is there: looking after one that is not is a slip of the pen.
+/// Opens an existing data directory. A missing one is refused, because it is most likely a typing mistake.
 pub(crate) async fn open_existing(directory: &Path) -> Result<Archive, Failure> {
     if !directory.is_dir() {
         return Err(Failure::failed("no such data directory").about(directory));

@@ -1,4 +1,4 @@
-//! `wavelume gc`: removes what nothing in a data directory names.
+//! `wavelume gc`: removes unreferenced blobs and stale staging files of a data directory.
 
 use super::failure::Failure;
 use super::fsck::open_existing;

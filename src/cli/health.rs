@@ -1,4 +1,4 @@
-//! `wavelume health`: asks a running service whether it is well; exit code 0 or 1.
+//! `wavelume health`: checks the health of a running service; exit code 0 or 1.
 
 use super::failure::Failure;
 use super::output::print;
@@ -6,7 +6,7 @@ use super::runtime::block_on;
 use super::serve::DEFAULT_LISTEN;
 use std::time::Duration;
 
-/// How long the answer may take.
+/// Longest wait for an answer. Raising it tolerates slower services.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 #[derive(Debug, clap::Args)]
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
-/// An address to ask: a service that listens on every address is asked on the machine's own.
+/// Returns an address to connect to. An unspecified listen address (`0.0.0.0`, `[::]`) becomes a loopback address.
 pub(crate) fn reachable(listen: &str) -> String {
     let listen = listen.strip_prefix("http://").unwrap_or(listen);
     match listen.parse::<std::net::SocketAddr>() {
@@ -43,7 +43,7 @@ pub(crate) fn reachable(listen: &str) -> String {
     }
 }
 
-/// The innermost cause: that is what a person can act on.
+/// Returns the innermost cause of an error, which a user can act on.
 pub(crate) fn reason(error: &reqwest::Error) -> String {
     if error.is_timeout() {
         return "no answer in time".to_owned();

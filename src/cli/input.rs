@@ -1,4 +1,4 @@
-//! Files in: the measurement, its spectrum and its manifest, read within a limit, and what the user says about them.
+//! Input files: the measurement, its spectrum and its manifest, read within a limit, and the user's reading options.
 
 use super::failure::Failure;
 use crate::domain::Unit;
@@ -8,35 +8,35 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use wavelume_formats::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
 
-/// A measurement and what the user says about it.
+/// A measurement file and the user's reading options.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MeasurementArgs {
     /// The file: any format that `wavelume formats` lists; its content decides, not its name
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
-    /// A spectrum to join with a luminaire
+    /// Spectrum to join with a luminaire
     #[arg(long, value_name = "SPD")]
     spectrum: Option<PathBuf>,
-    /// The quantity, where the file does not say: spectrum, reflectance, edf, brdf, btdf, bsdf, phase, or
+    /// Quantity, if the file does not state it: spectrum, reflectance, edf, brdf, btdf, bsdf, phase, or
     /// reflectance-factor (BRF, HCRF: divided by pi, which makes it a BRDF in 1/sr)
     #[arg(long)]
     quantity: Option<StatedQuantity>,
-    /// The unit of a value, e.g. 1/sr, cd, mW/sr
+    /// Unit of a value, e.g. 1/sr, cd, mW/sr
     #[arg(long)]
     unit: Option<Unit>,
-    /// The unit of the wavelengths of a spectral table: nm, um, angstrom or 1/cm
+    /// Unit of the wavelengths of a spectral table: nm, um, angstrom or 1/cm
     #[arg(long, value_name = "UNIT")]
     wavelength_unit: Option<String>,
-    /// The column of a spectral table, by name or by number from 1
+    /// Column of a spectral table, by name or by number from 1
     #[arg(long)]
     column: Option<String>,
-    /// What the values of a phase table integrate to over the sphere: 1, 4pi, vsf (a volume scattering function) or relative
+    /// Integral of the values of a phase table over the sphere: 1, 4pi, vsf (a volume scattering function) or relative
     #[arg(long, value_name = "1|4pi|vsf|relative")]
     normalization: Option<Normalization>,
-    /// The file of a zip archive, by name; `inspect` lists them
+    /// File of a zip archive, by name; `inspect` lists them
     #[arg(long, value_name = "NAME")]
     member: Option<String>,
-    /// The manifest of an array's axes [default: NAME.axes.json beside NAME.npy]
+    /// Manifest of an array's axes [default: NAME.axes.json beside NAME.npy]
     #[arg(long, value_name = "MANIFEST")]
     axes: Option<PathBuf>,
 }
@@ -49,14 +49,14 @@ pub(crate) struct Loaded {
 }
 
 impl MeasurementArgs {
-    /// Reads the files named. `wavelengths` are those of an array whose manifest says only `"lambda"`.
+    /// Reads the named files. `wavelengths` are those of an array whose manifest states only `"lambda"`.
     pub(crate) fn load(&self, wavelengths: Option<String>) -> Result<Loaded, Failure> {
         let bytes = read_file(&self.input)?;
         let spectrum = self.spectrum.as_deref().map(read_file).transpose()?;
         Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
     }
 
-    /// Whether all files of an archive are meant.
+    /// Returns true if no file of an archive is selected, so that all are meant.
     pub(crate) fn names_no_member(&self) -> bool {
         self.member.is_none()
     }
@@ -85,12 +85,12 @@ impl Loaded {
         &self.bytes
     }
 
-    /// What the user said.
+    /// Returns the user's reading options.
     pub(crate) fn interpretation(&self) -> &Interpretation {
         &self.interpretation
     }
 
-    /// What the pipeline reads.
+    /// Returns the input of the pipeline.
     pub(crate) fn input(&self) -> Input<'_> {
         Input { bytes: &self.bytes, spectrum: self.spectrum.as_deref(), interpretation: &self.interpretation }
     }
@@ -110,7 +110,7 @@ fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
     wavelume_formats::read_within(path, limit).map_err(|error| Failure::Failed(describe(&error)).about(path))
 }
 
-/// An I/O error in the words of a user.
+/// Describes an I/O error for a user.
 pub(crate) fn describe(error: &std::io::Error) -> String {
     match error.kind() {
         ErrorKind::NotFound => "no such file or directory".to_owned(),

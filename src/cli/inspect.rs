@@ -1,4 +1,4 @@
-//! `wavelume inspect`: what a measurement or material is.
+//! `wavelume inspect`: describes a measurement or material.
 
 use super::contents::Contents;
 use super::failure::Failure;
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }
 }
 
-/// A measurement, and the tensor that `compress` would make of it.
+/// Description of a measurement, and of the tensor that `compress` would make of it.
 #[derive(Serialize)]
 struct Measured {
     kind: &'static str,
@@ -55,9 +55,9 @@ struct Measured {
     quantity: Quantity,
     unit: Unit,
     sampling: Sampling,
-    /// What the file holds, outermost first.
+    /// Axes of the file, outermost first.
     source_axes: Vec<String>,
-    /// What the tensor holds, outermost first.
+    /// Axes of the tensor, outermost first.
     axes: Vec<String>,
     shape: Vec<usize>,
     samples: u64,
@@ -110,7 +110,7 @@ impl Measured {
             notes: acquisition.report.notes_of(on_grid).cloned().collect(),
             metadata: acquisition.report.metadata,
         };
-        // The tensor is not needed any more. What does not open is not warned of: it can be described all the same.
+        // The tensor is no longer needed. One that cannot be opened gets no warning and is still described.
         let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
         measured.notes.extend(warning.map(|message| Note { kind: NoteKind::Warning, message }));
         measured.notes.extend(remarks.into_iter().map(|message| Note { kind: NoteKind::Checked, message }));
@@ -151,7 +151,7 @@ impl Measured {
     }
 }
 
-/// What the samples of a file lie on.
+/// Describes the axes that the samples of a file lie on.
 fn measured_on(samples: &Samples) -> Vec<String> {
     match samples {
         Samples::OnAxes { tensor, .. } => tensor.axes().iter().map(Axis::describe).collect(),
@@ -197,7 +197,7 @@ fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
     axes
 }
 
-/// A material, from its header; opened for its warnings alone.
+/// Description of a material from its header; the material is opened only for its warnings.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,
@@ -217,24 +217,24 @@ struct Material {
     step: Option<f64>,
     ratio_bytes: f64,
     floor: f64,
-    /// Share of straight lines between stated directions; `null` where they are not on a grid of angles.
+    /// Share of linear interpolation between stated directions; `null` if they are not on a grid of angles.
     straight_lines: Option<f64>,
     /// Interpolation between incidences.
     between: compress::Between,
-    /// Lobe beside the cells; not there without one.
+    /// Lobe stored beside the cells; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     lobe: Option<Lobe>,
     #[serde(flatten)]
     errors: ErrorReport,
-    /// Coarse first, the last one the whole material.
+    /// Levels, coarsest first; the last one is the whole material.
     levels: Vec<LevelInfo>,
-    /// Where incoming directions are too sparse for the lobe.
+    /// Warnings of incoming directions that are too sparse for the lobe.
     warnings: Vec<String>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
 }
 
-/// The function between stated directions, for people.
+/// Describes the function between stated directions.
 fn interpolation(straight_lines: f64) -> String {
     match straight_lines {
         0.0 => "cubics of logarithms".to_owned(),
@@ -274,7 +274,7 @@ impl Material {
             errors: summary.errors,
             levels: compress::levels(bytes)?,
             warnings: pipeline::sparse(bytes)?.into_iter().collect(),
-            // A metadata chunk that is no JSON is still text worth showing.
+            // A metadata chunk that is not JSON is shown as text.
             provenance: summary
                 .metadata
                 .map(|text| serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))),

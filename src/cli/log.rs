@@ -1,4 +1,4 @@
-//! The log on stderr: an event is one bounded line, in colour on a terminal alone.
+//! Log on stderr: an event is one line of bounded length, in colour only on a terminal.
 
 use std::io::{self, IsTerminal, Write};
 use tracing_subscriber::filter::{LevelFilter, Targets};
@@ -6,20 +6,21 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{fmt, registry};
 
-/// Bytes of a line; the rest of a longer one is left out. Events of the service are far below.
+/// Upper bound in bytes on a line; the rest of a longer one is left out. Events of the service are far shorter.
 const LONGEST_LINE: usize = 8 << 10;
 
-/// How the log on stderr is written.
+/// Format of the log on stderr.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// Lines for people.
+    /// Human-readable lines.
     #[default]
     Human,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 
-/// Begins the log; `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: levels, also by the beginning of a target), else `level`.
+/// Starts the log. `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: levels, optionally by the beginning of a
+/// target); otherwise `level` does.
 pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let asked = std::env::var("RUST_LOG").ok().and_then(|levels| levels.parse::<Targets>().ok());
     let log = registry().with(asked.unwrap_or_else(|| Targets::new().with_default(level)));
@@ -29,27 +30,28 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
         LogFormat::Human => {
             log.with(events.with_target(false).with_writer(move || Line { to: io::stderr(), colours })).init();
         }
-        // JSON escapes by itself, and half an object is none.
+        // JSON escapes control characters itself, and half an object would be invalid.
         LogFormat::Json => log.with(events.json().with_writer(io::stderr)).init(),
     }
 }
 
-/// A log is in colour on a terminal that has colours, unless `NO_COLOR` is set and not empty (<https://no-color.org>).
+/// Returns true if the log is in colour: on a terminal that has colours, unless `NO_COLOR` is set and not empty
+/// (<https://no-color.org>).
 fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool {
     terminal
         && variable("NO_COLOR").is_none_or(|value| value.is_empty())
         && variable("TERM").is_none_or(|term| term != "dumb")
 }
 
-/// A writer of one event.
+/// Writer of one event.
 struct Line<W> {
     to: W,
-    /// Escape sequences of the log itself pass; the formatter has escaped those of values.
+    /// True if the log's own escape sequences pass; the formatter has escaped those of values.
     colours: bool,
 }
 
 impl<W: Write> Write for Line<W> {
-    /// Writes an event, which is formatted whole.
+    /// Writes one event, which is formatted whole.
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(event);
         let mut line = String::with_capacity(text.len() + 1);

@@ -1,4 +1,4 @@
-//! `wavelume migrate`: the catalog of a data directory, brought up to date.
+//! `wavelume migrate`: brings the catalog of a data directory up to date.
 
 use super::failure::Failure;
 use super::output::print;

@@ -1,4 +1,4 @@
-//! The command line: one file a command; translation between words and the library, no science of its own.
+//! Command line, one file per command: translates between words and the library, without any science of its own.
 
 mod bases;
 mod batch;
@@ -49,7 +49,7 @@ use tracing_subscriber::filter::LevelFilter;
 #[command(name = "wavelume", version, max_term_width = 100)]
 #[command(arg_required_else_help = false, disable_help_subcommand = true, infer_long_args = false)]
 pub struct Cli {
-    /// How the log on stderr is written; the environment's `RUST_LOG` filters it
+    /// Format of the log on stderr; `RUST_LOG` filters its events
     #[arg(long, global = true, value_enum, default_value_t, env = "WAVELUME_LOG_FORMAT", hide_env_values = true)]
     pub log_format: LogFormat,
     #[command(subcommand)]
@@ -60,17 +60,17 @@ pub struct Cli {
 enum Command {
     /// Compress a measurement to a promised error
     Compress(compress::Args),
-    /// Say what a measurement or material is: axes, units, coverage, errors
+    /// Describe a measurement or material: axes, units, coverage, errors
     Inspect(inspect::Args),
     /// Write the float32 tensor that would be compressed
     Project(project::Args),
     /// Write the samples of a material as a dense float32 tensor
     Decode(decode::Args),
-    /// Give the spectrum of a material for a pair of directions
+    /// Evaluate the spectrum of a material for a pair of directions
     Evaluate(evaluate::Args),
     /// Draw directions from a material
     Sample(sample::Args),
-    /// Say what colour a material has: XYZ, Lab, sRGB
+    /// Compute the colour of a material: XYZ, Lab, sRGB
     Color(color::Args),
     /// Draw a material: a ball, a polar diagram or a plot, as PNG
     Preview(preview::Args),
@@ -78,17 +78,17 @@ enum Command {
     Physics(physics::Args),
     /// Write the directional albedo of a material as a material of its own
     Reflectance(reflectance::Args),
-    /// Write a material in a format that others read
+    /// Write a material in an exchange format
     Export(export::Args),
-    /// Add materials, each times a factor: coefficients where they are linear in the samples
+    /// Add materials, each times a factor; adds coefficients where these are linear in the samples
     Combine(combine::Args),
-    /// Give the sum of products of two materials' samples
+    /// Compute the sum of products of two materials' samples
     Dot(dot::Args),
     /// List the spectral bases
     Bases(bases::Args),
     /// List the file formats
     Formats(formats::Args),
-    /// Make the paper's tables again, beside the printed figures
+    /// Recompute the paper's tables, beside the printed figures
     Paper(paper::Args),
     /// Start the service on real measurements, compress them and show how to use it
     Demo(demo::Args),
@@ -96,20 +96,20 @@ enum Command {
     Serve(serve::Args),
     /// Bring the catalog of a data directory up to date
     Migrate(migrate::Args),
-    /// Ask a running service whether it is well
+    /// Check the health of a running service
     Health(health::Args),
     /// Check every digest and reference of a data directory
     Fsck(fsck::Args),
-    /// Remove what nothing in a data directory names
+    /// Remove unreferenced blobs and stale staging files from a data directory
     Gc(gc::Args),
     /// Print the description of the HTTP interface
     Openapi(openapi::Args),
 }
 
-/// What a command line asks for.
+/// A parsed command line.
 #[derive(Debug)]
 pub enum Parsed {
-    /// A command.
+    /// A command to run.
     Run(Box<Cli>),
     /// Text for stdout: help or the version.
     Show(String),
@@ -126,7 +126,8 @@ impl Cli {
         })
     }
 
-    /// Begins the log on stderr; `RUST_LOG` filters it, else the service logs every request and other commands warn.
+    /// Starts the log on stderr. `RUST_LOG` filters it; by default the service logs every request and other commands
+    /// only warnings.
     pub fn start_log(&self) {
         let level = match self.command {
             Command::Serve(_) => LevelFilter::INFO,
@@ -135,7 +136,7 @@ impl Cli {
         log::start(self.log_format, level);
     }
 
-    /// Does what was asked.
+    /// Runs the command.
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
             Command::Compress(args) => compress::run(&args),
@@ -172,7 +173,7 @@ impl Parsed {
     }
 }
 
-/// What is wrong with a command line, without the usage that the parser prints below it.
+/// Returns the message of a command-line error, without the usage that the parser prints below it.
 fn usage_line(rendered: &str) -> String {
     let message = rendered.trim_start_matches("error:");
     let end = ["\nUsage:", "\nFor more information"].iter().filter_map(|mark| message.find(mark)).min();

@@ -1,4 +1,4 @@
-//! What a command hands back: files replaced whole, JSON on one line, tables for people.
+//! Output of commands: files replaced whole, JSON on one line, human-readable tables.
 
 use super::failure::{Failure, one_line};
 use super::input::describe;
@@ -8,7 +8,8 @@ use std::io::{ErrorKind, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-/// Writes `bytes` to `path`: a reader sees the old file or the new one, never a part; it is on the disk when this returns.
+/// Replaces the file `path` as a whole: a reader sees the old file or the new one, never a part. The new file is on the
+/// disk when this returns.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let refuse = |error: std::io::Error| Failure::Failed(format!("cannot write: {}", describe(&error))).about(path);
     // Through a link, the file it points to is replaced; a device or pipe is written to as it is.
@@ -21,7 +22,7 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
             File::options().write(true).open(&target).and_then(|mut f| f.write_all(bytes)).map_err(refuse)
         }
         Ok(metadata) => replace(&target, bytes, metadata.permissions()).map_err(refuse),
-        // The process's umask takes its part of this.
+        // Reduced by the umask of the process.
         Err(_) => replace(&target, bytes, Permissions::from_mode(0o666)).map_err(refuse),
     }
 }
@@ -32,12 +33,12 @@ fn replace(target: &Path, bytes: &[u8], permissions: Permissions) -> std::io::Re
     put(stage, target)
 }
 
-/// An empty file beside `target`.
+/// Creates an empty file beside `target`.
 fn stage_for(target: &Path, permissions: Permissions) -> std::io::Result<tempfile::NamedTempFile> {
     tempfile::Builder::new().prefix(".wavelume-").permissions(permissions).tempfile_in(directory_of(target))
 }
 
-/// Puts a whole file in the place of `target`, on the disk when this returns.
+/// Replaces `target` by a complete file, which is on the disk when this returns.
 fn put(stage: tempfile::NamedTempFile, target: &Path) -> std::io::Result<()> {
     stage.as_file().sync_all()?;
     stage.persist(target).map_err(|error| error.error)?;
@@ -51,7 +52,7 @@ fn directory_of(target: &Path) -> PathBuf {
     }
 }
 
-/// A file that is written part by part: it replaces the one of its name when it is whole, and nothing where it never is.
+/// A file that is written part by part. It replaces its target once it is complete, and otherwise changes nothing.
 pub(crate) enum Staged {
     /// A file beside the one that it will replace.
     Beside { stage: tempfile::NamedTempFile, target: PathBuf },
@@ -60,7 +61,7 @@ pub(crate) enum Staged {
 }
 
 impl Staged {
-    /// A file that will be `path`.
+    /// Starts a file that will replace `path`.
     pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
         let refuse = |error: std::io::Error| Failure::Failed(format!("cannot write: {}", describe(&error))).about(path);
         let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -78,7 +79,7 @@ impl Staged {
         Ok(Self::Beside { stage, target })
     }
 
-    /// Puts the file in its place.
+    /// Moves the complete file to its target.
     pub(crate) fn finish(self) -> std::io::Result<()> {
         match self {
             Self::Beside { stage, target } => put(stage, &target),
@@ -112,7 +113,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     })
 }
 
-/// Prints one line on stderr that warns of what was done all the same. A closed stderr has nobody to warn.
+/// Prints a one-line warning on stderr. A closed stderr is ignored.
 pub(crate) fn warn(message: &str) {
     let _ = writeln!(std::io::stderr(), "wavelume: warning: {}", one_line(message));
 }
@@ -124,7 +125,7 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print(&text)
 }
 
-/// Labelled lines for people: the labels in one column, the values in the next.
+/// Human-readable labelled lines: the labels in one column, the values in the next.
 #[derive(Debug, Default)]
 pub(crate) struct Sheet {
     lines: Vec<(String, String)>,
@@ -137,7 +138,7 @@ impl Sheet {
         self
     }
 
-    /// The lines under a heading.
+    /// Renders the lines under a heading.
     pub(crate) fn render(&self, heading: &str) -> String {
         let width = self.lines.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);
         let mut text = format!("{heading}\n");
@@ -152,7 +153,7 @@ impl Sheet {
     }
 }
 
-/// Rows under headings, numbers to the right.
+/// Human-readable rows under headings; columns of numbers are right-aligned.
 #[derive(Debug)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -160,7 +161,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// A table with these headings; a heading that starts with `>` has its column to the right.
+    /// Creates a table with these headings; a leading `>` right-aligns a column.
     pub(crate) fn new(headings: &[&str]) -> Self {
         let right = headings.iter().map(|heading| heading.starts_with('>')).collect();
         Self { rows: vec![headings.iter().map(|h| h.trim_start_matches('>').to_owned()).collect()], right }
@@ -171,7 +172,7 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// The table as text.
+    /// Renders the table as text.
     pub(crate) fn render(&self) -> String {
         let width = |column: usize| {
             self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
@@ -189,7 +190,7 @@ impl Table {
     }
 }
 
-/// `1228800` as `1,228,800`.
+/// Formats `1228800` as `1,228,800`.
 pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
@@ -202,12 +203,12 @@ pub(crate) fn count(n: u64) -> String {
     text
 }
 
-/// A ratio of parts as per cent, three significant digits: `0.998 %`.
+/// Formats a ratio as per cent with three significant digits: `0.998 %`.
 pub(crate) fn per_cent(fraction: f64) -> String {
     format!("{} %", three_digits(100.0 * fraction))
 }
 
-/// A number with three significant digits, without an exponent where that is readable.
+/// Formats a number with three significant digits, without an exponent where that is readable.
 pub(crate) fn three_digits(value: f64) -> String {
     let size = value.abs();
     match size {

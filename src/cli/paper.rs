@@ -1,4 +1,4 @@
-//! `wavelume paper`: the tables of the paper, made again beside the printed figures.
+//! `wavelume paper`: recomputes the tables of the paper, beside the printed figures.
 
 use super::failure::Failure;
 use super::output::{print, print_json};
@@ -7,13 +7,13 @@ use crate::paper::{self, PaperError, TABLES};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Make this table only (1 to 7); may be given several times
+    /// Make only this table (1 to 7); may be repeated
     #[arg(long = "table", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=7))]
     tables: Vec<u8>,
     /// Print an array of JSON
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print one line of CSV a figure
+    /// Print one line of CSV for each figure
     #[arg(long)]
     csv: bool,
 }

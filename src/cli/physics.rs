@@ -12,7 +12,7 @@ use crate::evaluate::{EvaluateError, Material};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Relative error that counts as promised where a file states none.
+/// Relative error that is assumed for a file that states none.
 const PROMISED: f64 = 0.01;
 
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// The reports; those that the quantity has.
+/// Reports that apply to the quantity of a material.
 #[derive(Serialize)]
 struct Answer {
     quantity: Quantity,
@@ -249,7 +249,7 @@ mod tests {
         assert!(text(Verdict::Broken, 0.2).contains("2 are negative, as samples are"));
     }
 
-    /// What is printed of a virtual measurement, opened as it is.
+    /// Renders the report of a virtual measurement, opened without compression.
     fn printed(quantity: &str, model: &str, axes: &str) -> String {
         let document =
             format!("{{\"wavelume\":\"virtual\",\"quantity\":\"{quantity}\",\"model\":{model},\"axes\":{axes}}}");

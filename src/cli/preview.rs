@@ -13,13 +13,13 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The PNG to write; an existing one is replaced whole
+    /// PNG to write; an existing one is replaced whole
     #[arg(short, long, value_name = "P.png")]
     output: PathBuf,
     /// Pixels along a side, 64 to 512
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SIZE, value_parser = size)]
     size: usize,
-    /// One entry, from 0, for each leading index axis [default: the first; every column of a spectral table]
+    /// Zero-based entry on each leading index axis [default: the first; every column of a spectral table]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     #[command(flatten)]

@@ -11,11 +11,12 @@ use std::path::PathBuf;
 pub(crate) struct Args {
     #[command(flatten)]
     measurement: MeasurementArgs,
-    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it, and NAME.filled.npy where cells are
+    /// Array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it, and NAME.filled.npy if cells are
     /// filled
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
-    // The promise and the policy do not change the tensor; they are taken so that both commands have the same options.
+    // The target and the policy do not change the tensor; they are accepted so that both commands have the same
+    // options.
     #[command(flatten)]
     request: RequestArgs,
     #[command(flatten)]
@@ -31,7 +32,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let loaded = args.measurement.load(request.wavelengths.clone())?;
     let projected = args.threads.run(|| {
         let source = pipeline::read(&loaded.input())?;
-        // The file's bytes are not needed any more, and may be as large as the tensor.
+        // The file's bytes are no longer needed, and may be as large as the tensor.
         drop(loaded);
         pipeline::project(&source.acquisition, &request)
     })?;

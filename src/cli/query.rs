@@ -1,4 +1,4 @@
-//! Where in a material to look: directions in degrees, indices, wavelengths.
+//! Parsers of queries: directions in degrees, indices, wavelengths.
 
 use super::failure::Failure;
 use super::input::read_file;
@@ -7,11 +7,11 @@ use crate::domain::{Direction, WavelengthGrid};
 use crate::evaluate::Material;
 use std::path::Path;
 
-/// A list on the command line; a type of its own, so that one option takes all of it.
+/// A list on the command line. A type of its own makes one option take all of it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct List<T>(pub(crate) Vec<T>);
 
-/// `THETA,PHI` in degrees.
+/// Parses `THETA,PHI` in degrees.
 pub(crate) fn direction(text: &str) -> Result<Direction, String> {
     let refused = || format!("`{text}` is no direction, expected THETA,PHI in degrees with THETA from 0 to 180");
     let angles = text.split(',').map(|part| part.trim().parse::<f64>()).collect::<Result<Vec<_>, _>>();
@@ -22,13 +22,13 @@ pub(crate) fn direction(text: &str) -> Result<Direction, String> {
     }
 }
 
-/// `3` or `3,4`: one entry for each leading index axis.
+/// Parses `3` or `3,4`: a zero-based entry on each leading index axis.
 pub(crate) fn index(text: &str) -> Result<List<usize>, String> {
     let entries = text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>();
     entries.map(List).map_err(|_| format!("`{text}` is no index, expected numbers from 0 with commas between them"))
 }
 
-/// `0.5,-2`: one factor for each material.
+/// Parses `0.5,-2`: one factor for each material.
 pub(crate) fn weights(text: &str) -> Result<List<f64>, String> {
     let refused = || format!("`{text}` is no list of factors, expected finite numbers with commas between them");
     let values = text.split(',').map(|part| part.trim().parse()).collect::<Result<Vec<f64>, _>>();
@@ -36,7 +36,7 @@ pub(crate) fn weights(text: &str) -> Result<List<f64>, String> {
     if values.iter().all(|v| v.is_finite()) { Ok(List(values)) } else { Err(refused()) }
 }
 
-/// `START:STOP:STEP`, or wavelengths with commas between them, in nm.
+/// Parses `START:STOP:STEP`, or a list of wavelengths with commas, in nm.
 pub(crate) fn wavelengths(text: &str) -> Result<List<f64>, String> {
     if text.contains(':') {
         return WavelengthGrid::parse_range(text).map(|grid| List(grid.values())).map_err(|error| error.to_string());

@@ -19,10 +19,10 @@ pub(crate) struct Args {
     /// The material: a brdf, btdf or bsdf
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The reflectance to write: a material, or an array with its manifest if the name ends in .npy
+    /// Reflectance to write: a material, or an array with its manifest if the name ends in .npy
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The light that is counted
+    /// Light that is counted
     #[arg(long, value_enum, default_value_t)]
     side: Which,
     #[command(flatten)]
@@ -34,12 +34,12 @@ pub(crate) struct Args {
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum Which {
-    /// All that leaves.
+    /// All light that leaves.
     #[default]
     Both,
-    /// What leaves on the side of the source.
+    /// Light that leaves on the side of the source.
     Reflected,
-    /// What leaves on the other side.
+    /// Light that leaves on the other side.
     Transmitted,
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&sheet.render(&heading))
 }
 
-/// What the file says of where it comes from: the material's own digest.
+/// Provenance of the output: the digest of the material it was computed from, and the side.
 fn provenance(bytes: &[u8], side: Side) -> String {
     json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
@@ -143,7 +143,7 @@ mod tests {
         write(&[from.as_os_str(), "-o".as_ref(), array.as_os_str(), "--side".as_ref(), "transmitted".as_ref()])
             .unwrap();
         assert!(array.exists() && path("r.axes.json").exists());
-        // A reflectance has none of its own.
+        // A reflectance cannot be reduced again.
         let refused = write(&[to.as_os_str(), "-o".as_ref(), array.as_os_str()]).unwrap_err();
         assert!(refused.to_string().ends_with("this reflectance has no reflectance, expected a brdf, btdf or bsdf"));
         assert_eq!(refused.exit_code(), 2);

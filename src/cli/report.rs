@@ -1,4 +1,4 @@
-//! Reports for people: the same facts as `--json`, in labelled lines.
+//! Human-readable reports: the same facts as `--json`, in labelled lines.
 
 use super::output::{Sheet, count, per_cent, three_digits};
 use crate::compress::{LevelInfo, Noise};
@@ -8,7 +8,7 @@ use crate::formats::{Note, NoteKind};
 use crate::pipeline::{AutoReport, FitReport, IncidenceReport, Report, SampleLight, StoppedAt};
 use crate::projection::{Coverage, Rejected, ScatterReport};
 
-/// The report of a compression; `file_bytes` is the size of the input file.
+/// Renders the report of a compression; `file_bytes` is the size of the input file.
 pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     let mut sheet = Sheet::default();
     sheet.line("format", labelled(&report.format, &report.dialect));
@@ -66,7 +66,7 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     sheet
 }
 
-/// Interpolation between incidences, and what it is off where one is left out.
+/// Adds the interpolation between incidences, and its leave-one-out and estimated errors.
 fn incidence_lines(sheet: &mut Sheet, report: &IncidenceReport) {
     sheet.line("between incidences", report.interpolation);
     sheet.line("one incidence left out", format!("er(L2) {}", per_cent(report.left_out_er_l2)));
@@ -83,20 +83,20 @@ pub(crate) fn labelled(name: &str, detail: &str) -> String {
     if detail.is_empty() { name.to_owned() } else { format!("{name} ({detail})") }
 }
 
-/// One line with the axes, outermost first.
+/// Adds one line with the axes, outermost first.
 pub(crate) fn axes_lines(sheet: &mut Sheet, axes: &[String]) {
     let axes = if axes.is_empty() { "none: one value".to_owned() } else { axes.join(" × ") };
     sheet.line("axes", axes);
 }
 
-/// How many coefficients were kept.
+/// Adds the number of kept coefficients.
 pub(crate) fn coefficient_line(sheet: &mut Sheet, kept: Option<u64>, ratio: Option<f64>) {
     if let (Some(kept), Some(ratio)) = (kept, ratio) {
         sheet.line("coefficients", format!("{} kept, {} samples each", count(kept), three_digits(ratio)));
     }
 }
 
-/// How many samples there are, and how many of them are special.
+/// Adds the number of samples, and the numbers of special ones among them.
 pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     let special = [
         ("masked", errors.masked_samples),
@@ -108,7 +108,7 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
 }
 
-/// The levels that the first bytes of a file hold, where there are several.
+/// Adds the levels that the first bytes of a file decode to, if there are several.
 pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
     for LevelInfo { level, bytes, er_l2 } in levels.iter().filter(|_| levels.len() > 1) {
         let text = format!("{level} in the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2));
@@ -116,7 +116,7 @@ pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
     }
 }
 
-/// The errors, relative ones in per cent.
+/// Adds the errors, relative ones in per cent.
 pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) {
     sheet.line(
         label,
@@ -143,7 +143,7 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
     }
 }
 
-/// The colour differences.
+/// Adds the colour differences.
 fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     let (largest, mean) = (three_digits(colour.largest), three_digits(colour.mean));
     sheet.line("colour", format!("CIEDE2000 largest {largest}, mean {mean}, illuminant {}", colour.illuminant));
@@ -153,7 +153,7 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     }
 }
 
-/// What the cells stand on.
+/// Adds the coverage: numbers of measured, interpolated, filled and empty cells.
 pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     let filled = if coverage.filled > 0 { format!("{} filled, ", count(coverage.filled)) } else { String::new() };
     sheet.line(
@@ -174,7 +174,7 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     }
 }
 
-/// Number, noise and outliers of scattered samples.
+/// Adds the number, noise and outliers of scattered samples.
 fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     let negative = if report.negative > 0 { format!(", {} negative", count(report.negative)) } else { String::new() };
     sheet.line(
@@ -184,7 +184,7 @@ fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     scatter_noise_lines(sheet, report.noise, report.rejected, (Some(report.isolated), report.lobe));
 }
 
-/// Noise and outliers of scattered samples, and what of these lies alone or is a lobe.
+/// Adds the noise and outliers of scattered samples, and the numbers of those that lie alone or form a lobe.
 fn scatter_noise_lines(
     sheet: &mut Sheet,
     noise: Option<f64>,
@@ -248,7 +248,7 @@ fn uncertainty_line(sheet: &mut Sheet, within: Option<f64>) {
     }
 }
 
-/// Where `auto` stopped, and what the other bound is.
+/// Describes the bound at which `auto` stopped, and the other bound.
 fn stopped_at(auto: &AutoReport) -> String {
     let uncertainty =
         |u: f64| format!("uncertainty of {} that the file states (relative root mean square)", per_cent(u));
@@ -267,7 +267,7 @@ fn stopped_at(auto: &AutoReport) -> String {
     }
 }
 
-/// The largest differences of the light of a material from that of its samples.
+/// Describes the largest differences between the light of a material and that of its samples.
 fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
     let signed = |off: f64| format!("{} {}", per_cent(off.abs()), if off > 0.0 { "too much" } else { "too little" });
     let stated = |off: Option<f64>| off.map_or_else(|| "unknown: no samples there".to_owned(), signed);
@@ -279,13 +279,13 @@ fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
     format!("{kept}; with the rejected samples that lie together {together}, with all rejected ones {all}")
 }
 
-/// The same of a file that states it.
+/// Adds noise, outliers and errors at scattered samples as a file states them.
 pub(crate) fn stated_fit_lines(sheet: &mut Sheet, fit: &FitReport) {
     scatter_noise_lines(sheet, fit.noise, fit.rejected, (fit.isolated, fit.lobe));
     fit_line(sheet, fit);
 }
 
-/// The estimated noise of the samples.
+/// Adds the estimated noise of the samples.
 fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
     let Some(noise) = noise else { return };
     let own = (noise.relative > 0.0).then(|| {
@@ -297,7 +297,7 @@ fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
     sheet.line("noise", both.join(", "));
 }
 
-/// Everything a parser assumed, filled, skipped or warns of.
+/// Adds everything a parser assumed, filled, skipped or warns of.
 pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
     for note in notes {
         let label = match note.kind {

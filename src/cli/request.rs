@@ -1,4 +1,4 @@
-//! What the user asks of a compression: axes, promise, policy, threads; in the names of a request.
+//! Options of a compression: axes, target, policy, threads; named as in a request.
 
 use super::failure::Failure;
 use crate::compress::{DeltaE, Policy, Target};
@@ -8,24 +8,24 @@ use crate::domain::limits::MAX_LEVEL;
 use crate::pipeline::{Curve, Request};
 use crate::projection::DirectionDomain;
 
-/// The promise that holds where none is named.
+/// Target if none is given.
 const DEFAULT_TARGET: Target = Target::ErL2(0.01);
 
-/// The axes of the tensor; what is not given is chosen from the data's own density.
+/// Axes of the tensor; by default chosen from the density of the data.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AxesArgs {
-    /// Directions stay on the angles of the file (grid) or are averaged over triangles [default: grid where the file has one;
-    /// a level asks for triangles]
+    /// Keep directions on the angles of the file (grid), or average them over triangles [default: grid if the file has
+    /// one; a level implies triangles]
     #[arg(long, value_name = "grid|triangles")]
     domain: Option<DirectionDomain>,
-    /// Each value of a BRDF on its own grid becomes the mean with that of the exchanged pair of directions; the promise holds
-    /// against these means
+    /// Replace each value of a BRDF on its own grid by its mean with the value of the exchanged pair of directions; the
+    /// target holds against these means
     #[arg(long)]
     reciprocal: bool,
-    /// Subdivision level of the incoming triangles
+    /// Subdivision level of the triangles of incoming directions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles
+    /// Subdivision level of the triangles of outgoing directions
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     outgoing_level: Option<u8>,
     /// Wavelengths to resample to, in nm, both ends included
@@ -33,44 +33,44 @@ pub(crate) struct AxesArgs {
     wavelengths: Option<String>,
 }
 
-/// The promise: at most one of these; er(L2) 0.01 where none is named.
+/// Target: at most one of these; er(L2) 0.01 by default.
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
 pub(crate) struct TargetArgs {
-    /// Root mean square of the relative error at most this: 0.01 is 1 % [default: 0.01]; `auto` stops at the estimated
-    /// noise, or at the uncertainty that the file states where that is larger (policy rd)
+    /// Upper bound on the root mean square of the relative error: 0.01 is 1 % [default: 0.01]; `auto` stops at the
+    /// estimated noise, or at the uncertainty that the file states if that is larger (policy rd)
     #[arg(long, value_name = "E|auto", value_parser = er_l2)]
     er_l2: Option<Target>,
-    /// Mean of the relative error at most this: 0.01 is 1 %
+    /// Upper bound on the mean relative error: 0.01 is 1 %
     #[arg(long, value_name = "E", value_parser = positive)]
     er_l1: Option<f64>,
-    /// Relative error of every sample > 0 at most this
+    /// Upper bound on the relative error of every sample > 0
     #[arg(long, value_name = "E", value_parser = positive)]
     max_relative_error: Option<f64>,
-    /// Absolute error of every sample at most this, in the unit of the samples
+    /// Upper bound on the absolute error of every sample, in the unit of the samples
     #[arg(long, value_name = "E", value_parser = positive)]
     max_absolute_error: Option<f64>,
-    /// Root of the squared errors' sum over the squared samples' sum at most this
+    /// Upper bound on the root of: sum of squared errors over sum of squared samples
     #[arg(long, value_name = "E", value_parser = positive)]
     relative_rmse: Option<f64>,
-    /// Colour difference CIEDE2000 of every spectrum at most this (policy rd)
+    /// Upper bound on the colour difference CIEDE2000 of every spectrum (policy rd)
     #[arg(long, value_name = "E", value_parser = positive)]
     delta_e: Option<f64>,
-    /// At least this many samples per kept coefficient
+    /// Lower bound on the samples per kept coefficient
     #[arg(long, value_name = "R", value_parser = positive)]
     ratio: Option<f64>,
-    /// At most this many bytes, metadata included
+    /// Upper bound on the bytes of the file, metadata included
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     bytes: Option<u64>,
-    /// No promise: this quantiser step in natural logarithms; nothing is searched, errors are measured (policy rd)
+    /// No error bound: fixes the quantiser step (natural-log units); errors are still measured and reported (policy rd)
     #[arg(long, value_name = "S", value_parser = positive)]
     step: Option<f64>,
-    /// Every bit
+    /// Keep every bit
     #[arg(long)]
     lossless: bool,
 }
 
-/// Promises that know no light.
+/// Targets that have no illuminant.
 const OTHER_TARGETS: [&str; 9] = [
     "er_l2",
     "er_l1",
@@ -83,36 +83,39 @@ const OTHER_TARGETS: [&str; 9] = [
     "lossless",
 ];
 
-/// How to compress.
+/// Options of a compression.
 #[derive(Debug, clap::Args)]
 pub(crate) struct RequestArgs {
     #[command(flatten)]
     axes: AxesArgs,
     #[command(flatten)]
     target: TargetArgs,
-    /// The illuminant of --delta-e: A, B, C, D50, D65, F11 or E [default: D65]
+    /// Illuminant of --delta-e: A, B, C, D50, D65, F11 or E [default: D65]
     #[arg(long, value_name = "NAME", requires = "delta_e", conflicts_with_all = OTHER_TARGETS)]
     illuminant: Option<Illuminant>,
-    /// rd: rate-distortion; the paper's: conventional (one threshold), generic (one a space), adaptive
+    /// rd: rate-distortion; those of the paper: conventional (one threshold), generic (one for each space), adaptive
     #[arg(long, default_value_t)]
     policy: Policy,
-    /// The spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists
+    /// Spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists
     #[arg(long, default_value = "auto")]
     basis: String,
-    /// Samples below F x the maximum leave the relative errors and are kept within that absolutely
+    /// Relative floor: samples below F x the maximum leave the relative errors, and their absolute error is at most
+    /// that
     #[arg(long, value_name = "F", value_parser = fraction)]
     floor: Option<f64>,
-    /// Relative error of the light of every direction and wavelength (directional albedo, flux) at most this (policy rd)
+    /// Upper bound on the relative error of the light of every direction and wavelength (directional albedo, flux;
+    /// policy rd)
     #[arg(long, value_name = "E", value_parser = positive)]
     albedo_error: Option<f64>,
-    /// One incoming direction is decoded without the others (policy rd); no coarser levels
+    /// Make each incoming direction decodable without the others (policy rd); no coarser levels
     #[arg(long)]
     random_access: bool,
-    /// Between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or straight lines
+    /// Interpolation between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or
+    /// straight lines
     #[arg(long, value_name = "cubic|linear", default_value_t)]
     interpolation: Curve,
-    /// Fail where the material adds more to the noise of scattered samples than twice the promised error or half of the noise,
-    /// or has another light than they
+    /// Fail if the material adds more to the noise of scattered samples than twice the promised error or half of the
+    /// noise, or if its light differs from theirs
     #[arg(long)]
     strict: bool,
     /// Leave the provenance out of the file
@@ -120,16 +123,16 @@ pub(crate) struct RequestArgs {
     no_metadata: bool,
 }
 
-/// The threads of the maths.
+/// Number of threads that compute.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
-    /// Threads to use [default: one a core]; the bytes do not depend on it
+    /// Threads to use [default: one per core]; the bytes do not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }
 
 impl AxesArgs {
-    /// A request for these axes, to the default promise.
+    /// Builds a request for these axes with the default target.
     pub(crate) fn request(&self) -> Request {
         Request {
             domain: self.domain,
@@ -142,7 +145,7 @@ impl AxesArgs {
     }
 }
 
-/// A number, or `auto`.
+/// Parses a number, or `auto`.
 fn er_l2(text: &str) -> Result<Target, String> {
     if text == "auto" { Ok(Target::Auto) } else { positive(text).map(Target::ErL2) }
 }
@@ -152,12 +155,12 @@ impl TargetArgs {
         self.named_under(illuminant).unwrap_or(DEFAULT_TARGET)
     }
 
-    /// The promise that is named, colours under D65.
+    /// Returns the target that is given, for colours under D65.
     pub(crate) fn named(&self) -> Option<Target> {
         self.named_under(Illuminant::default())
     }
 
-    /// The promise, the default one where none is named.
+    /// Returns the target, or the default if none is given.
     pub(crate) fn or_default(&self) -> Target {
         self.target(Illuminant::default())
     }
@@ -177,7 +180,7 @@ impl TargetArgs {
 }
 
 impl RequestArgs {
-    /// The request.
+    /// Builds the request.
     pub(crate) fn request(&self) -> Request {
         Request {
             target: self.target.target(self.illuminant.unwrap_or_default()),
@@ -195,7 +198,7 @@ impl RequestArgs {
 }
 
 impl ThreadsArgs {
-    /// Runs `work` on the threads asked for.
+    /// Runs `work` on the number of threads asked for.
     pub(crate) fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
         let Some(threads) = self.threads else { return Ok(work()) };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build();

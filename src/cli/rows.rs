@@ -1,4 +1,4 @@
-//! Tables of numbers row by row, CSV with a header or a `NumPy` array, from a file or stdin, in memory that does not grow.
+//! Tables of numbers read row by row in constant memory: CSV with a header or a `NumPy` array, from a file or stdin.
 
 use super::failure::Failure;
 use super::input::describe;
@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-/// Longest line of a table, in bytes.
+/// Upper bound in bytes on a line of a table.
 const MAX_LINE: u64 = 1 << 16;
 
 /// The rows of a table, from which some columns are read.
@@ -20,14 +20,14 @@ pub(crate) struct Rows {
 }
 
 enum Source {
-    /// A text, and where its lines have the columns.
+    /// A text, and the positions of the columns in its lines.
     Text { lines: Box<dyn BufRead>, columns: Vec<usize> },
-    /// An array, and how many of its rows are left.
+    /// An array, and the number of its rows that are left.
     Array { input: Box<dyn Read>, rows: ArrayRows, left: usize },
 }
 
 impl Rows {
-    /// The table in `path`, `-` for stdin, with the columns `names`: others of a CSV are passed over.
+    /// Opens the table in `path` (`-` is stdin) with the columns `names`; other columns of a CSV are ignored.
     pub(crate) fn open(path: &Path, names: &'static [&'static str]) -> Result<Self, Failure> {
         let about = |failure: Failure| failure.about(path);
         let unread = |error: std::io::Error| Failure::failed(describe(&error)).about(path);
@@ -54,7 +54,7 @@ impl Rows {
         Ok(Self { path: path.to_owned(), names, source, read: 0 })
     }
 
-    /// Appends up to `most` rows to `numbers`, a number for each name; returns how many there were, 0 at the end.
+    /// Appends up to `most` rows to `numbers`, one number for each name. Returns the number of rows, 0 at the end.
     pub(crate) fn read(&mut self, most: usize, numbers: &mut Vec<f64>) -> Result<usize, Failure> {
         let mut count = 0;
         match &mut self.source {
@@ -97,7 +97,7 @@ impl Rows {
     }
 }
 
-/// The next line that is neither blank nor a comment; `None` at the end.
+/// Returns the next line that is neither blank nor a comment; `None` at the end.
 fn next_line(lines: &mut Box<dyn BufRead>) -> Result<Option<String>, Failure> {
     let mut bytes = Vec::new();
     loop {
@@ -118,7 +118,7 @@ fn next_line(lines: &mut Box<dyn BufRead>) -> Result<Option<String>, Failure> {
     }
 }
 
-/// Positions of the named columns in a header.
+/// Returns the positions of the named columns in a header.
 fn columns(header: &str, names: &[&str]) -> Result<Vec<usize>, String> {
     let found: Vec<String> = header.split(',').map(|name| name.trim().trim_matches('"').to_lowercase()).collect();
     let at = |name: &&str| {

@@ -11,9 +11,9 @@ pub(crate) fn block_on<T>(work: impl Future<Output = Result<T, Failure>>) -> Res
     runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))?.block_on(work)
 }
 
-/// Resolves at the first signal that ends the service: SIGTERM with a notice, SIGINT at once. SIGHUP ends a service whose
-/// terminal was closed, at once too, and is ignored by one that has no terminal. Handlers are installed by the call, not
-/// by the first poll, and stay: no later signal ends the drain.
+/// Resolves at the first signal that ends the service: SIGTERM with a notice, SIGINT at once. SIGHUP ends a service
+/// whose terminal was closed, at once too, and is ignored by one without a terminal. The call installs the handlers,
+/// not the first poll, and they stay: a later signal does not end the drain.
 pub(crate) fn stop_signal() -> Result<impl Future<Output = Stop> + Send + 'static, Failure> {
     let install = |kind| signal(kind).map_err(|error| Failure::failed(format!("cannot listen for signals: {error}")));
     let mut terminate = install(SignalKind::terminate())?;

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use std::path::PathBuf;
 
-/// Directions in one answer.
+/// Upper bound on the directions in one answer.
 const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
@@ -19,28 +19,28 @@ pub(crate) struct Args {
     /// The material
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The incoming direction in degrees, for quantities that have one
+    /// Incoming direction in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
-    /// How many directions
+    /// Number of directions
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_DIRECTIONS))]
     #[arg(required_unless_present = "directions", conflicts_with = "directions")]
     count: Option<u64>,
-    /// A table instead of --wi, -n and --seed, one direction drawn a row: columns `theta_i, phi_i` in degrees, where the
-    /// quantity has them, and u1, u2 of the unit square, named in the first line of a CSV, in this order in a NumPy array
-    /// [rows, columns]; - is stdin. Answers are `theta_o, phi_o, pdf, weight`; nan, nan, 0, 0 where nothing is drawn
+    /// Table instead of --wi, -n and --seed; each row draws one direction. Columns `theta_i, phi_i` in degrees, if the
+    /// quantity has them, and u1, u2 of the unit square: named in the first line of a CSV, in this order in a NumPy
+    /// array [rows, columns]; - is stdin. Answers are `theta_o, phi_o, pdf, weight`; nan, nan, 0, 0 if nothing is drawn
     #[arg(long, value_name = "FILE.csv|npy|-")]
     directions: Option<PathBuf>,
     #[command(flatten)]
     batch: BatchArgs,
-    /// The seed of the random numbers; the same seed gives the same directions anywhere
+    /// Seed of the random numbers; equal seeds give equal directions on every machine
     #[arg(long, default_value_t = 0, conflicts_with = "directions")]
     seed: u64,
-    /// Stop the descent at this subdivision level [default: the material's own]
+    /// Subdivision level at which the descent stops [default: the material's own]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     level: Option<u8>,
-    /// One entry, from 0, for each leading index axis
+    /// Zero-based entry on each leading index axis
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     /// Taken for symmetry with the other commands: the answer is always JSON
@@ -48,7 +48,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// The answer: parallel arrays; where nothing is emitted or reflected the direction is null and pdf and weight are 0.
+/// Answer as parallel arrays. If nothing is emitted or reflected, the direction is null, and pdf and weight are 0.
 #[derive(Default, serde::Serialize)]
 struct Answer {
     directions: Vec<Option<[f64; 2]>>,

@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// The service with every number that bounds it.
+/// Options of the service, with every limit.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table")]
 pub(crate) struct Args {
@@ -25,14 +25,14 @@ pub(crate) struct Args {
 pub(crate) struct Site {
     #[command(flatten)]
     pub(crate) data: DataArgs,
-    /// The address to listen on; port 0 takes a free one
+    /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
-    /// A host name that requests may name beside localhost and loopback addresses; again for each. On an address that is
-    /// not loopback every host is answered where none is given
+    /// Host name that requests may name besides localhost and loopback addresses; may be repeated. A service on any
+    /// other address accepts every host if none is given
     #[arg(long = "name", value_name = "HOST", env = "WAVELUME_NAMES", value_delimiter = ',', hide_env_values = true)]
     pub(crate) names: Vec<String>,
-    /// An origin whose pages may read: `SCHEME://HOST` or `SCHEME://HOST:PORT`; again for each
+    /// Origin whose pages may read: `SCHEME://HOST` or `SCHEME://HOST:PORT`; may be repeated
     #[arg(
         long = "origin",
         value_name = "ORIGIN",
@@ -46,7 +46,7 @@ pub(crate) struct Site {
 /// The data directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct DataArgs {
-    /// The data directory; made where it is missing
+    /// Data directory; created if it is missing
     #[arg(
         long = "data",
         value_name = "DIR",
@@ -57,7 +57,7 @@ pub(crate) struct DataArgs {
     pub(crate) directory: PathBuf,
 }
 
-/// Where the service listens and `health` asks, where nothing is said.
+/// Default address that the service listens on and that `health` asks.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:8080";
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

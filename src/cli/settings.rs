@@ -27,14 +27,14 @@ static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
     SETTINGS.iter().map(names).collect()
 });
 
-/// Settings that the short help lists too.
+/// Settings that the short help also lists.
 const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
 
 impl Settings {
     /// Writes the values into a configuration.
     pub(crate) fn apply(&self, config: &mut WorkConfig) {
         for (setting, value) in SETTINGS.iter().zip(&self.0) {
-            // Every value was tried when it was parsed.
+            // Every value was validated when it was parsed.
             let _ = (setting.set)(config, *value);
         }
     }
@@ -86,7 +86,7 @@ mod tests {
     const BEGIN: &str = "<!-- settings: begin -->\n";
     const END: &str = "<!-- settings: end -->\n";
 
-    /// The table of the documentation, from the command line as the program reads it.
+    /// Renders the table of the documentation from the command line as the program reads it.
     fn table() -> String {
         let command = Cli::command();
         let serve = command.find_subcommand("serve").unwrap();

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Stdout, Write};
 use std::path::{Path, PathBuf};
 
-/// Forms of a table of answers.
+/// Formats of a table of answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum TableFormat {
     /// A line of names, then a line of numbers for each row; masked values are nan.
@@ -19,14 +19,14 @@ pub(crate) enum TableFormat {
     F32,
 }
 
-/// A table that is written.
+/// A table that is being written.
 pub(crate) struct Table {
     sink: Sink,
     path: PathBuf,
     format: TableFormat,
     width: usize,
     rows: usize,
-    /// The bytes in front of the first row, until they are written.
+    /// Bytes before the first row, until they are written.
     head: Option<Vec<u8>>,
     text: String,
 }
@@ -37,7 +37,7 @@ enum Sink {
 }
 
 impl Table {
-    /// A table of these columns in `output`, or on stdout; the form is that of the name where none is given.
+    /// Opens a table with these columns in `output` or on stdout. Without a format, the name of the file decides.
     pub(crate) fn new(output: Option<&Path>, format: Option<TableFormat>, names: &[String]) -> Result<Self, Failure> {
         let extension = output.and_then(Path::extension).and_then(|extension| extension.to_str());
         let format = format.unwrap_or(match extension {
@@ -69,9 +69,9 @@ impl Table {
         Ok(Self { sink, path, format, width: names.len(), rows: 0, head: Some(head), text: String::new() })
     }
 
-    /// Appends rows, all values of one after those of the other.
+    /// Appends rows, the values of one after those of the other.
     pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), Failure> {
-        // A refusal of the first row leaves stdout empty.
+        // The header is written with the first row: an early failure leaves stdout empty.
         if let Some(head) = self.head.take() {
             self.put(&head)?;
         }
@@ -102,7 +102,7 @@ impl Table {
         done.map_err(|error| failed(&self.path, &error))
     }
 
-    /// Ends the table: a file takes its place now.
+    /// Ends the table; a file then replaces its target.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
         self.write(&[])?;
         let Self { sink, path, format, width, rows, .. } = self;

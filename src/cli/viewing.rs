@@ -1,4 +1,4 @@
-//! By whom and in which light a material is looked at: names, or files of spectral tables and materials.
+//! Illuminant and observer of a material: names, or files of spectral tables and materials.
 
 use super::failure::Failure;
 use super::input::read_file;
@@ -11,19 +11,19 @@ use std::path::Path;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewingArgs {
-    /// The light: A, B, C, D50, D65, F11 or E, or a file with a spectrum: a table or a material [default: D65]
+    /// Illuminant: A, B, C, D50, D65, F11 or E, or a file with a spectrum: a table or a material [default: D65]
     #[arg(long, value_name = "NAME|FILE")]
     illuminant: Option<String>,
-    /// The column of a table of illuminants, by name or by number from 1
+    /// Column of a table of illuminants, by name or by number from 1
     #[arg(long, value_name = "COLUMN", requires = "illuminant")]
     illuminant_column: Option<String>,
-    /// The observer: 1931 (2 degrees) or 1964 (10 degrees), or a file with the columns wavelength, x, y, z [default: 1931]
+    /// Observer: 1931 (2 degrees) or 1964 (10 degrees), or a file with the columns wavelength, x, y, z [default: 1931]
     #[arg(long, value_name = "NAME|FILE")]
     observer: Option<String>,
 }
 
 impl ViewingArgs {
-    /// Reads the files named.
+    /// Builds the viewing conditions, reading the named files.
     pub(crate) fn viewing(&self) -> Result<Viewing, Failure> {
         let known_observer = self.observer.as_deref().map(str::parse::<StandardObserver>);
         let known_light = self.illuminant.as_deref().map(str::parse::<Illuminant>);
@@ -48,7 +48,7 @@ impl ViewingArgs {
     }
 }
 
-/// The table in the file `name`, which is none of the names known.
+/// Reads the table in the file `name`, which is none of the known names.
 fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> Result<Tensor, Failure> {
     let path = Path::new(name);
     if !path.exists() {
@@ -69,7 +69,7 @@ fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> R
     }
 }
 
-/// What is reported: the file's name without its directories.
+/// Returns the file's name without its directories, for reports.
 fn shown(name: &str) -> String {
     Path::new(name).file_name().map_or_else(|| name.to_owned(), |file| file.to_string_lossy().into_owned())
 }

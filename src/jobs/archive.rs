@@ -18,7 +18,7 @@ pub struct Archive {
     pub(crate) catalog: Catalog,
 }
 
-/// Why a data directory was not opened or not looked after.
+/// Failure to open or to maintain a data directory.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The directory cannot be used.
@@ -26,63 +26,63 @@ pub enum ArchiveError {
     Directory {
         /// The directory.
         directory: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The blobs.
+    /// The store of blobs failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The catalog.
+    /// The catalog failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
-    /// The pools of threads.
+    /// The pools of threads could not be built.
     #[error("threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
-/// What a sweep removed; the answer of `wavelume gc`.
+/// Report of a sweep; the answer of `wavelume gc`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SweepReport {
-    /// Blobs that nothing named.
+    /// Removed blobs, which nothing named.
     pub removed_blobs: u64,
-    /// Their bytes.
+    /// Bytes of the removed blobs.
     pub removed_bytes: u64,
-    /// Staging files that nobody was writing.
+    /// Removed staging files, which no process was writing.
     pub removed_staging: u64,
-    /// Blobs that are named.
+    /// Blobs kept, because a row or a pin names them.
     pub kept_blobs: u64,
 }
 
-/// What a check found; the answer of `wavelume fsck`.
+/// Report of a check; the answer of `wavelume fsck`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FsckReport {
     /// Blobs whose digest was computed.
     pub checked_blobs: u64,
-    /// Their bytes.
+    /// Bytes of the checked blobs.
     pub checked_bytes: u64,
-    /// What is wrong; empty if all is well.
+    /// Faults found; empty if there are none.
     pub faults: Vec<Fault>,
 }
 
-/// One thing that is wrong.
+/// One fault.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Fault {
-    /// The bytes are not those of their digest.
+    /// The stored bytes do not match their digest.
     Corrupt {
         /// The digest.
         digest: String,
     },
-    /// A row names bytes that are not there.
+    /// A row names bytes that are missing.
     Missing {
         /// The digest.
         digest: String,
-        /// What names it: `measurement b3-…`, `material b3-…` or `job …`.
+        /// Row that names it: `measurement b3-…`, `material b3-…` or `job …`.
         named_by: String,
     },
 }
 
-/// How long a client may count on its idempotency key.
+/// Time that an idempotency key is kept at least. Raising it lets clients repeat a request for longer.
 const KEYS: Duration = Duration::from_hours(24);
 
 impl Archive {
@@ -91,7 +91,7 @@ impl Archive {
         Ok(Self::prepare(data).await?.0)
     }
 
-    /// Brings the schema up to date without starting anything and returns how many migrations were applied.
+    /// Brings the schema up to date without starting anything. Returns the number of migrations applied.
     pub async fn migrate(data: &Path) -> Result<usize, ArchiveError> {
         let (archive, applied) = Self::prepare(data).await?;
         archive.catalog.close().await;
@@ -112,12 +112,12 @@ impl Archive {
         Ok((Self { data: root, store: Arc::new(store), staging, catalog }, applied))
     }
 
-    /// Removes blobs that no row and no upload under way names, and stale staging files.
+    /// Removes blobs that neither a row nor a live pin names, and stale staging files.
     pub async fn sweep(&self) -> Result<SweepReport, ArchiveError> {
         self.sweep_stale(Limits::default().stale, &|| false).await
     }
 
-    /// A sweep that ends early when `stopped`.
+    /// Sweeps like [`Self::sweep`], but ends early once `stopped` returns true.
     pub(crate) async fn sweep_stale(
         &self,
         stale: Duration,
@@ -126,7 +126,7 @@ impl Archive {
         let staging = self.staging.clone();
         let removed_staging =
             tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
-        // The mark spares named blobs a look each; each other one is decided about under the write lock.
+        // The list of named blobs saves a query for each of them; the others are decided under the write lock.
         let named = self.catalog.named().await?;
         let mut report = SweepReport { removed_staging, ..SweepReport::default() };
         let mut blobs = self.store.list();
@@ -142,7 +142,7 @@ impl Archive {
                 report.kept_blobs += 1;
                 continue;
             };
-            // Another sweep may have been quicker.
+            // Another sweep may have been faster.
             if let Some(retired) = retired? {
                 self.store.discard(retired).await?;
                 report.removed_blobs += 1;
@@ -153,7 +153,7 @@ impl Archive {
         Ok(report)
     }
 
-    /// Recomputes every digest and looks for every blob that a row names.
+    /// Recomputes every digest, and checks that every blob named by a row exists.
     pub async fn check(&self) -> Result<FsckReport, ArchiveError> {
         let mut report = FsckReport::default();
         let mut blobs = self.store.list();
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(archive.store.size(pinned).await.unwrap(), Some(6));
     }
 
-    /// A store that does not finish a removal before it is told to.
+    /// A store that holds a removal back until the test permits it.
     #[derive(Debug)]
     struct Slow {
         store: Arc<dyn Store>,

@@ -1,4 +1,4 @@
-//! What the attempts at every kind of job share: how they fail, and how the bytes they made are published.
+//! Common parts of all attempts at jobs: their failures, and the publication of the bytes they made.
 
 use super::engine::Engine;
 use super::maths::MathsError;
@@ -7,15 +7,16 @@ use super::publish::{PublishError, Published};
 use crate::catalog::{CatalogError, Ended};
 use crate::store::StoreError;
 
-/// Why an attempt made nothing.
+/// Reason why an attempt made nothing.
 pub(crate) enum Failure {
-    /// It would end the same way again.
+    /// Permanent: another attempt would end the same way.
     Final(JobProblem),
-    /// It may pass.
+    /// Transient; retry.
     Passing(String),
-    /// It was asked to stop.
+    /// Stopped on request.
     Stopped,
-    /// The job, or its measurement, says what only a newer version understands: a newer worker must take it.
+    /// The job, or its measurement, contains something that only a newer version understands: a newer worker must take
+    /// it.
     Newer(String),
 }
 
@@ -25,7 +26,7 @@ pub(crate) struct Made {
     pub(crate) published: Published,
 }
 
-/// Publishes what a job made.
+/// Publishes the bytes that a job made.
 pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<Published, Failure> {
     let staging = engine.archive.staging.clone();
     let staged = tokio::task::spawn_blocking(move || staging.stage(&bytes))
@@ -34,14 +35,14 @@ pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<Published
     Ok(Published::new(&engine.archive, staged).await?)
 }
 
-/// The failure to read JSON that was checked when it was written: well-formed JSON that does not fit is a newer
-/// version's, anything else is damaged.
+/// Classifies a failure to read JSON that was valid when it was written. Well-formed JSON that does not fit comes from
+/// a newer version; anything else is damage.
 pub(super) fn unread(what: &str, error: &serde_json::Error) -> Failure {
     let detail = format!("{what}: {error}");
     if error.is_data() { Failure::Newer(detail) } else { last(Code::Internal, detail) }
 }
 
-/// A failure that another attempt would have too.
+/// Builds a permanent failure.
 pub(super) fn last(code: Code, detail: impl std::fmt::Display) -> Failure {
     Failure::Final(JobProblem::new(code, detail.to_string()))
 }

@@ -1,6 +1,6 @@
-//! The job that makes a material of a measurement.
+//! Job that makes a material from a measurement.
 //!
-//! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names what is there.
+//! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names the same blob.
 
 use super::attempt::{Failure, Made, last, publish, unread};
 use super::engine::Engine;
@@ -39,7 +39,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
             let source = pipeline::read(&input)?;
-            // The file's own bytes are not needed any more, and compression needs the memory.
+            // The file's own bytes are no longer needed, and compression needs the memory.
             drop((bytes, spectrum));
             pipeline::compress(&source, &request.pipeline(), &*control)
         }
@@ -65,7 +65,7 @@ async fn end(
         Ok(Value::Object(map)) => map,
         _ => Map::new(),
     };
-    // The id says it already.
+    // The digest repeats the id.
     manifest.remove("digest");
     manifest.insert("licence".to_owned(), json!(request.licence));
     manifest.insert(
@@ -92,7 +92,7 @@ async fn end(
     Ok(Made { ended, published })
 }
 
-/// The options that a measurement was uploaded with.
+/// Returns the reading options with which a measurement was uploaded.
 fn kept_options(document: &str) -> Result<Options, Failure> {
     #[derive(Deserialize)]
     struct Kept {

@@ -4,27 +4,27 @@ use super::unit::{Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Where the data are and how much of the machine to use.
+/// Data directory, and the share of the machine to use.
 #[derive(Clone, Debug)]
 pub struct WorkConfig {
     /// The data directory: blobs, staging files, the catalog.
     pub data: PathBuf,
-    /// Threads of the pool that does the maths; 0 = one per core.
+    /// Threads of each pool that computes; 0 = one per core.
     pub threads: usize,
-    /// Jobs at the same time in this process; 0 runs none here.
+    /// Jobs that this process runs at the same time; 0 leaves them to other processes.
     pub workers: usize,
     /// Sizes and times.
     pub limits: Limits,
 }
 
 impl WorkConfig {
-    /// Defaults for everything but the data directory.
+    /// Builds a configuration with defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self { data: data.into(), threads: 0, workers: 1, limits: Limits::default() }
     }
 }
 
-/// One number that a person may set, declared once in [`SETTINGS`].
+/// A number that a user may set, declared once in [`SETTINGS`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Setting {
     /// Name in `snake_case`; flag and environment variable follow from it.
@@ -33,9 +33,9 @@ pub(crate) struct Setting {
     pub heading: &'static str,
     /// Explanation, one sentence or two.
     pub help: &'static str,
-    /// Unit of its text.
+    /// Unit in which its text is read.
     pub unit: Unit,
-    /// Smallest value that makes sense.
+    /// Smallest value that is accepted.
     pub least: u64,
     /// Reads the value, times in milliseconds.
     pub get: fn(&WorkConfig) -> u64,
@@ -113,11 +113,11 @@ limits! {
         queued_jobs: u64 = 10_000, Count >= 0;
         /// Attempts at a job whose worker vanished or whose disk failed, before the job is dead.
         attempts: u32 = 5, Count >= 1;
-        /// Time that a job stays its worker's without a sign of life.
+        /// Lease: time without a sign of life after which a job is taken back from its worker.
         lease: Duration = Duration::from_secs(30), Time >= 1000;
         /// Pause after the first failed attempt; it doubles with each further one.
         backoff: Duration = Duration::from_secs(2), Time >= 0;
-        /// Age at which a staging file belongs to nobody and is removed.
+        /// Age at which a staging file counts as abandoned and is removed.
         stale: Duration = Duration::from_hours(1), Time >= 1000;
     }
     "Connections" {
@@ -125,7 +125,7 @@ limits! {
         connections: usize = 2048, Count >= 1;
         /// Connections held at once by one address (IPv6: one /64).
         connections_each: usize = 128, Count >= 1;
-        /// Connections beyond those that are still answered, for `/healthz` and `/readyz` alone.
+        /// Connections beyond those that are still accepted, for `/healthz` and `/readyz` alone.
         health_connections: usize = 64, Count >= 1;
         /// Such connections of one address.
         health_connections_each: usize = 4, Count >= 1;
@@ -133,22 +133,23 @@ limits! {
         requests: usize = 1024, Count >= 1;
         /// Requests under way at once from one address.
         requests_each: usize = 256, Count >= 1;
-        /// Time that a new connection has for its first bytes, which tell HTTP/1 and HTTP/2 apart.
+        /// Time that a new connection has to send its first bytes, which tell HTTP/1 and HTTP/2 apart.
         first_bytes: Duration = Duration::from_secs(10), Time >= 100;
-        /// Time without any progress after which a connection is closed: no request, an unfinished header, no piece of a
-        /// body, nothing read of an answer.
+        /// Time without any progress after which a connection is closed: no request, an unfinished header, no piece of
+        /// a body, no reading of an answer.
         idle: Duration = Duration::from_secs(30), Time >= 100;
         /// Size of the request line and headers of one request.
         header_bytes: usize = 32 << 10, Bytes >= 4096;
         /// Requests under way at once on one HTTP/2 connection.
         h2_streams: u32 = 128, Count >= 1;
-        /// Streams of one HTTP/2 connection that the client may have reset before they were looked at; more close it.
+        /// Streams of one HTTP/2 connection that the client may reset before the service handles them; more close the
+        /// connection.
         h2_resets: usize = 20, Count >= 1;
     }
     "Uploads and bodies" {
         /// Size of a measurement after decoding.
         upload_bytes: u64 = 256 << 20, Bytes >= 1;
-        /// Decoded bytes per encoded byte, after the first MiB.
+        /// Upper bound on decoded bytes per encoded byte of an upload, after the first MiB.
         upload_ratio: u64 = 200, Count >= 1;
         /// Uploads received at once, over all addresses.
         uploads: usize = 32, Count >= 0;
@@ -156,23 +157,25 @@ limits! {
         uploads_each: usize = 8, Count >= 0;
         /// Time that one upload or JSON body may take.
         upload_time: Duration = Duration::from_mins(15), Time >= 100;
-        /// Rate at which an upload or a JSON body must arrive, measured over any `body-window` after `body-grace`.
+        /// Lower bound on the rate at which an upload or a JSON body arrives, measured over any `body-window` after
+        /// `body-grace`.
         body_rate: u64 = 16 << 10, Rate >= 0;
         /// Time over which `body-rate` is measured.
         body_window: Duration = Duration::from_secs(30), Time >= 100;
-        /// Time at the beginning of a body that `body-rate` does not count.
+        /// Time at the beginning of a body in which `body-rate` does not apply.
         body_grace: Duration = Duration::from_secs(10), Time >= 0;
         /// Size of a JSON body.
         json_bytes: usize = 64 << 20, Bytes >= 1024;
-        /// JSON bodies in memory at once, over all addresses.
+        /// Memory for JSON bodies at once, over all addresses.
         bodies_bytes: usize = 512 << 20, Bytes >= 1024;
-        /// JSON bodies in memory at once from one address.
+        /// Memory for JSON bodies at once from one address.
         bodies_bytes_each: usize = 128 << 20, Bytes >= 1024;
     }
     "Answers" {
-        /// Queries under way at once, over all addresses, from the request until the last byte of the answer is sent.
+        /// Queries running at once, over all addresses, from the request until the last byte of the answer is sent.
         queries: usize = 256, Count >= 0;
-        /// Queries under way at once from one address; it stays below `queries-waiting`, so that others can wait beside it.
+        /// Queries running at once from one address; lower than `queries-waiting`, so that other addresses can wait
+        /// beside it.
         queries_each: usize = 32, Count >= 0;
         /// Queries that wait for a thread at once; further ones get 503.
         queries_waiting: usize = 64, Count >= 0;
@@ -188,28 +191,28 @@ limits! {
         streams_each: usize = 4, Count >= 0;
         /// Exported files made or sent at once, over all addresses.
         exports: usize = 4, Count >= 0;
-        /// Exported files made or sent at once to one address; one more than that are made at the same time.
+        /// Exported files made or sent at once to one address; one more than this is computed at the same time.
         exports_each: usize = 2, Count >= 0;
         /// Clients that follow a job at once, by its events or with `Prefer: wait`, over all addresses.
         followers: usize = 256, Count >= 0;
         /// Followers from one address; further ones get 429, or with `Prefer: wait` their answer at once.
         followers_each: usize = 32, Count >= 0;
-        /// Whole answers in memory at once until they are sent, over all addresses.
+        /// Memory for whole answers at once until they are sent, over all addresses.
         answers_bytes: usize = 1 << 30, Bytes >= 1024;
-        /// Whole answers in memory at once until they are sent, to one address.
+        /// Memory for whole answers at once until they are sent, to one address.
         answers_bytes_each: usize = 256 << 20, Bytes >= 1024;
     }
     "Memory" {
-        /// Opened materials that are kept.
+        /// Memory for opened materials that are cached.
         opened_bytes: u64 = 512 << 20, Bytes >= 0;
-        /// Small material files that are kept beside the store.
+        /// Memory for small material files that are cached beside the store.
         content_bytes: u64 = 64 << 20, Bytes >= 0;
     }
     "Stopping" {
-        /// Time after SIGTERM in which connections are still accepted and `/readyz` says *stopping*, so that a balancer
-        /// turns elsewhere. SIGINT leaves it out.
+        /// Time after SIGTERM in which connections are still accepted and `/readyz` says *stopping*, so that a load
+        /// balancer turns to another service. SIGINT skips it.
         notice: Duration = Duration::from_secs(2), Time >= 0;
-        /// Time that running requests and jobs have to end when the service stops; jobs that do not end go back to the
+        /// Time that running requests and jobs have to end when the service stops; unfinished jobs go back to the
         /// queue.
         drain: Duration = Duration::from_secs(7), Time >= 0;
     }

@@ -1,14 +1,15 @@
-//! What was understood of a measurement, for the user to see before anything is compressed.
+//! Description of a measurement, which the user sees before anything is compressed.
 
 use crate::domain::{Axis, WavelengthGrid};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, Note, NoteKind, Outside, Samples};
 use crate::projection;
 use serde_json::{Map, Value, json};
 
-/// Header fields of a file that are kept beside its measurement.
+/// Upper bound on the header fields of a file that are stored with its measurement.
 const MAX_FIELDS: usize = 200;
 
-/// Format, dialect, quantity, unit, axes, samples, range, coverage, warnings and header fields of an acquisition.
+/// Describes an acquisition: format, dialect, quantity, unit, axes, samples, range, coverage, warnings and header
+/// fields.
 pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
     let (mut axes, values, coverage) = match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => {
@@ -67,7 +68,7 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
     into_map(described)
 }
 
-/// What is known of a file that needs an option before it can be read.
+/// Describes a file that needs an option before it can be read.
 pub(crate) fn describe_needy(format: &str, need: &str) -> Map<String, Value> {
     into_map(json!({
         "format": format,
@@ -166,7 +167,7 @@ fn direction_coverage(angles: &Angles) -> Value {
     json!({ "theta": [angles.covers.0, angles.covers.1], "phi": phi })
 }
 
-/// The smallest and the largest of the values that are not masked.
+/// Returns the smallest and the largest of the values that are not masked.
 fn extremes(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     values.into_iter().filter(|v| !v.is_nan()).fold(None, |range, v| match range {
         None => Some((v, v)),

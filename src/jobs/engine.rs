@@ -1,4 +1,4 @@
-//! An opened archive with its threads: what the workers and the HTTP handlers of one process share.
+//! An opened archive with its threads: state shared by the workers and the HTTP handlers of one process.
 
 use super::archive::{Archive, ArchiveError};
 use super::config::{Limits, WorkConfig};
@@ -15,18 +15,18 @@ use crate::store::{Digest, StoreError, StoreExt};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What the workers and the HTTP handlers of one process share.
+/// State shared by the workers and the HTTP handlers of one process.
 #[derive(Debug)]
 pub(crate) struct Engine {
     pub(crate) archive: Archive,
     pub(crate) limits: Limits,
-    /// Compression: as many pieces at once as there are workers.
+    /// Threads for compression: as many tasks at once as there are workers.
     pub(crate) background: Maths,
-    /// Parsing of uploads.
+    /// Threads for the parsing of uploads.
     pub(crate) background_light: Maths,
-    /// Opening and evaluating: threads of their own, so that a query never waits behind a compression.
+    /// Threads for opening and evaluating materials, separate so that a query never waits behind a compression.
     pub(crate) queries: Maths,
-    /// Files for other programs, a few at a time.
+    /// Threads for exports, a few at a time.
     pub(crate) exports: Maths,
     pub(crate) hub: Hub,
     pub(crate) presence: Presence,
@@ -35,25 +35,25 @@ pub(crate) struct Engine {
     newer: Mutex<Vec<String>>,
 }
 
-/// Why a material was not opened.
+/// Reason why a material was not opened.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum OpenError {
-    /// The blobs.
+    /// The store of blobs failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The maths.
+    /// The computation failed.
     #[error(transparent)]
     Maths(#[from] MathsError),
-    /// The bytes are no material: damaged before they were stored, or of another version.
+    /// The bytes are not a material: damaged before they were stored, or of another version.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
 }
 
-/// How long a query waits for its turn.
+/// Longest wait of a query for its turn. Raising it answers more queries under load, later.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 impl Engine {
-    /// Opens the data directory and starts the threads. Nothing runs yet.
+    /// Opens the data directory and starts the threads. No job runs yet.
     pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
         let archive = Archive::open(&config.data).await?;
         let limits = config.limits.clone();
@@ -68,7 +68,7 @@ impl Engine {
             background: Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?,
             background_light: Maths::new("read", config.threads, 0, limits.uploads, PATIENCE)?,
             queries: Maths::new("query", config.threads, 0, limits.queries_waiting, PATIENCE)?,
-            // One more than one address can fill: another address does not wait for it.
+            // One more than one address can fill, so that another address need not wait.
             exports: Maths::new("export", config.threads, limits.exports_each + 1, limits.exports, PATIENCE)?,
             archive,
             limits,
@@ -85,17 +85,18 @@ impl Engine {
         self.archive.catalog.claim(self.presence.id(), self.limits.lease, &newer).await
     }
 
-    /// Never claims this job again in this process: it is of a newer version, and a newer worker may take it at once.
+    /// Excludes a job from later claims of this process: it is of a newer version, and a newer worker may take it at
+    /// once.
     pub(crate) fn leave_to_newer(&self, job: &str) {
         let mut newer = self.newer.lock().unwrap_or_else(PoisonError::into_inner);
-        // Jobs of the list end elsewhere: it starts afresh when it is longer than the queue can be.
+        // Listed jobs end elsewhere, so the list restarts when it is longer than the queue can be.
         if newer.len() as u64 >= self.limits.queued_jobs {
             newer.clear();
         }
         newer.push(job.to_owned());
     }
 
-    /// Queues a job. `idempotency` is the client's key and the digest of its body.
+    /// Queues a job. `idempotency` is the client's key and the digest of its request.
     pub(crate) async fn enqueue(
         &self,
         request: &JobRequest,
@@ -118,7 +119,7 @@ impl Engine {
         Ok(enqueued)
     }
 
-    /// A job with its progress as of now.
+    /// Returns a job with its current progress.
     pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let mut row = self.archive.catalog.job(id).await?;
         if let Some(row) = &mut row
@@ -130,7 +131,7 @@ impl Engine {
         Ok(row)
     }
 
-    /// Asks a job to stop; the job afterwards, if there is one.
+    /// Asks a job to stop. Returns the job afterwards, if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let row = self.archive.catalog.cancel(id).await?;
         self.hub.stop(id);
@@ -138,8 +139,9 @@ impl Engine {
         Ok(row)
     }
 
-    /// Opened form of a material, opened once however many ask at the same time; one larger than the whole cache is opened
-    /// for each request. The caller has asked the catalog whether the material is still there: the cache does not know.
+    /// Returns the opened form of a material. Requests at the same time share one opening; a material larger than the
+    /// whole cache is opened for each request. The caller must have checked the catalog: the cache does not know of
+    /// deletions.
     pub(crate) async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
         let opened = self.opened.entry(id).or_try_insert_with(async move {
             let bytes = self.archive.store.get(id).await?;
@@ -148,31 +150,32 @@ impl Engine {
             Ok(Arc::new(material))
         });
         let opened = opened.await?;
-        // A deletion evicts what is open; a material that was deleted while it was being opened would stay.
+        // Evict again: a deletion evicts what is open, but this material may have been deleted while it was being
+        // opened.
         if opened.is_fresh() && !matches!(self.archive.catalog.material_name(id).await, Ok(Some(_))) {
             self.opened.invalidate(&id).await;
         }
         Ok(opened.into_value())
     }
 
-    /// How many materials are open, and the bytes of memory they take.
+    /// Returns the number of open materials and the bytes of memory they take.
     pub(crate) async fn open_materials(&self) -> (u64, u64) {
         self.opened.run_pending_tasks().await;
         (self.opened.entry_count(), self.opened.weighted_size() * 1024)
     }
 
-    /// A material decoded to all its samples, which nothing keeps.
+    /// Decodes a material to all its samples, without caching them.
     pub(crate) async fn decoded(&self, id: Digest) -> Result<Measurement, OpenError> {
         let bytes = self.archive.store.get(id).await?;
         Ok(self.queries.run(move || decode(&bytes).and_then(Decoded::whole)).await?.map_err(EvaluateError::from)?)
     }
 
-    /// The bytes of a material.
+    /// Returns the bytes of a material.
     pub(crate) async fn bytes(&self, id: Digest) -> Result<bytes::Bytes, OpenError> {
         Ok(self.archive.store.get(id).await?)
     }
 
-    /// Forgets the opened form of a deleted material.
+    /// Evicts the opened form of a deleted material.
     pub(crate) async fn close_material(&self, id: Digest) {
         self.opened.invalidate(&id).await;
     }

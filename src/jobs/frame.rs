@@ -1,20 +1,20 @@
-//! Job arguments as they lie in the queue: a bincode frame in hexadecimal text; the only place that knows bincode.
+//! Job arguments in the queue: a bincode frame as hexadecimal text. Only this module knows bincode.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
-/// Which job, and its arguments. Variants are only ever appended: old frames are read by new workers.
+/// Type of a job, and its arguments. Variants are only ever appended, so that new workers read old frames.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Frame {
     /// Compress a measurement.
     Compress {
-        /// The request's JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that is
-        /// not self-describing.
+        /// Request as JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that is not
+        /// self-describing.
         request: String,
     },
     /// Make tables of the paper.
     Paper {
-        /// Their numbers, at least one.
+        /// Numbers of the tables, at least one.
         tables: Vec<u8>,
     },
 }
@@ -22,7 +22,7 @@ pub(crate) enum Frame {
 /// A frame that this version cannot write or read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum FrameError {
-    /// Well-formed bytes that hold other things than this version knows: a newer version wrote them.
+    /// Well-formed bytes with content unknown to this version: a newer version wrote them.
     #[error("job arguments of a newer version: {0}")]
     Newer(String),
     /// Text that no version writes.
@@ -30,11 +30,11 @@ pub(crate) enum FrameError {
     Damaged(String),
 }
 
-/// Bytes of a frame; a request is a small JSON object.
+/// Upper bound in bytes on a frame; a request is a small JSON object.
 const LIMIT: usize = 1 << 20;
 
 impl Frame {
-    /// The text for the queue.
+    /// Encodes the frame as text for the queue.
     pub(crate) fn encode(&self) -> Result<String, FrameError> {
         let bytes =
             bincode::serde::encode_to_vec(self, config()).map_err(|error| FrameError::Damaged(error.to_string()))?;
@@ -49,7 +49,7 @@ impl Frame {
         Ok(text)
     }
 
-    /// The frame in a text of the queue.
+    /// Decodes a text of the queue.
     pub(crate) fn decode(text: &str) -> Result<Self, FrameError> {
         if text.len() > 2 * LIMIT {
             return Err(FrameError::Damaged(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));

@@ -1,4 +1,4 @@
-//! What the running jobs of this process are doing right now, and who wants to know.
+//! Progress and cancellation of the running jobs of this process, and the listeners to their changes.
 
 use crate::domain::Progress;
 use std::collections::HashMap;
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, broadcast};
 
-/// Tells workers of new jobs and clients of changes. Other processes are heard through the catalog only.
+/// Notifies workers of new jobs and clients of changes. Other processes are visible only through the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct Hub {
     running: Arc<Mutex<HashMap<String, Arc<Control>>>>,
@@ -14,7 +14,7 @@ pub(crate) struct Hub {
     queued: Arc<Notify>,
 }
 
-/// One running job: its progress goes out, a wish to stop goes in.
+/// One running job: it reports progress and receives requests to stop.
 #[derive(Debug)]
 pub(crate) struct Control {
     job: Arc<str>,
@@ -28,7 +28,7 @@ impl Hub {
         Self { running: Arc::default(), changes: broadcast::channel(1024).0, queued: Arc::default() }
     }
 
-    /// Enters a job that begins to run here.
+    /// Registers a job that starts to run here.
     pub(crate) fn enter(&self, job: &str) -> Arc<Control> {
         let control = Arc::new(Control {
             job: job.into(),
@@ -41,13 +41,13 @@ impl Hub {
         control
     }
 
-    /// Removes a job that runs here no more.
+    /// Removes a job that no longer runs here.
     pub(crate) fn leave(&self, job: &str) {
         self.running().remove(job);
         self.changed(job);
     }
 
-    /// The progress of a job that runs here.
+    /// Returns the progress of a job that runs here.
     pub(crate) fn progress(&self, job: &str) -> Option<f64> {
         self.running().get(job).map(|control| control.progress())
     }
@@ -59,18 +59,18 @@ impl Hub {
         }
     }
 
-    /// Says that something about a job is new.
+    /// Notifies listeners that a job has changed.
     pub(crate) fn changed(&self, job: &str) {
         // Nobody may be listening.
         let _ = self.changes.send(job.into());
     }
 
-    /// The ids of jobs about which something is new, from now on.
+    /// Subscribes to the ids of jobs that change from now on.
     pub(crate) fn listen(&self) -> broadcast::Receiver<Arc<str>> {
         self.changes.subscribe()
     }
 
-    /// Says that there is a new job.
+    /// Notifies a worker that there is a new job.
     pub(crate) fn queued(&self) {
         self.queued.notify_one();
     }
@@ -99,7 +99,7 @@ impl Progress for Control {
     fn report(&self, fraction: f64) {
         let fraction = if fraction.is_finite() { fraction.clamp(0.0, 1.0) } else { return };
         let before = self.progress();
-        // Progress only grows, and only a visible step is told.
+        // Progress only grows, and only a step of one per cent or more is announced.
         if fraction > before {
             self.progress.store(fraction.to_bits(), Ordering::Relaxed);
             if (fraction * 100.0).floor() > (before * 100.0).floor() {

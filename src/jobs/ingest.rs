@@ -1,4 +1,5 @@
-//! A staged upload to a measurement: parsed before it is kept, pinned before it is published, published before it is named.
+//! From a staged upload to a measurement: parsed before it is kept, pinned before it is published, published before a
+//! row names it.
 
 use super::describe::{describe, describe_needy};
 use super::engine::Engine;
@@ -13,18 +14,18 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What a client says about the bytes it uploads.
+/// Statements of a client about the bytes that it uploads.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Upload {
-    /// What the file is called.
+    /// Name of the file.
     pub file_name: Option<String>,
-    /// What the user calls the measurement.
+    /// Name of the measurement.
     pub name: Option<String>,
-    /// How to read the bytes; part of the measurement's identity.
+    /// Reading options; part of the measurement's identity.
     pub options: Options,
 }
 
-/// How to read the bytes of a measurement; kept in its document. An option that this version does not know is an error:
+/// Options for reading the bytes of a measurement; kept in its document. An option unknown to this version is an error:
 /// bytes read without it would be read wrongly.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -32,7 +33,7 @@ pub(crate) struct Options {
     /// The measurement whose content is the spectrum to join.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
-    /// The quantity, where the file does not say; reflectance factors are divided by π.
+    /// Quantity, if the file does not state it; reflectance factors are divided by π.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quantity: Option<StatedQuantity>,
     /// The unit of a value.
@@ -44,7 +45,7 @@ pub(crate) struct Options {
     /// The column of a table.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
-    /// What the values of a phase table integrate to.
+    /// Integral of the values of a phase table over the sphere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normalization: Option<Normalization>,
     /// The axes of an array, from the manifest beside it in an archive.
@@ -52,45 +53,45 @@ pub(crate) struct Options {
     pub axes: Option<serde_json::Value>,
 }
 
-/// Why an upload did not become a measurement.
+/// Reason why an upload did not become a measurement.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum IngestError {
-    /// The bytes were refused.
+    /// A parser refused the bytes.
     #[error("{0}")]
     Refused(FormatError),
-    /// The bytes and what the client says do not fit, beyond what a parser knows.
+    /// The bytes do not fit the client's statements, beyond what a parser checks.
     #[error(transparent)]
     Unfit(#[from] UploadError),
     /// The referenced measurement is not a spectrum.
     #[error("spectrum: {0}")]
     Spectrum(#[from] SpectrumError),
-    /// The maths.
+    /// The computation failed.
     #[error(transparent)]
     Maths(#[from] MathsError),
-    /// The blobs.
+    /// The store of blobs failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The catalog.
+    /// The catalog failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
 }
 
-/// Uploads that are not kept, although their bytes may be read.
+/// Uploads that are refused although their bytes may be readable.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum UploadError {
     /// The content does not make a measurement.
     #[error(transparent)]
     Content(PipelineError),
-    /// An archive whose files are over the limit of an upload together.
+    /// Files of an archive that together exceed the limit of an upload.
     #[error("the files of the archive have {found} bytes, expected at most {most}")]
     ArchiveLength {
-        /// Their length in bytes, decompressed.
+        /// Decompressed length of the files in bytes.
         found: u64,
         /// The limit in bytes.
         most: u64,
     },
-    /// An archive without any file that is a measurement.
+    /// An archive in which no file is a measurement.
     #[error("an archive of {} files without a measurement: {}", skipped.len(), first_of(skipped))]
     NoMeasurement {
         /// Names of the files, each with the reason for which it is not kept.
@@ -108,21 +109,21 @@ pub(crate) enum SpectrumError {
         /// The identifier.
         id: Digest,
     },
-    /// A measurement that is read with options.
+    /// A measurement that was uploaded with reading options.
     #[error("measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without")]
     WithOptions {
-        /// Its identifier.
+        /// Identifier of the measurement.
         id: Digest,
     },
     /// A measurement that was deleted while the upload was read.
     #[error("it was deleted meanwhile")]
     Deleted,
-    /// Content that is no spectrum.
+    /// Content that is not a spectrum.
     #[error(transparent)]
     Content(FormatError),
 }
 
-/// The first few names with their reasons.
+/// Formats the first few names with their reasons.
 fn first_of(skipped: &[(String, String)]) -> String {
     const SHOWN: usize = 5;
     let reasons: Vec<String> = skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
@@ -143,7 +144,7 @@ impl Options {
         *self == Self::default()
     }
 
-    /// What the parsers are told.
+    /// Returns the options as the parsers take them.
     pub(crate) fn interpretation(&self) -> Interpretation {
         Interpretation {
             quantity: self.quantity,
@@ -157,8 +158,9 @@ impl Options {
         }
     }
 
-    /// The identity of `content` read with these options: the content's digest if there are none, else the digest of
-    /// `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order, values as text.
+    /// Returns the identity of `content` read with these options. Without options it is the content's digest. Otherwise
+    /// it is the digest of `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order,
+    /// values as text.
     pub(crate) fn identity(&self, content: Digest) -> Digest {
         if self.is_default() {
             return content;
@@ -179,7 +181,8 @@ impl Options {
 }
 
 impl Engine {
-    /// Makes a measurement of staged bytes: the row, and whether it is new. What is refused leaves nothing behind.
+    /// Makes a measurement of staged bytes. Returns the row, and true if it is new. A refused upload leaves nothing
+    /// behind.
     pub(crate) async fn ingest(
         self: &Arc<Self>,
         staged: Staged,
@@ -246,7 +249,7 @@ impl Engine {
             .await?
     }
 
-    /// The bytes of an uploaded spectrum.
+    /// Returns the bytes of an uploaded spectrum.
     pub(crate) async fn spectrum(&self, id: Digest) -> Result<bytes::Bytes, IngestError> {
         let row = self.archive.catalog.measurement(id).await?;
         let row = row.ok_or(SpectrumError::Missing { id })?;
@@ -257,8 +260,8 @@ impl Engine {
     }
 }
 
-/// Whether a file that needs an option may be kept until a job names it: an array may always wait for its axes; any other
-/// only if nothing was said at all, for else what was said is what does not fit.
+/// Returns true if a file that needs an option may be kept until a job names it. An array may always wait for its axes.
+/// Any other file may wait only if the client stated no option, since otherwise a stated option is at fault.
 fn can_wait(error: &FormatError, options: &Options) -> bool {
     error.kind == FormatErrorKind::NeedsOption && (error.format == "npy" || options.is_default())
 }

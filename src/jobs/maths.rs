@@ -1,4 +1,4 @@
-//! Where the maths run: a bounded pool of threads, a oneshot back, and a limit on how many wait.
+//! Pools that compute: a bounded number of threads, results through a oneshot channel, and a limit on waiting work.
 
 use super::turns::Turns;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -11,27 +11,27 @@ use tokio::sync::{Semaphore, oneshot};
 #[derive(Clone, Debug)]
 pub(crate) struct Maths {
     pool: Arc<ThreadPool>,
-    /// Turns to compute, handed out client by client.
+    /// Turns to compute, assigned client by client.
     running: Turns,
-    /// Places to compute or to wait for a turn.
+    /// Permits to compute or to wait for a turn.
     admitted: Arc<Semaphore>,
     patience: Duration,
 }
 
-/// Why work gave no answer.
+/// Reason why a computation gave no result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum MathsError {
     /// Too much other work is waiting.
     #[error("too much work is waiting")]
     Busy,
-    /// The work panicked: a bug of ours.
+    /// The work panicked: a bug of the service.
     #[error("the computation panicked: {0}")]
     Panicked(String),
 }
 
 impl Maths {
-    /// `threads` threads (0: one per core) that begin `at_once` pieces of work while `waiting` more may wait for up to
-    /// `patience`.
+    /// Creates a pool of `threads` threads (0: one per core). It runs `at_once` pieces of work (0: one per thread),
+    /// while `waiting` more may wait for up to `patience`.
     pub(crate) fn new(
         name: &'static str,
         threads: usize,
@@ -49,7 +49,7 @@ impl Maths {
         })
     }
 
-    /// Runs `work` on the pool. If the caller goes away the work still ends, and holds its place until then.
+    /// Runs `work` on the pool. If the caller goes away, the work still ends, and keeps its place until then.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -59,8 +59,8 @@ impl Maths {
         self.spawn((turn, admission), work).await
     }
 
-    /// Runs `work` on the pool when its turn comes, however long that takes: for callers that bound by themselves how many
-    /// wait. Whoever calls must go on polling, because a turn that has come is held until it is taken.
+    /// Runs `work` on the pool when its turn comes, without a time limit: for callers that bound the waiting work
+    /// themselves. The caller must keep polling, because a turn that has come is held until it is taken.
     pub(crate) async fn run_in_turn<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -79,7 +79,7 @@ impl Maths {
         self.pool.spawn(move || {
             let result = catch_unwind(AssertUnwindSafe(work));
             drop(place);
-            // Nobody waits any more: the result is dropped.
+            // The caller is gone: the result is dropped.
             let _ = send.send(result);
         });
         match receive.await {
@@ -90,7 +90,7 @@ impl Maths {
     }
 }
 
-/// What a panic said.
+/// Returns the message of a panic.
 pub(crate) fn message(panic: &(dyn std::any::Any + Send)) -> String {
     panic
         .downcast_ref::<&str>()

@@ -1,4 +1,4 @@
-//! Work that outlives a request: queue, leases, workers, one file a job.
+//! Work that outlives a request: queue, leases, workers. Each kind of job has a file of its own.
 
 mod archive;
 mod attempt;

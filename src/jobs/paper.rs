@@ -1,4 +1,4 @@
-//! The job that makes the tables of the paper: its report is what `wavelume paper --json` prints.
+//! Job that makes the tables of the paper; its report is the output of `wavelume paper --json`.
 
 use super::attempt::{Failure, Made, last, publish};
 use super::engine::Engine;
@@ -64,7 +64,7 @@ mod tests {
     use crate::domain::Cancelled;
     use std::sync::Mutex;
 
-    /// Wants to stop once it has heard of this much.
+    /// Requests a stop once the progress has reached this fraction.
     struct Until(f64, Mutex<Vec<f64>>);
 
     impl Progress for Until {

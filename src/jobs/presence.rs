@@ -1,12 +1,13 @@
-//! Which workers of this data directory live: each holds a lock on a file of its own, and a killed one holds nothing.
+//! Liveness of the workers of a data directory: each holds a lock on a file of its own, and a killed process holds
+//! none.
 //!
-//! Leases alone would do, but a service that is killed and started again would wait for its own lease to run out.
+//! Leases alone would do, but a service that is killed and started again would wait for its own lease to expire.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A live worker. Dropping it, or the end of the process, ends the lock.
+/// A live worker. Dropping it, or the end of the process, releases the lock.
 #[derive(Debug)]
 pub(crate) struct Presence {
     id: String,
@@ -16,11 +17,11 @@ pub(crate) struct Presence {
 }
 
 impl Presence {
-    /// Enters the directory. Blocking.
+    /// Registers this worker in the directory. Blocking.
     pub(crate) fn enter(directory: &Path) -> io::Result<Self> {
         fs::create_dir_all(directory)?;
         let id = uuid::Uuid::now_v7().simple().to_string();
-        // Locked before it has its name: nobody ever sees it unlocked while we live.
+        // Locked before it gets its name, so that nobody sees it unlocked while its process lives.
         let hidden = directory.join(format!(".{id}"));
         let path = directory.join(&id);
         let file = File::create(&hidden)?;
@@ -29,12 +30,12 @@ impl Presence {
         Ok(Self { id, directory: directory.to_owned(), path, _lock: file })
     }
 
-    /// The name that leases carry.
+    /// Returns the id of this worker, which leases carry.
     pub(crate) fn id(&self) -> &str {
         &self.id
     }
 
-    /// The workers that left without a word. Blocking.
+    /// Returns the workers that died without removing their file. Blocking.
     pub(crate) fn gone(&self) -> io::Result<Vec<String>> {
         let mut gone = Vec::new();
         for entry in fs::read_dir(&self.directory)? {
@@ -46,17 +47,17 @@ impl Presence {
             let Ok(file) = File::open(entry.path()) else { continue };
             match file.try_lock() {
                 Ok(()) => gone.push(name),
-                // Alive, or a file system without locks, where leases must do.
+                // Alive, or on a file system without locks, where leases alone decide.
                 Err(TryLockError::WouldBlock | TryLockError::Error(_)) => {}
             }
         }
         Ok(gone)
     }
 
-    /// Forgets workers whose jobs were taken back. Blocking.
+    /// Removes the files of workers whose jobs were taken back. Blocking.
     pub(crate) fn forget(&self, gone: &[String]) {
         for name in gone {
-            // Somebody else may have been quicker.
+            // Another process may have been faster.
             let _ = fs::remove_file(self.directory.join(name));
         }
     }

@@ -1,4 +1,4 @@
-//! Bytes published and pinned until a row names them, and published again where the pin ran out first.
+//! Bytes published and pinned until a row names them, and published again if the pin expires first.
 
 use super::archive::Archive;
 use crate::catalog::CatalogError;
@@ -25,10 +25,10 @@ pub(crate) struct Published {
 /// Failure to publish.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum PublishError {
-    /// The blobs.
+    /// The store of blobs failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The pins.
+    /// The pin could not be written.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
 }
@@ -86,7 +86,7 @@ pub(super) mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// A store whose publishers stand still past their pin, while another process starts and sweeps, this many times.
+    /// A store whose first `times` publications outlast their pin, while another process sweeps.
     #[derive(Debug)]
     pub(crate) struct Late {
         archive: Archive,
@@ -94,7 +94,8 @@ pub(super) mod tests {
     }
 
     impl Late {
-        /// An engine over a new directory with such a store, and how often it will still be late.
+        /// Builds an engine over a new directory with such a store. Also returns the number of delays that are still to
+        /// come.
         pub(crate) async fn engine(times: u32) -> (Arc<Engine>, Arc<AtomicU32>, tempfile::TempDir) {
             let data = tempfile::tempdir().unwrap();
             let mut engine = Engine::open(&WorkConfig::new(data.path())).await.unwrap();

@@ -1,4 +1,4 @@
-//! What a client asks of a job, in the command line's names.
+//! Job requests, in the names of the command line.
 
 use crate::compress::{Policy, Target};
 use crate::formats::StatedQuantity;
@@ -8,13 +8,13 @@ use crate::projection::DirectionDomain;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 
-/// What a client asks for.
+/// Job request of a client.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub(crate) enum JobRequest {
-    /// A material of a measurement.
+    /// Make a material of a measurement.
     Compress(Box<CompressRequest>),
-    /// The report on the paper's tables.
+    /// Make the report on the paper's tables.
     Paper(PaperRequest),
 }
 
@@ -22,17 +22,17 @@ pub(crate) enum JobRequest {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
-    /// A measurement to a material.
+    /// Compression of a measurement to a material.
     #[default]
     Compress,
-    /// The tables of the paper.
+    /// Recomputation of the tables of the paper.
     Paper,
 }
 
-/// The kind in any request: it decides what else may be said.
+/// Kind of any request, which decides on its other fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub(crate) struct KindOnly {
-    /// `compress` if nothing is said.
+    /// Kind of the job. Default: `compress`.
     #[serde(default)]
     pub kind: Kind,
 }
@@ -42,84 +42,85 @@ pub(crate) struct KindOnly {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CompressRequest {
-    /// `compress`, also if nothing is said.
+    /// `compress` (the default).
     #[serde(default)]
     pub kind: Kind,
-    /// The id of the measurement.
+    /// Id of the measurement.
     pub measurement: Digest,
-    /// The promise.
+    /// Error bound or size target.
     pub target: Target,
-    /// The policy.
+    /// Selection and coding of the coefficients.
     #[serde(default)]
     pub policy: Policy,
-    /// The spectral basis, or `auto`.
+    /// Name of the spectral basis, or `auto`.
     #[serde(default = "auto")]
     pub basis: String,
-    /// Relative floor.
+    /// Relative floor, as a fraction of the maximum: smaller samples leave the relative errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
-    /// The largest relative error of the light of any direction and wavelength.
+    /// Upper bound on the relative error of the light of any direction and wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo_error: Option<f64>,
-    /// Grid of the file or triangles; a level asks for triangles, too.
+    /// Directions of the tensor: the grid of the file, or triangles; a subdivision level also asks for triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DirectionDomain>,
-    /// The function between stated directions.
+    /// Function between stated directions.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
-    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions.
+    /// True to replace each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
+    /// directions.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reciprocal: bool,
-    /// Subdivision level of the incoming triangles.
+    /// Subdivision level of the triangles of incoming directions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles.
+    /// Subdivision level of the triangles of outgoing directions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outgoing_level: Option<u8>,
-    /// `START:STOP:STEP` in nm.
+    /// Wavelengths to resample to: `START:STOP:STEP` in nm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelengths: Option<String>,
-    /// The axes of an array, as its manifest would say.
+    /// Axes of an array, in the form of its manifest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub axes: Option<serde_json::Value>,
-    /// The quantity, where the file does not say; `reflectance-factor` (BRF, HCRF) is divided by π: a BRDF.
+    /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<StatedQuantity>,
-    /// Whether the file carries its provenance.
+    /// True to write the provenance into the file.
     #[serde(default = "yes")]
     pub metadata: bool,
-    /// Whether one incoming direction is decoded without the others.
+    /// True to make each incoming direction decodable without the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
-    /// Refuses a material that adds too much to the noise of scattered samples or has another light than they, instead of warning
-    /// of it.
+    /// True to refuse, instead of to warn of, a material that adds too much to the noise of scattered samples or whose
+    /// light differs from theirs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
-    /// What to call the material.
+    /// Name of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Under which licence it is.
+    /// Licence of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub licence: Option<String>,
-    /// Tags to find it by.
+    /// Tags of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tags: Vec<String>,
 }
 
-/// A wish for tables of the paper.
+/// Request for tables of the paper.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PaperRequest {
-    /// `paper`.
+    /// Always `paper`.
     pub kind: Kind,
-    /// Their numbers in the order wanted, each once; all tables if nothing is said.
+    /// Table numbers in the desired order, each once. Default: all tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tables: Option<Vec<i64>>,
 }
 
-/// Characters in a name, file name, licence or tag.
+/// Upper bound in characters on a name, file name, licence or tag.
 pub(crate) const MAX_TEXT: usize = 200;
-/// Tags on one material.
+/// Upper bound on the tags of one material.
 const MAX_TAGS: usize = 32;
 
 fn auto() -> String {
@@ -131,7 +132,7 @@ fn yes() -> bool {
 }
 
 impl JobRequest {
-    /// What is wrong with it before anything is looked at.
+    /// Checks the request before any data is read. The error describes the fault.
     pub(crate) fn check(&self) -> Result<(), String> {
         match self {
             Self::Compress(request) => request.check(),
@@ -139,7 +140,7 @@ impl JobRequest {
         }
     }
 
-    /// The measurement that it reads.
+    /// Returns the measurement that the job reads, if any.
     pub(crate) fn measurement(&self) -> Option<Digest> {
         match self {
             Self::Compress(request) => Some(request.measurement),
@@ -149,7 +150,7 @@ impl JobRequest {
 }
 
 impl PaperRequest {
-    /// The numbers of the tables, or what is wrong with them.
+    /// Returns the numbers of the tables. The error describes the fault in them.
     pub(crate) fn numbers(&self) -> Result<Vec<u8>, String> {
         let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
         if wanted.is_empty() {
@@ -169,7 +170,7 @@ impl PaperRequest {
 }
 
 impl CompressRequest {
-    /// What is wrong with it before any measurement is looked at.
+    /// Checks the client's texts before any measurement is read. The error describes the fault.
     pub(crate) fn check(&self) -> Result<(), String> {
         for (what, text) in [("name", &self.name), ("licence", &self.licence)] {
             if let Some(text) = text {
@@ -182,7 +183,7 @@ impl CompressRequest {
         self.tags.iter().try_for_each(|tag| check_text("tag", tag))
     }
 
-    /// The scientific part.
+    /// Returns the request for the pipeline.
     pub(crate) fn pipeline(&self) -> Request {
         Request {
             target: self.target,
@@ -203,7 +204,7 @@ impl CompressRequest {
     }
 }
 
-/// Whether a user's own word may be kept.
+/// Checks a text that a user chose: 1 to [`MAX_TEXT`] characters, none of them a control character.
 pub(crate) fn check_text(what: &str, text: &str) -> Result<(), String> {
     let length = text.chars().count();
     if length == 0 || length > MAX_TEXT {

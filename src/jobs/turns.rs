@@ -1,4 +1,4 @@
-//! Turns at something scarce, handed out client by client: whoever asks for much waits behind itself, not before others.
+//! Turns at a scarce resource, assigned client by client: a client with many requests delays itself, not others.
 
 use std::collections::{HashMap, VecDeque};
 use std::net::{IpAddr, Ipv4Addr};
@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
 tokio::task_local! {
-    /// The client that the running task works for; tasks without one are one client together.
+    /// Client that the running task works for; all tasks without one count as one client.
     pub(crate) static CLIENT: IpAddr;
 }
 
-/// A number of turns. Clients that wait get theirs in rotation, each client's requests in their order.
+/// A number of turns. Waiting clients are served in rotation, the requests of each client in their order.
 #[derive(Clone, Debug)]
 pub(super) struct Turns {
     shared: Arc<Mutex<Waiting>>,
@@ -19,15 +19,15 @@ pub(super) struct Turns {
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// Clients that wait, the next one first; each has an entry in `queues`.
+    /// Waiting clients, the next one first; each has an entry in `queues`.
     order: VecDeque<IpAddr>,
     queues: HashMap<IpAddr, VecDeque<oneshot::Sender<Turn>>>,
 }
 
-/// One turn, handed on when dropped.
+/// One turn, passed on when dropped.
 #[derive(Debug)]
 pub(super) struct Turn {
-    /// `None` once another client has it.
+    /// `None` once the turn was passed to another request.
     turns: Option<Turns>,
 }
 
@@ -62,12 +62,12 @@ impl Turns {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The request whose turn is next; the turn is free if there is none.
+    /// Returns the request whose turn is next. Frees the turn if there is none.
     fn next(&self) -> Option<oneshot::Sender<Turn>> {
         let mut waiting = self.waiting();
         while let Some(client) = waiting.order.pop_front() {
             let Some(mut queue) = waiting.queues.remove(&client) else { continue };
-            // Whoever left meanwhile is passed over.
+            // Requests whose task has gone are skipped.
             queue.retain(|send| !send.is_closed());
             let Some(next) = queue.pop_front() else { continue };
             if !queue.is_empty() {
@@ -85,7 +85,7 @@ impl Drop for Turn {
     fn drop(&mut self) {
         let Some(turns) = self.turns.take() else { return };
         while let Some(next) = turns.next() {
-            // A receiver that left in this moment gives the turn back unused.
+            // A receiver dropped at this moment returns the turn unused.
             let Err(mut turn) = next.send(Turn { turns: Some(turns.clone()) }) else { return };
             turn.turns = None;
         }

@@ -1,4 +1,4 @@
-//! An uploaded archive to one measurement for each of its files; what is no measurement is named with the reason.
+//! From an uploaded archive to one measurement for each of its files. Other files are listed with the reason.
 
 use super::engine::Engine;
 use super::ingest::{IngestError, Options, Upload, UploadError};
@@ -9,25 +9,25 @@ use std::fs::File;
 use std::io::Read;
 use std::sync::Arc;
 
-/// What became of an upload.
+/// Outcome of an upload.
 #[derive(Debug)]
 pub(crate) enum Ingested {
-    /// One measurement, and whether it is new.
+    /// One measurement, and true if it is new.
     One(MeasurementRow, bool),
-    /// An archive: measurements, and files that are none with the reason.
+    /// An archive: its measurements, and its other files with the reason.
     Several {
-        /// By name of the file.
+        /// Measurements sorted by file name, each with true if it is new.
         items: Vec<(MeasurementRow, bool)>,
-        /// Name and reason.
+        /// Names of the other files, each with the reason.
         skipped: Vec<(String, String)>,
     },
 }
 
-/// A file of an archive.
+/// A file of an archive, staged.
 struct Unpacked {
     name: String,
     staged: Staged,
-    /// Of an array: the manifest beside it.
+    /// Axes of an array, from the manifest beside it.
     axes: Result<Option<serde_json::Value>, FormatError>,
 }
 
@@ -67,7 +67,7 @@ impl Engine {
         Ok(Ingested::Several { items, skipped })
     }
 
-    /// The files of an archive, each staged by itself; nothing where the bytes are no archive.
+    /// Stages each file of an archive separately; `None` if the bytes are not an archive.
     async fn unpack(self: &Arc<Self>, staged: Staged) -> Result<(Staged, Option<Vec<Unpacked>>), IngestError> {
         let (staging, most) = (self.archive.staging.clone(), self.limits.upload_bytes);
         self.background_light

@@ -1,4 +1,4 @@
-//! The loops of a working process: claim and run, take back what the dead left, sweep.
+//! Loops of a worker process: claim and run jobs, take back the jobs of dead workers, sweep.
 
 use super::attempt::{Failure, Made};
 use super::compress;
@@ -15,13 +15,14 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-/// How often a worker looks for jobs that another process queued, and the living for the dead.
+/// Interval at which workers look for jobs that another process queued, and for dead workers. Raising it delays both.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// How often blobs that nothing names are swept.
+/// Interval between sweeps of unreferenced blobs. Raising it keeps deleted bytes on the disk for longer.
 const SWEEP: Duration = Duration::from_hours(1);
 
-/// How often a running job shows a sign of life, and hears of a cancel through another process.
+/// Upper bound on the interval at which a running job renews its lease and looks for a cancel by another process.
+/// Raising it delays such cancels.
 const BEAT: Duration = Duration::from_secs(1);
 
 /// Runs `workers` jobs at a time until `stop`; then running jobs get the drain time to finish.
@@ -116,7 +117,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
                 _ => tracing::info!(job = job.id, %state, attempts = job.attempts, duration_ms, reason, "job ended"),
             }
         }
-        // `end` answers an end without a pin itself.
+        // `end` handles an expired pin itself.
         Ok(Ending::Lost | Ending::Unpinned) => {
             tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here");
         }
@@ -124,7 +125,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
     }
 }
 
-/// The end of an attempt that failed for a reason that may pass.
+/// Builds the end of an attempt that failed for a transient reason, with a pause that doubles at each attempt.
 fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
     Ended::Retry {
         problem: JobProblem::new(Code::Unavailable, detail).to_json(),
@@ -139,7 +140,7 @@ enum Guarded {
     Drained,
 }
 
-/// Waits for the work, keeps its lease, and passes on who wants it to stop.
+/// Waits for the work, renews its lease, and passes on requests to stop.
 async fn guard(
     engine: &Engine,
     job: &Claimed,
@@ -169,7 +170,7 @@ async fn guard(
                     control.stop();
                     return Guarded::Lost;
                 }
-                // The lease lives on for a while; so does the work.
+                // The lease is still valid for a while, so the work goes on.
                 Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
             },
             () = &mut drained => {
@@ -180,8 +181,8 @@ async fn guard(
     }
 }
 
-/// Writes the end of an attempt and returns the end written. A busy database gets a few chances; bytes whose pin ran out
-/// are published again.
+/// Writes the end of an attempt and returns the end that was written. A busy database is tried a few times; bytes whose
+/// pin has expired are published again.
 async fn end(
     engine: &Engine,
     job: &Claimed,
@@ -233,7 +234,7 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
 async fn reap(engine: &Arc<Engine>, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;
-    // Without the list, leases still run out.
+    // Without the list of dead workers, their leases still expire.
     let gone = gone.ok().and_then(Result::ok).unwrap_or_default();
     let reaped = engine.archive.catalog.reap(&gone, engine.limits.attempts, lost).await?;
     engine.presence.forget(&gone);

@@ -1,4 +1,4 @@
-//! The name of bytes: `b3-` and 64 hexadecimal digits of their BLAKE3 hash.
+//! Name of bytes: `b3-` and the 64 hexadecimal digits of their BLAKE3 hash.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -8,13 +8,13 @@ use std::str::FromStr;
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Digest([u8; 32]);
 
-/// Text that is no digest.
+/// Text that is not a digest.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no digest, expected `b3-` and 64 lower-case hexadecimal digits")]
 pub struct NotADigest(String);
 
 impl Digest {
-    /// The digest of `bytes`.
+    /// Computes the digest of `bytes`.
     pub fn of(bytes: &[u8]) -> Self {
         Self::from(blake3::hash(bytes))
     }
@@ -41,9 +41,9 @@ impl fmt::Debug for Digest {
 impl FromStr for Digest {
     type Err = NotADigest;
 
-    /// Takes the text of a digest and nothing near it: upper case would give one blob two names.
+    /// Parses the text of a digest strictly: upper case would give one blob two names.
     fn from_str(text: &str) -> Result<Self, NotADigest> {
-        // What is echoed to the user is bounded.
+        // The text that is echoed to the user is bounded.
         let refused = || NotADigest(text.chars().take(80).collect());
         let hex = text.strip_prefix("b3-").ok_or_else(refused)?;
         if hex.len() != 64 || !hex.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f')) {

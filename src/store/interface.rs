@@ -12,9 +12,9 @@ use std::ops::Range;
 /// A content-addressed store of immutable blobs.
 ///
 /// # Contract
-/// * `publish` returns only when the blob and its name are durable. Before that nobody sees it; after that everybody
-///   sees all of it. Publishing a digest that is there already is allowed and replaces it by equal bytes, which heals
-///   a corrupt blob. A crash at any moment leaves the blob whole or absent.
+/// * `publish` returns only when the blob and its name are durable. Before that no reader sees it; after that every
+///   reader sees all of it. Publishing a digest that is there already is allowed and replaces it by equal bytes, which
+///   heals a corrupt blob. A crash at any moment leaves the blob whole or absent.
 /// * `size` and `read` of a digest that was never published, or was removed, are `None` and [`StoreError::NotFound`].
 /// * `read` returns exactly the bytes of `range` or fails, [`StoreError::Range`] if they are not inside the blob. It
 ///   does not verify the digest: [`StoreExt::get`](super::StoreExt::get) does.
@@ -30,7 +30,7 @@ pub(crate) trait Store: Send + Sync + fmt::Debug {
     fn publish<'a>(&'a self, staged: &'a Staged) -> BoxFuture<'a, Result<(), StoreError>>;
     /// The size of a blob in bytes, if it is there.
     fn size(&self, digest: Digest) -> BoxFuture<'_, Result<Option<u64>, StoreError>>;
-    /// The bytes of `range`, not verified.
+    /// Returns the bytes of `range`, not verified.
     fn read(&self, digest: Digest, range: Range<u64>) -> BoxFuture<'_, Result<Bytes, StoreError>>;
     /// Every blob and its size, in no order.
     fn list(&self) -> BoxStream<'_, Result<(Digest, u64), StoreError>>;

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 const PREFIX: &str = "blobs";
 
-/// On the same file system, so that publishing is a rename.
+/// Staging directory, on the same file system so that publishing is a rename.
 const STAGING: &str = "staging";
 
 /// Blobs in a local directory.
@@ -44,7 +44,7 @@ impl LocalStore {
     }
 }
 
-/// 256 directories keep each of them small.
+/// Returns the key of a blob; 256 directories keep each of them small.
 fn key(digest: Digest) -> Key {
     let name = digest.to_string();
     Key::from(format!("{PREFIX}/{}/{name}", &name[3..5]))
@@ -90,7 +90,7 @@ impl Store for LocalStore {
             .list(Some(&Key::from(PREFIX)))
             .filter_map(|found| async move {
                 match found {
-                    // What is not named like a blob is none.
+                    // A file that is not named like a blob is skipped.
                     Ok(meta) => meta.location.filename()?.parse().ok().map(|digest| Ok((digest, meta.size))),
                     Err(error) => Some(Err(error.into())),
                 }

@@ -2,7 +2,7 @@
 //!
 //! The naive store writes a file under its name and reads it back. A crash leaves half a file under a whole name, a
 //! failing disk gives other bytes back, and two writers race. So: bytes are hashed while they are staged beside the
-//! store, made durable, and renamed to their digest in one step; nothing under a digest ever changes; and whoever reads
+//! store, made durable, and renamed to their digest in one step; nothing under a digest ever changes; and a reader of
 //! a whole blob gets bytes whose digest was computed again.
 
 mod digest;

@@ -31,7 +31,8 @@ pub(crate) struct Staged {
     path: TemporaryPath,
 }
 
-/// A blob that has lost its name and waits to be removed. Forgetting it is safe: [`Staging::sweep`] removes it as stale.
+/// A blob that has lost its name and waits for its removal. Dropping it is safe: [`Staging::sweep`] removes the file as
+/// stale.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Retired(PathBuf);
 
@@ -40,7 +41,7 @@ struct TemporaryPath(PathBuf);
 
 impl Drop for TemporaryPath {
     fn drop(&mut self) {
-        // Published files are gone from here; what cannot be removed is swept later.
+        // Published files have left this path; a file that cannot be removed is swept later.
         let _ = fs::remove_file(&self.0);
     }
 }
@@ -81,7 +82,7 @@ impl Staging {
         }
     }
 
-    /// Moves `file` here under a name of its own; `None` if it is absent. Blocking, for one rename.
+    /// Moves `file` here under a unique name; `None` if it is absent. Blocking, for one rename.
     pub(super) fn take_in(&self, file: &Path) -> Result<Option<Retired>, StoreError> {
         let path = self.directory.join(format!("retired-{}", uuid::Uuid::now_v7().simple()));
         match fs::rename(file, &path) {
@@ -91,7 +92,7 @@ impl Staging {
         }
     }
 
-    /// Removes files that were last written more than `older_than` ago and returns how many. Blocking.
+    /// Removes files last written more than `older_than` ago, and returns their number. Blocking.
     pub(crate) fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
         let now = SystemTime::now();
         let mut removed = 0;
@@ -135,22 +136,22 @@ impl StagedWriter {
 }
 
 impl Staged {
-    /// The digest of the bytes.
+    /// Returns the digest of the bytes.
     pub(crate) fn digest(&self) -> Digest {
         self.digest
     }
 
-    /// How many bytes there are.
+    /// Returns the number of bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Where the file is.
+    /// Returns the path of the file.
     pub(crate) fn path(&self) -> &Path {
         &self.path.0
     }
 
-    /// All bytes. Blocking.
+    /// Reads all bytes. Blocking.
     pub(crate) fn read(&self) -> Result<Vec<u8>, StoreError> {
         let mut bytes = Vec::new();
         File::open(self.path())?.read_to_end(&mut bytes)?;

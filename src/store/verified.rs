@@ -7,15 +7,15 @@ use bytes::Bytes;
 use futures::stream::{BoxStream, StreamExt, TryStreamExt};
 use std::ops::Range;
 
-/// Blobs up to this size are read in one piece and verified before their first byte is given away.
+/// Size in bytes up to which a blob is read in one piece and verified before its first byte is passed on.
 pub const WHOLE: u64 = 8 << 20;
 
-/// The piece in which larger blobs are read.
+/// Size in bytes of the pieces in which larger blobs are read.
 const PIECE: u64 = 4 << 20;
 
-/// What every store can do by its contract.
+/// Operations that every store supports by its contract.
 pub(crate) trait StoreExt: Store {
-    /// All bytes of a blob, verified.
+    /// Returns all bytes of a blob, verified.
     fn get(&self, digest: Digest) -> impl Future<Output = Result<Bytes, StoreError>> + Send {
         async move {
             let size = self.size(digest).await?.ok_or(StoreError::NotFound(digest))?;
@@ -30,8 +30,8 @@ pub(crate) trait StoreExt: Store {
         }
     }
 
-    /// The bytes of `range` of a blob of `size` bytes in pieces. The whole blob is hashed on its way and the stream
-    /// ends with [`StoreError::Corrupt`] if it was another; a part cannot be verified.
+    /// Streams the bytes of `range` of a blob of `size` bytes. A whole blob is hashed on its way, and the stream ends
+    /// with [`StoreError::Corrupt`] on a mismatch; a part cannot be verified.
     fn stream(
         self: std::sync::Arc<Self>,
         digest: Digest,
@@ -51,7 +51,7 @@ pub(crate) trait StoreExt: Store {
             let piece = store.read(digest, left.start..end).await?;
             if let Some(hasher) = &mut hasher {
                 hasher.update(&piece);
-                // The last piece is withheld from a reader who must not take it for whole.
+                // The last piece of a corrupt blob is withheld, so that a reader never takes it for whole.
                 let found = Digest::from(hasher.finalize());
                 if end == left.end && found != digest {
                     return Err(StoreError::Corrupt { stored: digest, found });
@@ -62,7 +62,7 @@ pub(crate) trait StoreExt: Store {
         .boxed()
     }
 
-    /// Recomputes the digest of a blob of any size in bounded memory.
+    /// Recomputes the digest of a blob of any size in bounded memory, and returns its size.
     fn verify(self: std::sync::Arc<Self>, digest: Digest) -> impl Future<Output = Result<u64, StoreError>> + Send
     where
         Self: 'static,

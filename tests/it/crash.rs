@@ -1,5 +1,5 @@
-//! The service is killed twenty times in the middle of uploads, jobs, cancels, deletions and publications: what it accepted
-//! is there afterwards, nothing is there in part, and every accepted job ends exactly once.
+//! The service is killed twenty times in the middle of uploads, jobs, cancels, deletions and publications. Everything
+//! it accepted exists afterwards, nothing exists in part, and every accepted job ends exactly once.
 //!
 //! `WAVELUME_KILLS`, `WAVELUME_SEED` and `WAVELUME_PROGRAM` set the number of rounds, the seed of their times and the
 //! program; `tests/nightly kills` does so.
@@ -22,7 +22,8 @@ use wavelume::store::Digest;
 const KILLS: u64 = 20;
 const SEED: u64 = 1;
 
-/// Rounds whose promises are all looked at after each kill; of those before, this many are drawn. At the end all are.
+/// Rounds whose promises are all checked after each kill; of older ones, this many are drawn. At the end all are
+/// checked.
 const RECENT: u64 = 2;
 const DRAWN: usize = 50;
 
@@ -59,7 +60,7 @@ impl Program {
     }
 }
 
-/// What the service has promised so far.
+/// Promises that the service has made so far.
 #[derive(Default)]
 struct Promises {
     round: u64,
@@ -89,7 +90,7 @@ struct Queued {
     end: Option<Value>,
 }
 
-/// One small spectrum that nobody else uploads.
+/// Builds a small spectrum that no other task uploads.
 fn spectrum(number: u64) -> Vec<u8> {
     let rows: Vec<String> = (0..40).map(|i| format!("{},{}.5", 400 + 5 * i, (number * 31 + i * 7) % 997 + 1)).collect();
     format!("wavelength,{number}\n{}\n", rows.join("\n")).into_bytes()
@@ -116,7 +117,7 @@ async fn small(client: Client, base: String, start: u64, promises: Shared) {
     for number in start.. {
         let Some(id) = upload(&client, &base, spectrum(number), &promises).await else { return };
         if number % 5 == 4 {
-            // Nothing stands on it yet: it is deleted, and may come again.
+            // Nothing depends on the measurement yet: it can be deleted, and may be uploaded again.
             promises.lock().unwrap().measurements.get_mut(&id).unwrap().deleted = Some(false);
             let Ok(gone) = client.delete(format!("{base}/v1/measurements/{id}")).send().await else { return };
             assert_eq!(gone.status(), StatusCode::NO_CONTENT);
@@ -124,7 +125,7 @@ async fn small(client: Client, base: String, start: u64, promises: Shared) {
             if number % 10 == 4 {
                 continue;
             }
-            // It may have come without an answer.
+            // The upload may have been accepted without an answer.
             promises.lock().unwrap().measurements.get_mut(&id).unwrap().deleted = Some(false);
             if upload(&client, &base, spectrum(number), &promises).await.is_none() {
                 return;
@@ -157,7 +158,7 @@ async fn cancel(client: &Client, base: &str, job: &str, promises: &Shared) -> Op
     Some(())
 }
 
-/// Deletes the material of a job that succeeded in an earlier round, if there is one left.
+/// Deletes the material of a job that succeeded in an earlier round, if one is left.
 async fn delete_result(client: &Client, base: &str, promises: &Shared) -> Option<()> {
     let material = {
         let mut promises = promises.lock().unwrap();
@@ -173,7 +174,7 @@ async fn delete_result(client: &Client, base: &str, promises: &Shared) -> Option
     Some(())
 }
 
-/// Compresses what takes a while.
+/// Compresses a measurement that takes a while.
 async fn long(client: Client, base: String, number: u64, promises: Shared) {
     let mut bytes = npy(&[4, 256, 31]);
     let last = bytes.len() - 4;
@@ -209,7 +210,7 @@ async fn submit(client: &Client, base: &str, job: &Value, promises: &Shared) -> 
     Some(id)
 }
 
-/// Those of the last rounds, and some of those before, drawn at random; all without `random`.
+/// Items of the last rounds, and some older ones drawn at random; all items without `random`.
 fn drawn<T>(all: Vec<T>, first: u64, round: impl Fn(&T) -> u64, random: Option<&mut Pcg64Mcg>) -> Vec<T> {
     let Some(random) = random else { return all };
     let (mut old, mut looked): (Vec<T>, Vec<T>) = all.into_iter().partition(|one| round(one) < first);
@@ -219,7 +220,7 @@ fn drawn<T>(all: Vec<T>, first: u64, round: impl Fn(&T) -> u64, random: Option<&
     looked
 }
 
-/// Everything promised is there, and no job that ended has changed.
+/// Checks that everything promised exists, and that no ended job has changed.
 async fn kept(client: &Client, base: &str, promises: &Shared, mut random: Option<&mut Pcg64Mcg>) {
     let (first, measurements, jobs) = {
         let promises = promises.lock().unwrap();

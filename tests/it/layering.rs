@@ -1,4 +1,5 @@
-//! Nothing imports upward or in circles, and the scientific rooms know no runtime, database, network, clock or global randomness.
+//! Structure of the code: imports go neither upward nor in circles, and the scientific rooms know no runtime, database,
+//! network, clock or global randomness.
 
 mod imports;
 
@@ -8,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Each room, and the rooms it may name. A new room needs a line here.
+/// Rooms (top-level modules), each with the rooms that it may name. A new room needs a line here.
 const ROOMS: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("domain", &["numeric"]),
@@ -68,7 +69,7 @@ const BELOW_JOBS: &[&str] = &[
     "store",
     "catalog",
 ];
-/// What the scientific rooms must not name.
+/// Names that the scientific rooms must not use.
 const SERVICE_NAMES: &[&str] = &[
     "tokio",
     "sqlx",
@@ -137,7 +138,7 @@ fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-/// All files of source, each with its room; those of a crate's root have none.
+/// Returns all source files, each with its room; those of a crate's root have no room.
 fn all_sources() -> Vec<(PathBuf, Option<String>)> {
     let mut found = Vec::new();
     for (name, whole) in FOLDERS {
@@ -165,7 +166,7 @@ fn leading_name(text: &str) -> &str {
     &text[..end]
 }
 
-/// The names right behind `crate::`, one by one or in braces, and behind chains of `super::`.
+/// Returns the names directly after `crate::`, single or in braces, and after chains of `super::`.
 fn named_at_the_root(code: &str) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     for root in ["crate::", "super::"] {

@@ -1,7 +1,7 @@
-//! Times of the algebra in the compressed domain, against decoding: gathering of photons, products of spectra.
+//! Speed of the algebra in the compressed domain, compared with decoding: gathering of photons, products of spectra.
 //!
-//! `cargo bench -p wavelume-core --bench algebra`. One core; the ways of a row by turns in one process, the best of
-//! several runs of each, so that ratios are of the same moment.
+//! `cargo bench -p wavelume-core --bench algebra`. One core. The methods of a row run alternately in one process, and
+//! the best of several runs counts, so that ratios compare runs under equal conditions.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 use std::hint::black_box;
@@ -11,12 +11,12 @@ use wavelume_core::algebra::{Accumulator, Couplings, LineSpace, Multiplier, Spar
 use wavelume_core::domain::Axis;
 use wavelume_core::transform::{AxisTransform, Plan};
 
-/// Photons gathered for one radiance estimate.
+/// Number of photons gathered for one radiance estimate.
 const PHOTONS: usize = 1000;
-/// Pairs of spectra that are multiplied in one run.
+/// Number of pairs of spectra that are multiplied in one run.
 const PAIRS: usize = 64;
 
-/// The best time of each way in µs, by turns.
+/// Returns the best time of each method in µs; the methods run alternately.
 fn best<const N: usize>(runs: usize, mut ways: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut times = [f64::INFINITY; N];
     for _ in 0..runs {
@@ -37,7 +37,7 @@ fn line(name: &str, length: usize) -> Arc<LineSpace> {
     LineSpace::new(transform(name), length).unwrap_or_else(|e| unreachable!("{e}"))
 }
 
-/// A smooth spectrum with lines and noise, another one for each seed.
+/// Returns a smooth spectrum with lines and noise; each seed gives another one.
 fn samples(length: usize, seed: usize) -> Vec<f64> {
     let mut state = (seed as u32).wrapping_mul(2_654_435_761).wrapping_add(12_345);
     let mut next = || {

@@ -1,7 +1,8 @@
-//! Times of the generic wavelet transform: S² × S² × wavelength, forward and inverse, against memory and threads.
+//! Speed of the generic wavelet transform on S² × S² × wavelength, forward and inverse, compared with memory speed and
+//! numbers of threads.
 //!
-//! `cargo bench -p wavelume-core --bench transform`. Best of several runs, everything in one process, so that ratios
-//! are of the same moment; on a shared machine the best is nearer to the truth than the mean.
+//! `cargo bench -p wavelume-core --bench transform`. All runs share one process, so that ratios compare runs under
+//! equal conditions. The best of several runs counts, which is more reliable than the mean on a shared machine.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 use std::collections::BTreeMap;
@@ -10,7 +11,7 @@ use std::time::Instant;
 use wavelume_core::domain::{Axis, Domain, TriangleMesh};
 use wavelume_core::transform::{AxisTransform, LineBasis, Plan, SphereBasis, Weights};
 
-/// The best time of `runs`, in ms.
+/// Returns the best time of `runs` runs, in ms.
 fn best(runs: usize, mut work: impl FnMut()) -> f64 {
     (0..runs)
         .map(|_| {
@@ -48,7 +49,7 @@ fn on<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.unwrap_or_else(|e| unreachable!("{e}")).install(work)
 }
 
-/// Processor time of each thread in ms, where the system tells (Linux): what a busy machine leaves comparable.
+/// Returns the processor time of each thread in ms (Linux only), which is comparable even on a busy machine.
 fn processor_times() -> BTreeMap<String, f64> {
     let tasks = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let time = |path: std::path::PathBuf| -> Option<f64> {
@@ -58,7 +59,7 @@ fn processor_times() -> BTreeMap<String, f64> {
     tasks.filter_map(|task| Some((task.file_name().into_string().ok()?, time(task.path())?))).collect()
 }
 
-/// The best time, and the processor time of the busiest thread per run, on `threads` threads.
+/// Returns the best time, and the processor time of the busiest thread per run, on `threads` threads.
 fn large(threads: usize, plan: &Plan, data: &mut [f32]) -> (f64, f64) {
     const RUNS: usize = 8;
     on(threads, || {
@@ -93,7 +94,7 @@ fn main() {
             let inverse = best(runs / 4 + 1, || plan.inverse(black_box(&mut data)));
             println!("  with {basis} instead: forward {forward:.2} ms, inverse {inverse:.2} ms");
         }
-        // Interleaved, so that both see the same machine.
+        // Interleaved, so that both run under equal conditions.
         let (mut transformed, mut copied) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..runs {
             transformed = transformed.min(best(1, || alone.forward(black_box(&mut data))));

@@ -1,4 +1,4 @@
-//! Opens a compressed BRDF, evaluates it for a pair of directions, and draws a direction from it.
+//! Opens a compressed BRDF, evaluates it for a pair of directions, and samples a direction from it.
 //!
 //! `cargo run --release -p wavelume-core --example open -- crates/core/examples/materials/plastic.wlm`
 

@@ -1,5 +1,5 @@
-//! The crate that a renderer links: measurements on their domains, wavelet transforms, the codec, and compressed materials
-//! that are evaluated and sampled.
+//! Core library of wavelume, for use in renderers: radiometric measurements, wavelet transforms, compression, and
+//! evaluation and sampling of compressed materials.
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -16,10 +16,10 @@
 //! # }
 //! ```
 //!
-//! [`open`] and [`open_bytes`] give a [`Material`], which can be viewed as a surface, a light, a medium or a spectrum
-//! ([`roles`]), or answers any query itself ([`evaluate`]).
+//! [`open`] and [`open_bytes`] return a [`Material`]. It can be viewed as a surface, a light source, a medium or a
+//! spectrum ([`roles`]), or queried directly ([`evaluate`]).
 //!
-//! Data flow downward; nothing imports upward:
+//! Modules depend only on those before them in the order of the data flow:
 //! tensor ([`domain`]) → [`transform`] → `codec` → [`compress`] → [`algebra`] and [`evaluate`] → [`roles`].
 
 pub mod algebra;

@@ -1,4 +1,4 @@
-//! Compressed materials opened from files and from bytes.
+//! Opening compressed materials from files and from bytes.
 
 use crate::compress;
 use crate::evaluate::{EvaluateError, Material};
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Why a file is not opened as a material.
+/// Reasons why a file cannot be opened as a material.
 ///
 /// ```
 /// use wavelume_core::OpenError;
@@ -22,24 +22,24 @@ pub enum OpenError {
     /// The file cannot be read.
     #[error("{}: {error}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// The file holds no material.
+    /// The file does not contain a valid material.
     #[error("{}: {error}", path.display())]
     Material {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with its bytes.
+        /// Cause of the failure.
         error: EvaluateError,
     },
 }
 
-/// Opens a compressed material (`.wlm`).
+/// Opens a compressed material from a file (`.wlm`).
 ///
-/// Its first bytes are looked at before the rest is read: a large file of another kind is refused without being read.
+/// The first bytes are checked before the rest is read, so that a large file of another kind is rejected quickly.
 ///
 /// ```
 /// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/materials/plastic.wlm");
@@ -53,7 +53,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Material, OpenError> {
     open_bytes(&bytes).map_err(|error| OpenError::Material { path: path.to_owned(), error })
 }
 
-/// Opens the bytes of a compressed material: as they were read, or a memory map.
+/// Opens a compressed material from bytes, such as the contents of a file or a memory map.
 ///
 /// ```
 /// # let bytes = include_bytes!("../examples/materials/hazy.wlm");
@@ -65,7 +65,7 @@ pub fn open_bytes(bytes: &[u8]) -> Result<Material, EvaluateError> {
     Material::open(bytes)
 }
 
-/// The bytes of a file, or the first of them where it is no material.
+/// Reads a file, or only its first bytes if it is not a material.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
@@ -76,5 +76,5 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Bytes that tell a material from other files.
+/// Number of bytes read to recognise a material.
 const HEAD: u64 = 64;

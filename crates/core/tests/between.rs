@@ -1,4 +1,4 @@
-//! Surfaces of known truth, measured at a few incidences and evaluated between them.
+//! Analytic surfaces, measured at a few incidences and evaluated between them.
 
 #![allow(clippy::unwrap_used, reason = "a test's helper fails by panicking, like the test")]
 
@@ -14,7 +14,7 @@ use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place,
 /// Value of a BRDF without the cosine.
 type Surface = fn(Vector, Vector) -> f64;
 
-/// Cosines below this count as this in the models.
+/// Lower bound on cosines in the models.
 const LEAST_COSINE: f64 = 1e-3;
 
 fn half(wi: Vector, wo: Vector) -> Vector {
@@ -62,7 +62,7 @@ fn two_lobes(wi: Vector, wo: Vector) -> f64 {
     ggx(0.08, 0.3, wi, wo) + ggx(0.4, 0.3, wi, wo)
 }
 
-/// A lobe about the direction back to the source, over a base.
+/// Returns a lobe about the direction back to the source, over a constant base.
 fn retro(wi: Vector, wo: Vector) -> f64 {
     0.05 + 0.4 * (-(1.0 - dot(wi, wo)) / 0.02).exp()
 }
@@ -91,7 +91,7 @@ fn tens() -> Vec<f64> {
     (0..9).map(|i| 10.0 * f64::from(i)).collect()
 }
 
-/// Elevations between those of [`rgl`], equal in the cosine from 1 to 0.17.
+/// Elevations between those of [`rgl`], equally spaced in the cosine from 1 to 0.17.
 fn between_rgl() -> Vec<f64> {
     (0..24).map(|k| (1.0 - 0.83 * (f64::from(k) + 0.5) / 24.0).acos().to_degrees()).collect()
 }
@@ -110,7 +110,7 @@ fn measurement(axes: Vec<Axis>, sampling: Sampling, samples: Vec<f32>) -> Measur
     Measurement::new(Quantity::Brdf, Unit::PerSteradian, sampling, tensor).unwrap()
 }
 
-/// Averages over outgoing triangles of this level at the directions of an incoming axis.
+/// Returns averages over outgoing triangles of this level, at the directions of an incoming axis.
 fn on_triangles(incoming: Axis, level: u8, surface: Surface) -> Measurement {
     let fine = TriangleMesh::new(Domain::Hemisphere, level + 2).unwrap();
     let parts: Vec<(Vector, f64)> = (0..fine.len()).map(|i| (fine.centroid(i).xyz(), fine.solid_angle(i))).collect();
@@ -125,12 +125,12 @@ fn on_triangles(incoming: Axis, level: u8, surface: Surface) -> Measurement {
     measurement(vec![incoming, Axis::Triangles(outgoing)], Sampling::Average, samples)
 }
 
-/// Averages over outgoing triangles of this level at incidences in degrees.
+/// Returns averages over outgoing triangles of this level, at incidences in degrees.
 fn measured(elevations: &[f64], level: u8, surface: Surface) -> Measurement {
     on_triangles(Axis::Elevation(elevations.to_vec()), level, surface)
 }
 
-/// Values on a grid of outgoing angles in steps of this many degrees, at incidences in degrees.
+/// Returns values on a grid of outgoing angles in steps of `step` degrees, at incidences in degrees.
 fn on_grid(elevations: &[f64], step: u32, surface: Surface) -> Measurement {
     let every = |to: u32| (0..=to / step).map(|i| f64::from(i * step)).collect::<Vec<f64>>();
     let azimuths = Azimuths { angles: every(180), extent: AzimuthExtent::Mirrored };
@@ -144,7 +144,8 @@ fn on_grid(elevations: &[f64], step: u32, surface: Surface) -> Measurement {
     measurement(vec![incoming, Axis::Grid(grid)], Sampling::Point, samples)
 }
 
-/// Values on grids of angles on both sides: incidences in steps of 10° and 60°, outgoing directions in steps of this many degrees.
+/// Returns values on grids of incoming and outgoing angles: incidences in steps of 10° (polar) and 60° (azimuth),
+/// outgoing directions in steps of `step` degrees.
 fn on_two_grids(step: u32, surface: Surface) -> Measurement {
     let every = |to: u32, step: u32| (0..=to / step).map(|i| f64::from(i * step)).collect::<Vec<f64>>();
     let circle = |step: u32| Some(Azimuths { angles: every(359, step), extent: AzimuthExtent::Circle });
@@ -160,25 +161,25 @@ fn on_two_grids(step: u32, surface: Surface) -> Measurement {
     measurement(vec![Axis::Grid(incoming), Axis::Grid(outgoing)], Sampling::Point, samples)
 }
 
-/// Low-discrepancy point of the unit square (Roberts 2018).
+/// Returns a low-discrepancy point of the unit square (Roberts 2018).
 fn point(i: usize) -> [f64; 2] {
     [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
 }
 
-/// Direction at this cosine and azimuth from `axis`, which lies in the plane of azimuth 0.
+/// Returns the direction at this cosine and azimuth from `axis`, which lies in the plane of azimuth 0.
 fn around(axis: Vector, cosine: f64, azimuth: f64) -> Vector {
     let sine = (1.0 - cosine * cosine).sqrt();
     let (x, y) = (sine * azimuth.cos(), sine * azimuth.sin());
     [x * axis[2] + cosine * axis[0], y, cosine * axis[2] - x * axis[0]]
 }
 
-/// er(L2) in % at incidences in degrees: within 20° of the mirror direction, and over all directions to 80°.
+/// Returns er(L2) in % at incidences in degrees: within 20° of the mirror direction, and over all directions up to 80°.
 fn errors(material: &Material, surface: Surface, elevations: &[f64]) -> [f64; 2] {
     let lowest = 80.0_f64.to_radians().cos();
     let mut sums = [[0.0; 2]; 2];
     for &elevation in elevations {
         let wi = Direction::from_degrees(elevation, 0.0).xyz();
-        // Isotropic surfaces look alike from everywhere, cells do not.
+        // Isotropic surfaces do not change under rotation, cells do.
         let turned = |d: Vector| Some(Direction::from_unit(about_z(d, 0.3)));
         let mirror = [-wi[0], 0.0, wi[2]];
         let cap = 1.0 - 20.0_f64.to_radians().cos();
@@ -199,14 +200,14 @@ fn errors(material: &Material, surface: Surface, elevations: &[f64]) -> [f64; 2]
     sums.map(|[sum, count]| 100.0 * (sum / count).sqrt())
 }
 
-/// Elevations half way between neighbours.
+/// Returns the elevations halfway between neighbours.
 fn halfway(elevations: &[f64]) -> Vec<f64> {
     elevations.array_windows().map(|[a, b]| 0.5 * (a + b)).collect()
 }
 
-/// Prints the errors of every surface before and with the interpolation that is chosen: at the outgoing level of the variable
-/// `WAVELUME_BETWEEN_LEVEL`, which is 6 where figures are compared with others, and of all other ways, too, where the variable
-/// `WAVELUME_BETWEEN_ALL` is set.
+/// Prints the errors of every surface with the default and with the chosen interpolation. The environment variable
+/// `WAVELUME_BETWEEN_LEVEL` sets the outgoing level (6 for comparisons with other figures). If `WAVELUME_BETWEEN_ALL`
+/// is set, all other interpolations are printed as well.
 #[test]
 fn figures_between_incidences() {
     let level = std::env::var("WAVELUME_BETWEEN_LEVEL").ok().and_then(|level| level.parse().ok()).unwrap_or(4);
@@ -250,7 +251,7 @@ fn figures_between_incidences() {
     }
 }
 
-/// The errors before, and with the interpolation that is chosen.
+/// Returns the errors with the default and with the chosen interpolation, and that interpolation.
 fn before_and_now(source: Measurement, surface: Surface, asked: &[f64]) -> ([f64; 2], [f64; 2], Between) {
     let before = errors(&Material::of(source.clone()).unwrap(), surface, asked);
     let between = interpolation_between(&source).unwrap();
@@ -354,7 +355,7 @@ fn past_the_last_incidence_light_is_held_and_said_to_be_extrapolated() {
             let last = largest(80.0);
             for theta in [82.0, 86.0, 89.5] {
                 let found = largest(theta);
-                // Where a lobe stays within the cells, its height depends on where they are.
+                // If a lobe is narrower than the cells, its height depends on their position.
                 assert!(between.is_default() || found < 1.6 * last, "{name} {theta}: {found} {last}, {between}");
             }
             let is_extrapolated = |theta| material.is_extrapolated(Some(Direction::from_degrees(theta, 10.0)));
@@ -418,7 +419,7 @@ fn batches_answer_as_single_calls_do() {
     ];
     for (source, between) in sources.iter().flat_map(|source| ways.iter().map(move |way| (source, *way))) {
         let material = Material::with_between(source.clone(), between).unwrap();
-        // Past the last elevation, too.
+        // Includes directions beyond the last elevation.
         let directions = |turn: f64| -> Vec<Direction> {
             let points = (0..300).map(point);
             points.map(|[u, v]| Direction::from_degrees(87.0 * u, 360.0 * v * turn)).collect()

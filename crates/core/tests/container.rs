@@ -1,9 +1,11 @@
-//! The container is frozen: the golden files decode to these very bits, and the same measurements give these very bytes.
+//! The container format is frozen: golden files decode to identical bits, and measurements compress to identical bytes.
 //!
-//! `tests/container/golden/NAME.wlm` is what `compress` makes of the measurement NAME below, `NAME.f32` its samples and
-//! `NAME.level0.f32` those of its coarsest level, `NAME.lobe.f32` the lobe beside its cells at their centroids
-//! (little-endian, row-major, a NaN where masked). With the variable
-//! `WAVELUME_REMAKE_GOLDEN` set the files are written instead of compared: a change of any of them is a change of format.
+//! `tests/container/golden/NAME.wlm` is the compressed measurement NAME below. `NAME.f32` are its decoded samples,
+//! `NAME.level0.f32` those of its coarsest level, and `NAME.lobe.f32` the lobe beside its cells at the centroids of the
+//! cells. Samples are little-endian and row-major, NaN if masked.
+//!
+//! If the environment variable `WAVELUME_REMAKE_GOLDEN` is set, the files are written instead of compared. Any change
+//! of a file is a change of the format.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helper fails by panicking, like the test")]
 
@@ -21,12 +23,12 @@ use wavelume_core::evaluate::state_levels;
 
 type Vector = [f64; 3];
 
-/// One golden file.
+/// Golden file: a measurement and its settings.
 struct Golden {
     name: &'static str,
     measurement: Measurement,
     settings: Settings,
-    /// What samples are times the numbers of the file.
+    /// Ratio of the samples to the numbers stored in the file.
     factor: f64,
 }
 
@@ -42,14 +44,15 @@ fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// A number in −1 … 1 that looks random and is the same everywhere.
+/// Returns a pseudorandom number in −1 … 1, identical on every machine.
 fn noise(i: usize) -> f64 {
     let mixed = (i as u32).wrapping_add(1).wrapping_mul(2_654_435_761);
     let mixed = (mixed ^ mixed >> 15).wrapping_mul(2_246_822_519);
     f64::from(mixed ^ mixed >> 13) / f64::from(u32::MAX) * 2.0 - 1.0
 }
 
-/// Samples of `value(flat index, entry of each axis)`; additions, multiplications, divisions and square roots only.
+/// Returns the samples `value(flat index, entry of each axis)`, which use additions, multiplications, divisions and
+/// square roots only.
 fn tensor(axes: Vec<Axis>, value: impl Fn(usize, &[usize]) -> f64) -> Tensor {
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
     let count = shape.iter().product();
@@ -75,14 +78,14 @@ fn direction(axis: &Axis, i: usize) -> Vector {
     }
 }
 
-/// The half vector of two directions of a hemisphere.
+/// Returns the half vector of two directions of a hemisphere.
 fn half(a: Vector, b: Vector) -> Vector {
     let sum = [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
     let length = dot(sum, sum).sqrt();
     sum.map(|x| x / length)
 }
 
-/// A gloss lobe on a coloured ground; `stretch` along x.
+/// Returns a gloss lobe on a coloured ground, stretched by `stretch` along x.
 fn gloss(axes: &[Axis], at: &[usize], stretch: f64) -> f64 {
     let (wi, wo) = (direction(&axes[0], at[0]), direction(&axes[1], at[1]));
     let h = half(wi, wo);
@@ -91,7 +94,7 @@ fn gloss(axes: &[Axis], at: &[usize], stretch: f64) -> f64 {
     0.3 * colour + 2.0 / ((1.0 + 6.0 * slope) * (1.0 + 6.0 * slope)) * (1.0 + 0.5 * (1.0 - dot(wi, h)))
 }
 
-/// A narrow lobe around the mirror direction, of this steepness along x and along y.
+/// Returns a narrow lobe about the mirror direction with the given steepness along x and y.
 fn narrow(axes: &[Axis], at: &[usize], [along_x, along_y]: [f64; 2]) -> f64 {
     let h = half(direction(&axes[0], at[0]), direction(&axes[1], at[1]));
     let slope = (along_x * h[0] * h[0] + along_y * h[1] * h[1]) / (h[2] * h[2]);
@@ -156,7 +159,8 @@ fn all() -> Vec<Golden> {
     ]
 }
 
-/// Predicted, with the data's own spectral basis and symmetries: the file that `docs/container.md` explains byte by byte.
+/// Prediction, spectral basis computed from the data, symmetries: the file that `docs/container.md` explains byte by
+/// byte.
 fn luminaire() -> Golden {
     let axes = vec![mesh(Domain::Lower, 1), wavelengths(4)];
     let data = tensor(axes.clone(), |i, at| {
@@ -183,7 +187,7 @@ fn anisotropic() -> Golden {
     golden("anisotropic", Quantity::Brdf, data, Target::ErL2(0.02))
 }
 
-/// Without a spectral axis.
+/// No spectral axis.
 fn zonal() -> Golden {
     let axes = vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 2)];
     let data = tensor(axes.clone(), |i, at| {
@@ -290,7 +294,7 @@ fn channels() -> Golden {
     golden
 }
 
-/// Light in one octant of the sphere alone.
+/// Light in only one octant of the sphere.
 fn octant() -> Golden {
     let axes = vec![mesh(Domain::Sphere, 2), wavelengths(5)];
     let data = tensor(axes.clone(), |i, at| match at[0] / 16 {
@@ -302,7 +306,7 @@ fn octant() -> Golden {
     golden
 }
 
-/// Every block by itself, and the light of each block within a bound.
+/// Random access to every block, and a bound on the error of the light of each block.
 fn random() -> Golden {
     let axes = brdf_axes(3);
     let data = tensor(axes.clone(), |i, at| match at[1] {
@@ -318,7 +322,7 @@ fn random() -> Golden {
     golden
 }
 
-/// A grid of type C in chunk G: a seam, a pole with one value, planes that repeat, angles where nothing shines.
+/// Type C grid in chunk G: a seam, a pole with one value, repeated planes, angles without light.
 fn lamp() -> Golden {
     let azimuths = Azimuths { angles: (0..13).map(|i| 30.0 * f64::from(i)).collect(), extent: AzimuthExtent::Closed };
     let polar: Vec<f64> = (0..16).map(|i| 6.0 * f64::from(i)).collect();
@@ -338,7 +342,7 @@ fn lamp() -> Golden {
     golden
 }
 
-/// Grids on incoming elevations in chunk G, every incoming entry a stream of its own: masks, zeros, negative samples.
+/// Grids on incoming elevations in chunk G, with a separate stream per incoming entry: masks, zeros, negative samples.
 fn paint() -> Golden {
     let azimuths = Azimuths { angles: (0..9).map(|i| 22.5 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
     let grid =
@@ -362,14 +366,15 @@ fn paint() -> Golden {
     golden
 }
 
-/// A grid in chunk G with a floor that negative samples exceed: they weigh like positive ones, and take corrections of the light.
+/// Grid in chunk G with a floor that negative samples exceed in magnitude: they weigh like positive ones, and need
+/// corrections of the light.
 fn dark() -> Golden {
     let azimuths = Azimuths { angles: (0..8).map(|i| 45.0 * f64::from(i)).collect(), extent: AzimuthExtent::Circle };
     let grid = DirectionGrid::new(Frame::Surface, vec![0.0, 10.0, 25.0, 45.0, 70.0], Some(azimuths)).unwrap();
     let data = tensor(vec![Axis::Elevation(vec![0.0, 30.0, 60.0]), Axis::Grid(grid)], |i, at| {
         let (polar, azimuth) = (at[1] / 8, at[1] % 8);
         let value = (0.1 + 1.0 / (1.0 + (polar as f64 - at[0] as f64).abs())) * (1.0 + 0.02 * noise(i));
-        // Of a size that the positive ones around do not tell.
+        // Of a magnitude that the positive neighbours do not predict.
         if polar == 4 && azimuth > 3 { -[0.9, 0.2][azimuth % 2] } else { value }
     });
     let mut golden = golden("dark", Quantity::Brdf, data, Target::ErL2(0.02));
@@ -378,7 +383,8 @@ fn dark() -> Golden {
     golden
 }
 
-/// A grid in chunk G on the data's own spectral basis, with corrections: a circle of an odd number of azimuths, latitudes.
+/// Grid in chunk G with the spectral basis computed from the data and corrections: a circle with an odd number of
+/// azimuths, latitudes.
 fn leaf() -> Golden {
     let azimuths = Azimuths { angles: (0..7).map(|i| 50.0 * f64::from(i)).collect(), extent: AzimuthExtent::Circle };
     let polar: Vec<f64> = (0..9).map(|i| -90.0 + 22.5 * f64::from(i)).collect();
@@ -395,7 +401,7 @@ fn leaf() -> Golden {
     golden
 }
 
-/// A grid in chunk G with a coarser level: a closed circle, a pole of one value, planes that repeat, zeros and masks.
+/// Grid in chunk G with a coarser level: a closed circle, a pole with one value, repeated planes, zeros and masks.
 fn spot() -> Golden {
     let azimuths = Azimuths { angles: (0..41).map(|i| 9.0 * f64::from(i)).collect(), extent: AzimuthExtent::Closed };
     let polar: Vec<f64> = (0..50).map(|i| 1.8 * f64::from(i)).collect();
@@ -412,7 +418,7 @@ fn spot() -> Golden {
     golden("spot", Quantity::Edf, data, Target::ErL2(0.01))
 }
 
-/// A grid in chunk G behind the isotropic model, on the data's own spectral basis, with a coarser level.
+/// Grid in chunk G with the isotropic model, the spectral basis computed from the data, and a coarser level.
 fn varnish() -> Golden {
     let azimuths = Azimuths { angles: (0..13).map(|i| 15.0 * f64::from(i)).collect(), extent: AzimuthExtent::Mirrored };
     let polar = (0..9).map(|i| 10.0 * f64::from(i)).collect();
@@ -427,7 +433,7 @@ fn varnish() -> Golden {
     golden
 }
 
-/// Grids in chunk G behind the anisotropic model, every incoming direction a stream of its own.
+/// Grids in chunk G with the anisotropic model, and a separate stream per incoming direction.
 fn brushed() -> Golden {
     let circle = |step: f64, count: usize| {
         let angles = (0..count).map(|i| step * i as f64).collect();
@@ -443,7 +449,8 @@ fn brushed() -> Golden {
     golden
 }
 
-/// A model that is divided out between incidences, with a cubic through four of them; coarser levels know it, too.
+/// Interpolation between incidences: cubic through four of them, with a model divided out; coarser levels state it,
+/// too.
 fn lacquer() -> Golden {
     let degrees = vec![0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
     let axes = vec![Axis::Elevation(degrees), mesh(Domain::Hemisphere, 2), Axis::Rgb];
@@ -454,7 +461,7 @@ fn lacquer() -> Golden {
     golden
 }
 
-/// A lobe narrower than the cells beside them, about the mirror direction; each band has its own share of it.
+/// Lobe about the mirror direction, narrower than the cells and stored beside them, with a colour factor per band.
 fn nacre() -> Golden {
     let axes = vec![Axis::Elevation(vec![0.0, 20.0, 40.0, 60.0]), mesh(Domain::Hemisphere, 2), wavelengths(4)];
     let lobe = LobeParameters {
@@ -469,7 +476,7 @@ fn nacre() -> Golden {
     beside("nacre", &axes, &lobe)
 }
 
-/// A lobe in half vectors that turns with the surface, with a tail like that of GGX.
+/// Anisotropic lobe in half vectors, with the tail of GGX.
 fn silk() -> Golden {
     let axes = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2), Axis::Rgb];
     let lobe = LobeParameters {
@@ -484,7 +491,7 @@ fn silk() -> Golden {
     beside("silk", &axes, &lobe)
 }
 
-/// A lobe about the direction back to the source, of one colour, beside samples that are kept as they are.
+/// Lobe of one colour about the direction back to the source, beside lossless samples.
 fn reflector() -> Golden {
     let axes = vec![Axis::Elevation(vec![10.0, 30.0, 50.0]), mesh(Domain::Hemisphere, 1)];
     let lobe = LobeParameters {
@@ -501,7 +508,7 @@ fn reflector() -> Golden {
     golden
 }
 
-/// A coloured ground with a lobe beside its cells.
+/// Returns a coloured ground with a lobe beside its cells.
 fn beside(name: &'static str, axes: &[Axis], lobe: &LobeParameters) -> Golden {
     let data = tensor(axes.to_vec(), |i, at| {
         let colour = at.get(2).map_or(1.0, |&k| 0.4 + 0.1 * k as f64);
@@ -512,7 +519,8 @@ fn beside(name: &'static str, axes: &[Axis], lobe: &LobeParameters) -> Golden {
     golden
 }
 
-/// The lobe of a material at its incidences and at the centroids of its outgoing triangles, over the axes of the samples.
+/// Returns the values of a lobe at the incidences and the centroids of the outgoing triangles, over the axes of the
+/// samples.
 fn lobe_values(axes: &[Axis], lobe: &Lobe) -> Vec<f32> {
     let at = |axis: usize, i: usize| Direction::from_unit(direction(&axes[axis], i));
     let pairs = (0..axes[0].len()).flat_map(|i| (0..axes[1].len()).map(move |o| (i, o)));
@@ -523,7 +531,7 @@ fn lobe_values(axes: &[Axis], lobe: &Lobe) -> Vec<f32> {
     values.collect()
 }
 
-/// Samples instead of logarithms, none of them negative.
+/// Samples coded without logarithms, none of them negative.
 fn linear() -> Golden {
     let axes = vec![mesh(Domain::Hemisphere, 2), wavelengths(6)];
     let data = tensor(axes.clone(), |i, at| {
@@ -536,7 +544,7 @@ fn linear() -> Golden {
     golden
 }
 
-/// Samples instead of logarithms, of either sign.
+/// Samples coded without logarithms, of either sign.
 fn signed() -> Golden {
     let axes = vec![mesh(Domain::Sphere, 1), mesh(Domain::Sphere, 1)];
     let data = tensor(axes.clone(), |i, at| {
@@ -558,7 +566,7 @@ fn lossless() -> Golden {
     golden("lossless", Quantity::Edf, data, Target::Lossless)
 }
 
-/// A grid of directions as a file states it, in every part that an axis can have.
+/// Grid of directions with every field that an axis can have.
 fn stated() -> Golden {
     let azimuths = Azimuths { angles: vec![0.0, 22.5, 90.0, 157.5, 180.0], extent: AzimuthExtent::Mirrored };
     let grid = DirectionGrid::new(Frame::Surface, vec![0.0, 10.5, 30.0, 75.25], Some(azimuths)).unwrap();
@@ -577,7 +585,7 @@ fn stated() -> Golden {
     golden
 }
 
-/// Numbers beside a factor, on C planes: what samples are made of, not the samples, is exact.
+/// Numbers with a common factor, on C planes: the numbers are lossless, not their products with the factor.
 fn multiplied() -> Golden {
     let azimuths = Azimuths { angles: vec![0.0, 90.0, 180.0, 270.0, 360.0], extent: AzimuthExtent::Closed };
     let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 30.0, 60.0, 90.0], Some(azimuths)).unwrap();
@@ -589,10 +597,10 @@ fn multiplied() -> Golden {
     Golden { factor: MULTIPLIER, ..golden("multiplied", Quantity::Edf, data, Target::Lossless) }
 }
 
-/// A candela multiplier times a ballast factor.
+/// Candela multiplier times ballast factor.
 const MULTIPLIER: f64 = 1.1 * 0.93;
 
-/// The paper's policy.
+/// Policy of the paper.
 fn conventional() -> Golden {
     let axes = brdf_axes(9);
     let data = tensor(axes.clone(), |i, at| match i {
@@ -609,7 +617,7 @@ fn path(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/container/golden").join(name)
 }
 
-/// Compares with the file of this name, or writes it.
+/// Compares bytes with the golden file of this name, or writes it.
 fn same(name: &str, bytes: &[u8]) {
     let path = path(name);
     if std::env::var_os("WAVELUME_REMAKE_GOLDEN").is_some() {
@@ -621,7 +629,7 @@ fn same(name: &str, bytes: &[u8]) {
     assert!(stored == bytes, "{name}: {} bytes, stored {}, first difference {differs:?}", bytes.len(), stored.len());
 }
 
-/// Every NaN the same: its payload is none of a file's.
+/// Returns the samples as bytes, with a canonical NaN, because files do not store NaN payloads.
 fn bytes_of(samples: &[f32]) -> Vec<u8> {
     samples.iter().flat_map(|&s| if s.is_nan() { f32::NAN } else { s }.to_le_bytes()).collect()
 }
@@ -660,7 +668,7 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
         }
         let all_levels = levels(&stored).unwrap();
         if all_levels.len() > 1 {
-            // The first bytes alone are enough for the level.
+            // A prefix of the file suffices for the level.
             let prefix = &stored[..all_levels[0].bytes as usize];
             let coarse = decode_level(prefix, 0).unwrap();
             same(&format!("{name}.level0.f32"), &bytes_of(coarse.measurement.tensor.samples()));
@@ -668,7 +676,7 @@ fn golden_files_are_made_and_decoded_to_the_last_bit() {
     }
 }
 
-/// Golden files of forms that the encoder no longer writes.
+/// Golden files in forms that the encoder no longer writes.
 const BEFORE: [&str; 1] = ["paint_before"];
 
 #[test]

@@ -1,7 +1,8 @@
-//! Random measurements on grids of angles break no promise: errors, classes, slices, levels, and evaluation at the stated angles.
+//! Random measurements on grids of angles keep all guarantees: errors, classes, slices, levels, and evaluation at the
+//! stated angles.
 //!
-//! 300 of them, or as many as the variable `WAVELUME_GRIDS` names; `WAVELUME_GRIDS_FROM` is the first seed. A case is named by its
-//! seed, and made from it alone.
+//! The environment variable `WAVELUME_GRIDS` sets the number of cases (default 300), `WAVELUME_GRIDS_FROM` the first
+//! seed. A case is identified and determined by its seed.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test's helper fails by panicking, like the test")]
 
@@ -14,7 +15,7 @@ use wavelume_core::domain::{
 };
 use wavelume_core::evaluate::{Interpolation, Material, Place, state_levels, straight_lines_for_flux};
 
-/// A sequence that a seed fixes (Steele, Lea & Flood 2014, `SplitMix`).
+/// Deterministic pseudorandom sequence (Steele, Lea & Flood 2014, `SplitMix`).
 struct Random(u64);
 
 impl Random {
@@ -25,17 +26,17 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Below `n`.
+    /// Returns an integer below `n`.
     fn below(&mut self, n: usize) -> usize {
         (self.next() % n as u64) as usize
     }
 
-    /// In 0..1.
+    /// Returns a number in 0..1.
     fn share(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// True in a share of all cases.
+    /// Returns true with probability `share`.
     fn chance(&mut self, share: f64) -> bool {
         self.share() < share
     }
@@ -44,7 +45,7 @@ impl Random {
         all[self.below(all.len())]
     }
 
-    /// Up to `most` increasing angles in a range, its ends among them now and then; even or not.
+    /// Returns up to `most` increasing angles in a range, even or uneven, sometimes including its ends.
     fn angles(&mut self, (low, high): (f64, f64), most: usize) -> Vec<f64> {
         let count = 1 + self.below(most);
         let mut angles: Vec<f64> = if self.chance(0.5) {
@@ -58,7 +59,7 @@ impl Random {
         if self.chance(0.5) {
             angles.push(high);
         }
-        // Neighbours at least a thousandth of a degree apart.
+        // Neighbours are at least a thousandth of a degree apart.
         for angle in &mut angles {
             *angle = (*angle * 1000.0).round() / 1000.0;
         }
@@ -98,7 +99,7 @@ impl Random {
         }
     }
 
-    /// Smooth values with noise, negative, zero and masked ones, and slices that repeat.
+    /// Returns smooth values with noise, including negative, zero and masked ones and repeated slices.
     fn samples(&mut self, shape: &[usize], azimuths: usize) -> Vec<f32> {
         let scale = libm::exp((self.share() - 0.5) * 2.0 * 68.0);
         let (waves, noise) = (3.0 * self.share(), self.one_of(&[0.0, 0.0, 0.01, 0.3]));
@@ -127,7 +128,7 @@ impl Random {
             } else {
                 value
             } as f32);
-            // Equal to the azimuth before.
+            // Repeats the values of the previous azimuth.
             if repeats && flat / behind % azimuths > 0 && flat / behind % azimuths % 3 == 1 {
                 samples[flat] = samples[flat - behind];
             }
@@ -177,8 +178,8 @@ fn bits(samples: &[f32]) -> Vec<u32> {
     samples.iter().map(|&s| if s.is_nan() { f32::NAN } else { s }.to_bits()).collect()
 }
 
-/// Directions of all samples, `None` where a file states several values for one, or an azimuth for one that has none: poles,
-/// and ends of a closed circle.
+/// Returns the directions of all samples; `None` for directions with several values in the file: poles, and the ends of
+/// a closed circle.
 fn directions(axis: &Axis) -> Vec<Option<Direction>> {
     match axis {
         Axis::Elevation(angles) => angles.iter().map(|&angle| Some(Direction::from_degrees(angle, 0.0))).collect(),
@@ -198,7 +199,7 @@ fn directions(axis: &Axis) -> Vec<Option<Direction>> {
     }
 }
 
-/// What a decoder has breaks no promise.
+/// Checks that decoded samples keep all guarantees of the settings.
 fn check_samples(measurement: &Measurement, settings: &Settings, floor: f64, found: &[f32]) {
     let samples = measurement.tensor.samples();
     if settings.policy == Policy::Lossless {
@@ -229,7 +230,7 @@ fn check_samples(measurement: &Measurement, settings: &Settings, floor: f64, fou
     }
 }
 
-/// The function at stated angles is the sample.
+/// Checks that the function at stated angles equals the sample.
 fn check_function(file: &[u8], measurement: &Measurement, found: &[f32]) {
     let material = Material::open(file).unwrap();
     let axes = measurement.tensor.axes();
@@ -246,7 +247,7 @@ fn check_function(file: &[u8], measurement: &Measurement, found: &[f32]) {
         let place = Place { index: &[], wi, wo: Some(wo) };
         material.evaluate(place, Interpolation::Smooth, &mut spectrum).unwrap();
         for (&value, &sample) in spectrum.iter().zip(row) {
-            // Rounding of angles takes a part of a neighbour along, which counts where values are not logarithms.
+            // Rounding of angles mixes in a small part of a neighbour, which matters where values are not logarithms.
             let rounding = if is_linear { 2e-6 * largest } else { 0.0 };
             let is_near = (value - sample).abs() <= 1e-5 * sample.abs() + rounding;
             assert!(
@@ -257,7 +258,7 @@ fn check_function(file: &[u8], measurement: &Measurement, found: &[f32]) {
     }
 }
 
-/// Slices and levels are those of the whole.
+/// Checks that slices and levels agree with the whole.
 fn check_parts(file: &[u8], measurement: &Measurement, found: &[f32]) {
     let at = measurement.tensor.axes().iter().rposition(|axis| matches!(axis, Axis::Grid(_))).unwrap();
     let blocks: usize = measurement.tensor.axes()[..at].iter().map(Axis::len).product();
@@ -285,7 +286,7 @@ fn random_grids_keep_every_promise() {
         let case = std::panic::catch_unwind(|| {
             let compressed = match compress(&measurement, &settings, &Silent) {
                 Ok(compressed) => compressed,
-                // One incoming entry is nothing to have access to; a size may be out of reach.
+                // Random access needs several incoming entries, and a target size may be unreachable.
                 Err(CompressError::Setting(_) | CompressError::Unreachable(_)) => return false,
                 Err(error) => panic!("{error}"),
             };

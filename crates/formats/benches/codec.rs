@@ -1,8 +1,9 @@
-//! Times of the codec: two virtual surfaces of 16 × 1024 × 75 samples, encoded at a fixed step, encoded to er(L2) 1 %, and
-//! decoded, against `memcpy` of the same samples.
+//! Times of the codec: two virtual surfaces of 16 × 1024 × 75 samples, encoded at a fixed step, encoded to er(L2) 1 %,
+//! and decoded, against `memcpy` of the same samples.
 //!
-//! `cargo bench -p wavelume-formats --bench codec`. One core; best of several runs, everything in one process, so that
-//! ratios are of the same moment; on a shared machine the best is nearer to the truth than the mean.
+//! `cargo bench -p wavelume-formats --bench codec`. One core; best of several runs, all in one process, so that
+//! compared times are measured under the same load. On a shared machine the best run is closer to the true time than
+//! the mean.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 mod common;
@@ -12,7 +13,7 @@ use std::hint::black_box;
 use wavelume_core::compress::{Target, decode};
 use wavelume_core::domain::Measurement;
 
-/// A gloss lobe on a diffuse ground, which every symmetry of the mesh leaves as it is; and one that none does.
+/// Two surfaces: a gloss lobe on a diffuse ground that has all symmetries of the mesh, and one that has none.
 const SURFACES: [(&str, &str); 2] =
     [("gloss", "data/virtual/plastic.json"), ("aniso", "data/virtual/brushed_copper.json")];
 

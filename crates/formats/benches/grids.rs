@@ -1,9 +1,9 @@
-//! Times of measurements on their own grids of angles: a lamp, a car paint and a table of 4.4 million samples, compressed to
-//! er(L2) 1 %, decoded, opened, and evaluated at 20,000 directions one by one and in one batch.
+//! Times of measurements on their own grids of angles: a lamp, a car paint and a table of 4.4 million samples. Each is
+//! compressed to er(L2) 1 %, decoded, opened, and evaluated at 20,000 directions, one by one and in one batch.
 //!
-//! `cargo bench -p wavelume-formats --bench grids`, or with parts of names after it (`-- aerolamp carpaint`) those
-//! measurements alone. One core; the least of several runs, by the clock and of the processor; of directions the least
-//! times of thousands added, as these are short enough for a busy machine to leave some of them alone.
+//! `cargo bench -p wavelume-formats --bench grids`; parts of names after it (`-- aerolamp carpaint`) select
+//! measurements. One core; the least of several runs, in wall-clock and processor time. For directions it is the sum of
+//! the least times of batches of a thousand, which are short enough that a busy machine leaves some undisturbed.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 mod common;
@@ -18,11 +18,11 @@ use wavelume_core::evaluate::{Directions, Interpolation, Material, Pairs, Place}
 
 const FILES: [&str; 2] = ["data/aerolamp.ies", "data/carpaint_blue.mbsdf"];
 const QUERIES: usize = 20_000;
-/// Directions that are timed together, and how often.
+/// Number of directions timed together, and number of repetitions.
 const SLICE: usize = 1_000;
 const ROUNDS: usize = 40;
 
-/// A fraction that looks random.
+/// Returns a pseudo-random fraction.
 fn fraction(i: usize) -> f64 {
     let mixed = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     (((mixed >> 32) ^ mixed) & 0xFFFF_FFFF) as f64 / 4_294_967_296.0
@@ -57,7 +57,7 @@ fn compressed(measurement: &Measurement) -> Vec<u8> {
     encoded(measurement, Target::ErL2(0.01)).bytes
 }
 
-/// Coordinates of directions on the side of the surface that is measured, or all around a lamp.
+/// Returns the coordinates of directions on the measured side of the surface, or all around a lamp.
 fn coordinates(first: usize, has_incoming: bool) -> [Vec<f32>; 3] {
     let direction = |i: usize| {
         let (z, phi) = (fraction(2 * i + first), 360.0 * fraction(2 * i + 1 + first));
@@ -102,7 +102,7 @@ fn times(name: &str, measurement: &Measurement, runs: usize) {
     }
 }
 
-/// Nanoseconds a direction, one by one and in batches.
+/// Returns nanoseconds per direction, one by one and in batches.
 fn directions(material: &Material) -> [f64; 2] {
     let (has_incoming, lambdas) = (material.quantity() != Quantity::Edf, material.lambdas());
     let (wi, wo) = (coordinates(0, has_incoming), coordinates(1 << 20, has_incoming));

@@ -1,7 +1,8 @@
-//! Compresses a measurement again as a material of it says it was asked for, and compares the bytes.
+//! Compresses a measurement again with the request that is stored in a material of it, and compares the bytes.
 //!
-//! `cargo run --release -p wavelume-formats --example again -- MEASUREMENT MATERIAL.wlm`; of an array the manifest stands beside
-//! it. It fails (exit code 1) if a byte differs: equal measurements and requests give equal files, whoever built the program.
+//! `cargo run --release -p wavelume-formats --example again -- MEASUREMENT MATERIAL.wlm`; the manifest of an array lies
+//! beside it. It fails (exit code 1) if a byte differs: equal measurements and requests give equal files with any build
+//! of the program.
 
 mod common;
 
@@ -20,7 +21,7 @@ fn main() -> ExitCode {
     })
 }
 
-/// Compares the file `material` with what becomes of `measurement` now; whether they are equal.
+/// Compresses `measurement` again and compares the result with the file `material`; returns true if they are equal.
 pub(crate) fn run(measurement: &str, material: &str, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let before = std::fs::read(material)?;
     let stated = inspect(&before)?.metadata.ok_or_else(|| format!("{material} does not say what was asked for"))?;

@@ -1,16 +1,17 @@
-//! A renderer's view of a material: opens it, draws directions, evaluates, and checks its estimate of albedo.
+//! A renderer's use of a material: opens it, draws directions, evaluates, and checks its estimate of albedo.
 //!
-//! `cargo run --release -p wavelume-formats --example furnace -- M.wlm`; without a file it makes a white GGX of its own.
+//! `cargo run --release -p wavelume-formats --example furnace -- M.wlm`; without a file it uses a white GGX of its own.
 //!
 //! For some incoming directions and wavelengths it prints
 //! * `stored`: the albedo that the material stores, of the piecewise constant function;
 //! * `drawn`: its estimate by importance sampling alone, mean of f · cos / pdf ± one standard error;
-//! * `smooth`: that of the smooth function, drawn from the material three times in four and by the cosine otherwise, ± one
-//!   standard error;
-//! * `differs`: what interpolation itself changes, by quadrature of the smooth function.
+//! * `smooth`: that of the smooth function, with three of four directions drawn from the material and one by the
+//!   cosine, ± one standard error;
+//! * `differs`: the change caused by interpolation itself, by quadrature of the smooth function.
 //!
-//! It fails (exit code 1) if an estimate is more than four standard errors from what is stored, for the smooth function
-//! plus what interpolation changes; or if the energy report says that a material breaks conservation.
+//! It fails (exit code 1) if an estimate is more than four standard errors from the stored albedo. For the smooth
+//! function the change by interpolation is added first. It also fails if the energy report shows a violation of
+//! conservation.
 
 mod common;
 
@@ -25,16 +26,17 @@ use wavelume_core::domain::{Axis, Direction, Domain, TriangleMesh};
 use wavelume_core::evaluate::physics::Verdict;
 use wavelume_core::evaluate::{Interpolation, Material, Place, Side};
 
-/// Independent estimates, whose spread is the standard error, and strata along a side of the square in each of them.
+/// Number of independent estimates, whose spread gives the standard error, and of strata along a side of the square in
+/// each.
 const ESTIMATES: usize = 24;
 const STRATA: usize = 20;
-/// The share of directions drawn from the material where the rest is drawn by the cosine.
+/// Fraction of directions drawn from the material in the mixed estimate; the rest is drawn by the cosine.
 const FROM_MATERIAL: f64 = 0.75;
-/// Standard errors that an estimate may be off, and what sums of f32 samples may be off.
+/// Allowed deviation of an estimate in standard errors, and relative tolerance for sums of f32 samples.
 const MOST_ERRORS: f64 = 4.0;
 const ROUNDING: f64 = 5e-4;
 
-/// A white metal: every wavelength is reflected, and only what facets hide from each other is lost.
+/// White metal: every wavelength is reflected, and only light that facets hide from each other is lost.
 const WHITE: &str = r#"{"wavelume": "virtual", "quantity": "brdf",
     "model": {"ggx": {"alpha": {"isotropic": 0.25}, "fresnel": "mirror"}},
     "axes": ["hemi:2", "hemi:4", "lambda:400:50:7"]}"#;
@@ -43,7 +45,7 @@ fn main() -> ExitCode {
     common::main("furnace", run)
 }
 
-/// Prints the table for the material in `path`, or for one of its own; whether all of it agrees.
+/// Prints the table for the material in `path`, or for a built-in one; returns true if all estimates agree.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let bytes = common::material(path, WHITE)?;
     let material = Material::open(&bytes)?;
@@ -71,7 +73,7 @@ pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<
     Ok(agrees && conserves)
 }
 
-/// Some incoming directions of the material's own, spread over its axis.
+/// Returns some incoming directions spread over the material's incoming axis.
 fn incoming(material: &Material) -> Vec<Direction> {
     let directions: Vec<Direction> = match material.axes().iter().find(|axis| axis.is_directional()) {
         Some(Axis::Triangles(mesh)) => (0..mesh.len()).map(|i| mesh.centroid(i)).collect(),
@@ -81,7 +83,8 @@ fn incoming(material: &Material) -> Vec<Direction> {
     directions.iter().copied().step_by(directions.len().div_ceil(5).max(1)).collect()
 }
 
-/// One incoming direction: an estimate of every wavelength by the same directions, printed at the ends and in the middle.
+/// Processes one incoming direction: estimates every wavelength from the same directions, and prints the first, middle
+/// and last.
 fn row(material: &Material, index: &[usize], wi: Direction, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let lambdas = material.lambdas();
     let (mut stored, mut smooth_albedo) = (vec![0.0; lambdas], vec![0.0; lambdas]);
@@ -120,7 +123,7 @@ fn row(material: &Material, index: &[usize], wi: Direction, out: &mut impl Write
     Ok(agrees)
 }
 
-/// A mean and its standard error.
+/// Mean with its standard error.
 #[derive(Clone, Copy)]
 struct Estimate {
     mean: f64,
@@ -133,8 +136,8 @@ impl std::fmt::Display for Estimate {
     }
 }
 
-/// The albedo of every wavelength, by stratified points; a `share` of the directions is drawn from the material, the others
-/// by the cosine. The density of both together divides, so that every direction may be drawn either way.
+/// Returns the albedo of every wavelength from stratified points. A fraction `share` of the directions is drawn from
+/// the material, the others by the cosine. Every value is divided by the combined density of both.
 fn estimate(
     material: &Material,
     index: &[usize],
@@ -169,7 +172,7 @@ fn estimate(
     Ok(sums.into_iter().map(estimate).collect())
 }
 
-/// A direction and its density; `None` where the material sends nothing.
+/// Draws a direction with its density; `None` if the material reflects nothing.
 fn draw(
     material: &Material,
     index: &[usize],
@@ -190,7 +193,7 @@ fn draw(
     Ok(Some((wo, share * own + (1.0 - share) * wo.cos_theta().abs() / (PI * whole))))
 }
 
-/// A direction of an outgoing domain with a density of |cos θ| / π; on the sphere, of half of that.
+/// Returns a direction of an outgoing domain with density |cos θ| / π; half of that on the sphere.
 fn by_cosine(domain: Domain, [u, v]: [f64; 2]) -> Direction {
     let (u, up) = match domain {
         Domain::Hemisphere => (u, true),
@@ -207,7 +210,7 @@ fn domain(material: &Material) -> Domain {
     mesh(material).map_or(Domain::Hemisphere, TriangleMesh::domain)
 }
 
-/// The triangles of the outgoing axis: the last ones.
+/// Returns the triangles of the outgoing axis, which is the last triangle axis.
 fn mesh(material: &Material) -> Option<TriangleMesh> {
     material.axes().iter().rev().find_map(|axis| match axis {
         Axis::Triangles(mesh) => Some(*mesh),

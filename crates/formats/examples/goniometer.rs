@@ -1,16 +1,16 @@
-//! A virtual goniometer's scattered scan: what its projection makes of it, beside the truth.
+//! Scattered scan of a virtual goniometer: its projection compared with the truth.
 //!
-//! `cargo run --release -p wavelume-formats --example goniometer`; with the argument `speed` it prints how long two large
-//! scans take on one thread instead.
+//! `cargo run --release -p wavelume-formats --example goniometer`; with the argument `speed` it prints the times of two
+//! large scans on one thread instead.
 //!
-//! A gloss (GGX, α = 0.15, over a coloured diffuse base of 0.05 or 0.3) is measured at 12 incoming elevations from 0 to 80°, at
-//! 8,000 outgoing directions each, uniform in solid angle, with 1 % of noise on every value and without what lies within
-//! 5° of the lamp. The table has er(L2) in % against the analytic surface at 4,000 other outgoing directions for each
-//! incoming one, down to 80°: of the smooth form and of the cells taken as constant; outside and inside the blind spot,
-//! by region, and half way between incoming elevations.
+//! A gloss (GGX, α = 0.15, over a coloured diffuse base of 0.05 or 0.3) is measured at 12 incoming elevations from 0 to
+//! 80°. Each has 8,000 outgoing directions, uniform in solid angle, with 1 % noise on every value and a blind spot
+//! within 5° of the lamp. The table has er(L2) in % against the analytic surface at 4,000 other outgoing directions per
+//! incoming one, down to 80°. It compares the smooth form with the piecewise constant cells: outside and inside the
+//! blind spot, by region, and half way between incoming elevations.
 //!
-//! It fails (exit code 1) if the smooth form outside the blind spot is off by more than 0.6 %, or withheld samples by more
-//! than 1.15 %.
+//! It fails (exit code 1) if the smooth form outside the blind spot is off by more than 0.6 %, or withheld samples by
+//! more than 1.15 %.
 
 mod common;
 mod gloss;
@@ -25,21 +25,22 @@ use wavelume_core::evaluate::{Interpolation, Material, Place};
 use wavelume_formats::formats::{Acquisition, Instrument, ParseReport, Samples, Scattered};
 use wavelume_formats::projection::{AxesRequest, project};
 
-/// The cosine of the radius of the blind spot, 5°, around the lamp.
+/// Cosine of the radius of the blind spot around the lamp, 5°.
 const BLIND: f64 = 0.996_194_698_091_745_6;
-/// The height of the lowest directions of the table: 80°.
+/// Height (z) of the lowest directions of the table: 80°.
 const LOWEST: f64 = 0.173_648_177_666_930_3;
 const NOISE: f64 = 0.01;
-/// Largest er(L2) of the smooth form, and how far the noise that is found may be from that of the samples, in parts of it.
+/// Upper bounds on er(L2) of the smooth form, and on the relative difference between the estimated noise and that of
+/// the samples.
 const SMOOTH: f64 = 0.006;
 const OFF: f64 = 0.1;
 
-/// How much is measured.
+/// Size of the scan and of its comparison.
 pub(crate) struct Scan {
     pub(crate) elevations: usize,
     pub(crate) outgoing: usize,
     pub(crate) bands: usize,
-    /// Directions of the table for each incoming one.
+    /// Number of directions in the table per incoming direction.
     pub(crate) fresh: usize,
 }
 
@@ -52,7 +53,7 @@ fn main() -> ExitCode {
     })
 }
 
-/// Even numbers from 0 to 1 (splitmix64, Steele et al. 2014).
+/// Generator of uniform numbers from 0 to 1 (splitmix64, Steele et al. 2014).
 struct Random(u64);
 
 impl Random {
@@ -64,13 +65,13 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Box & Muller 1958.
+    /// Returns a standard normal deviate (Box & Muller 1958).
     fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.even()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.even()).cos()
     }
 
-    /// Uniform in solid angle above a height.
+    /// Returns a direction uniform in solid angle above the height `lowest`.
     fn direction(&mut self, lowest: f64) -> Direction {
         let z = lowest + (1.0 - lowest) * self.even();
         Direction::from_radians(z.acos(), std::f64::consts::TAU * self.even())
@@ -130,12 +131,12 @@ impl Scan {
     }
 }
 
-/// Sums of squares of relative errors: smooth, constant, count.
+/// Sums of squared relative errors of the smooth and the constant form, and their count.
 type Sums = [f64; 3];
 const ROWS: [&str; 6] =
     ["outside the blind spot", "… peak", "… middle", "… beyond 70°", "inside the blind spot", "between elevations"];
 
-/// er(L2) of every row of the table.
+/// Returns er(L2) of every row of the table.
 fn errors(scan: &Scan, surface: &Gloss, material: &Material) -> Result<[[f64; 2]; 6], Box<dyn Error>> {
     let mut random = Random(2);
     let mut sums = [Sums::default(); 6];
@@ -174,7 +175,7 @@ fn errors(scan: &Scan, surface: &Gloss, material: &Material) -> Result<[[f64; 2]
     Ok(sums.map(|[s, c, n]| [(s / n).sqrt(), (c / n).sqrt()]))
 }
 
-/// Prints the table; whether both figures are reached.
+/// Prints the table; returns true if both bounds are met.
 pub(crate) fn run(scan: &Scan, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let mut good = true;
     for diffuse in [0.05, 0.3] {
@@ -200,7 +201,7 @@ pub(crate) fn run(scan: &Scan, out: &mut impl Write) -> Result<bool, Box<dyn Err
     Ok(good)
 }
 
-/// Prints how long projections of 127,000 samples in one band, and of 20,000 in 2,101, take on one thread and on all.
+/// Prints the times of projecting 127,000 samples in one band, and 20,000 in 2,101 bands, on one thread and on all.
 fn speed(out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     for (elevations, outgoing, bands) in [(16, 7950, 1), (4, 5000, 2101)] {
         let scan = Scan { elevations, outgoing, bands, fresh: 0 };

@@ -1,11 +1,12 @@
-//! Lobes between measured incoming directions: what a material makes of them, beside the truth.
+//! Lobes between measured incoming directions: interpolation by a material, compared with the truth.
 //!
 //! `cargo run --release -p wavelume-formats --example lobes -- lobes.svg`; without a file name it draws nothing.
 //!
-//! A gloss (GGX, α = 0.15, over a diffuse base) is measured at incoming elevations 0, 15, 35, 55 and 75°, and opened twice:
-//! as a cross-fade between the incoming directions around, and with the half vector kept. The table has er(L2) against the
-//! analytic surface in % at 4,000 outgoing directions down to 80°, and over those within 20° of the mirror direction, for
-//! incoming elevations in the gap of 20°; the picture the lobes in the plane of incidence at 25°.
+//! A gloss (GGX, α = 0.15, over a diffuse base) is measured at incoming elevations 0, 15, 35, 55 and 75°. It is opened
+//! with two interpolations: a cross-fade between neighbouring incoming directions, and one that keeps the half vector.
+//! The table has er(L2) in % against the analytic surface, for incoming elevations in the gap of 20°. It covers 4,000
+//! outgoing directions down to 80°, and those within 20° of the mirror direction. The picture shows the lobes in the
+//! plane of incidence at 25°.
 //!
 //! It fails (exit code 1) if fading is nowhere worse than moving.
 
@@ -24,9 +25,9 @@ const SURFACE: Gloss = Gloss { alpha: 0.15, diffuse: 0.3 };
 const LAMBDA: f64 = 550.0;
 const MEASURED: [f64; 5] = [0.0, 15.0, 35.0, 55.0, 75.0];
 const LEVEL: u8 = 5;
-/// A sample is the mean over the triangles this many levels finer.
+/// Level difference of the triangles over which a sample is averaged.
 const FINER: u8 = 2;
-/// Incoming elevations of the table, and that of the picture, in degrees.
+/// Incoming elevations in degrees of the table, and that of the picture.
 const BETWEEN: [f64; 5] = [15.0, 20.0, 25.0, 30.0, 35.0];
 const DRAWN: f64 = 25.0;
 const POINTS: usize = 4000;
@@ -38,7 +39,7 @@ fn main() -> ExitCode {
     common::main("lobes", run)
 }
 
-/// Prints the table, and draws the picture to `path`; whether moving is better than fading.
+/// Prints the table and draws the picture to `path`; returns true if moving the lobe is better than fading.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let measured = measurement()?;
     let faded = Material::with_alignment(measured.clone(), Alignment::None)?;
@@ -63,7 +64,7 @@ fn incoming(theta: f64) -> Direction {
     Direction::from_degrees(theta, 0.0)
 }
 
-/// Averages over triangles, as an ideal instrument has them.
+/// Returns a measurement by an ideal instrument: averages over triangles.
 fn measurement() -> Result<Measurement, Box<dyn Error>> {
     let mesh = |level| TriangleMesh::new(Domain::Hemisphere, level).ok_or("no such level");
     let (coarse, fine) = (mesh(LEVEL)?, mesh(LEVEL + FINER)?);
@@ -90,7 +91,7 @@ fn value(material: &Material, wi: Direction, wo: Direction) -> Result<f64, Box<d
     Ok(f64::from(out[0]))
 }
 
-/// er(L2) in %: of all outgoing directions, and of those near the mirror direction.
+/// Returns er(L2) in % over all outgoing directions, and over those near the mirror direction.
 fn errors(material: &Material, theta: f64) -> Result<[f64; 2], Box<dyn Error>> {
     let wi = incoming(theta);
     let [x, y, z] = wi.xyz();
@@ -118,7 +119,7 @@ fn outgoing(theta: f64) -> Direction {
     Direction::from_degrees(theta.abs(), if theta < 0.0 { 0.0 } else { 180.0 })
 }
 
-/// Left the lobes as they lie above the surface, right their values by outgoing elevation.
+/// Draws the lobes above the surface on the left, and their values by outgoing elevation on the right.
 fn picture(faded: &Material, moved: &Material) -> Result<String, Box<dyn Error>> {
     let wi = incoming(DRAWN);
     let of = |material: &Material| -> Result<Vec<(f64, f64)>, Box<dyn Error>> {

@@ -1,8 +1,8 @@
 //! A luminaire in use: opens a material, prints its flux, and checks it by drawing directions.
 //!
-//! `cargo run --release -p wavelume-formats --example luminaire -- LAMP.wlm`; without a file it makes a spotlight of its
-//! own. The estimate is the mean of I / pdf over stratified directions ± one standard error, for every wavelength; it fails
-//! (exit code 1) if one is more than four of them from the stored flux.
+//! `cargo run --release -p wavelume-formats --example luminaire -- LAMP.wlm`; without a file it uses a spotlight of its
+//! own. The estimate is the mean of I / pdf over stratified directions ± one standard error, for every wavelength. It
+//! fails (exit code 1) if an estimate is more than four standard errors from the stored flux.
 
 mod common;
 
@@ -14,10 +14,10 @@ use std::process::ExitCode;
 use wavelume_core::domain::Quantity;
 use wavelume_core::evaluate::{Interpolation, Material, Place};
 
-/// Independent estimates, and strata along a side of the square in each of them.
+/// Number of independent estimates, and of strata along a side of the square in each.
 const ESTIMATES: usize = 24;
 const STRATA: usize = 20;
-/// Standard errors that an estimate may be off, and what sums of f32 samples may be off.
+/// Allowed deviation of an estimate in standard errors, and relative tolerance for sums of f32 samples.
 const MOST_ERRORS: f64 = 4.0;
 const ROUNDING: f64 = 5e-4;
 
@@ -31,7 +31,7 @@ fn main() -> ExitCode {
     common::main("luminaire", run)
 }
 
-/// Prints the flux of the luminaire in `path`, or of one of its own; whether the estimates agree.
+/// Prints the flux of the luminaire in `path`, or of a built-in one; returns true if the estimates agree.
 pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let bytes = common::material(path, SPOTLIGHT)?;
     let material = Material::open(&bytes)?;
@@ -64,7 +64,7 @@ pub(crate) fn run(path: Option<&str>, out: &mut impl Write) -> Result<bool, Box<
     Ok(agrees)
 }
 
-/// Mean and standard error of the flux of every wavelength, of the piecewise constant intensity.
+/// Returns mean and standard error of the flux of every wavelength, for the piecewise constant intensity.
 fn estimate(material: &Material, index: &[usize]) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
     let mut random = Pcg32::new(0x1a_37, 1);
     let mut intensity = vec![0.0; material.lambdas()];

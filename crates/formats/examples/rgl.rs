@@ -1,9 +1,9 @@
-//! Evaluates a measured material (an RGL `.bsdf`, a MERL `.binary`) as its file defines it, before any compression; or a
-//! compressed one (`.wlm`).
+//! Evaluates a measured material (an RGL `.bsdf`, a MERL `.binary`) as its file defines it, before any compression, or
+//! a compressed one (`.wlm`).
 //!
-//! `cargo run --release -p wavelume-formats --example rgl -- M.bsdf < PAIRS`; a line of PAIRS is six numbers, the incoming
-//! and the outgoing direction as `x y z`, of any length. For each line it prints f(wi, wo) in sr⁻¹, without the cosine, at
-//! every wavelength or colour channel of the file.
+//! `cargo run --release -p wavelume-formats --example rgl -- M.bsdf < PAIRS`; a line of PAIRS has six numbers, the
+//! incoming and the outgoing direction as `x y z`, of any length. For each line it prints f(wi, wo) in sr⁻¹, without
+//! the cosine, at every wavelength or colour channel of the file.
 
 mod common;
 
@@ -38,7 +38,7 @@ pub(crate) fn run(path: &str, pairs: &mut impl BufRead, out: &mut impl Write) ->
     Ok(true)
 }
 
-/// A function of two directions, and its channels.
+/// Function of two directions, and the number of its channels.
 type Evaluated = (Box<dyn FnMut(Direction, Direction, &mut [f64]) -> Result<(), Box<dyn Error>>>, usize);
 
 fn measured(path: &str, bytes: &[u8]) -> Result<Evaluated, Box<dyn Error>> {

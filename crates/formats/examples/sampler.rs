@@ -1,22 +1,23 @@
-//! Importance samples against quadrature: whether the mean of their weights is the integral of what is evaluated.
+//! Checks importance samples against quadrature: the mean of their weights must be the integral of the evaluated
+//! function.
 //!
-//! `cargo run --release -p wavelume-formats --example sampler -- 100000`; the number is that of samples for each incoming
-//! direction, 100,000 if none is given.
+//! `cargo run --release -p wavelume-formats --example sampler -- 100000`; the number is that of samples per incoming
+//! direction, 100,000 by default.
 //!
-//! For BRDFs, BTDFs and a BSDF, of data/virtual and made here, and for 24 incoming directions of each from 0 to 85°, the mean of
-//! f · |cos θo| / pdf over independent samples stands against A = ∫ f |cos θo| dωo by quadrature of the smooth function, f
-//! being the mean over wavelengths (0 where that is negative). Quadrature takes the centroids of two meshes, one a level finer,
-//! which agree to 3e-5 of A, and finer ones until they do. Columns:
+//! The materials are BRDFs, BTDFs and a BSDF, from data/virtual and built here, each at 24 incoming directions from 0
+//! to 85°. The mean of f · |cos θo| / pdf over independent samples is compared with A = ∫ f |cos θo| dωo by quadrature
+//! of the smooth function. f is the mean over wavelengths (0 if that is negative). Quadrature uses the centroids of two
+//! meshes, one a level finer, refined until they agree to 3e-5 of A. Columns:
 //!
-//! * `chi²`: Σ z² over the incoming directions, z = (mean − A) / √(se² + (1e-4 A)²), with its degrees of freedom; `z` is its
-//!   standard normal deviate (Wilson and Hilferty 1931), which must be below 3.09 (p > 0.001);
+//! * `chi²`: Σ z² over the incoming directions, z = (mean − A) / √(se² + (1e-4 A)²), with its degrees of freedom; `z`
+//!   is its standard normal deviate (Wilson and Hilferty 1931), which must be below 3.09 (p > 0.001);
 //! * `off`: the largest |mean − A| / A;
 //! * `weight`: the largest weight over A, which must be at most 100;
 //! * `variance`: the relative variance of one weight, the mean over the incoming directions to 77°;
-//! * `floor`: the least pdf over ε |cos θo| / π where f > 0 (a BSDF of both sides: / 2π), ε the default defensive part, at as
-//!   many uniform pairs of directions; it must be at least 0.9. Of a luminaire it is the pdf over ε / Ω, Ω the solid angle of
-//!   the cells that hold light, of a phase function over ε / 4π;
-//! * `ns`: the time of a sample with its weight at 4 wavelengths, in batches, on one thread, once the trees are built.
+//! * `floor`: the least pdf over ε |cos θo| / π where f > 0 (a BSDF of both sides: / 2π), ε the default defensive part,
+//!   at as many uniform pairs of directions; it must be at least 0.9. For a luminaire it is the pdf over ε / Ω, with Ω
+//!   the solid angle of the cells that emit light; for a phase function over ε / 4π;
+//! * `ns`: the time of a sample with its weight at 4 wavelengths, in batches, on one thread, after the trees are built.
 //!
 //! It fails (exit code 1) if one of these does not hold.
 
@@ -45,16 +46,16 @@ use wavelume_formats::projection::DirectionDomain;
 
 const INCIDENCES: usize = 24;
 const LARGEST_THETA: f64 = 85.0;
-/// Up to here variances are compared.
+/// Largest incidence angle in degrees at which variances are compared.
 const VARIANCE_THETA: f64 = 77.0;
 const AGREEMENT: f64 = 3e-5;
 const QUADRATURE: f64 = 1e-4;
 const MOST_DEVIATE: f64 = 3.09;
 const MOST_WEIGHT: f64 = 100.0;
 const LEAST_FLOOR: f64 = 0.9;
-/// The level of the coarser mesh that quadrature begins with.
+/// Level of the coarser mesh at which quadrature starts.
 const COARSE: u8 = 6;
-/// Levels beyond the finest mesh.
+/// Number of levels beyond the finest mesh.
 const FINER: u8 = 3;
 const BATCH: usize = 1 << 14;
 const WAVELENGTHS: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
@@ -79,7 +80,7 @@ fn main() -> ExitCode {
     common::main("sampler", run)
 }
 
-/// Prints the tables, with as many samples as `count` says; whether all of it holds.
+/// Prints the tables with `count` samples per incoming direction; returns true if all checks pass.
 pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let count: usize = count.map_or(Ok(100_000), str::parse)?;
     let mut holds = true;
@@ -121,7 +122,7 @@ pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box
     Ok(holds)
 }
 
-/// The figures of a material.
+/// Figures of a material.
 struct Row {
     chi2: f64,
     deviate: f64,
@@ -177,15 +178,15 @@ fn incidences() -> Vec<Direction> {
     (0..INCIDENCES).map(|k| Direction::from_degrees(theta(k), (23.0 + golden * k as f64).rem_euclid(360.0))).collect()
 }
 
-/// The mean of weights under one incoming direction, and the integral that it stands for.
+/// Mean of the weights at one incoming direction, and the integral that it estimates.
 struct Estimate {
     theta: f64,
     mean: f64,
-    /// The standard error of the mean.
+    /// Standard error of the mean.
     error: f64,
     integral: f64,
     weight: f64,
-    /// The variance of one weight over the square of the mean.
+    /// Variance of one weight over the square of the mean.
     variance: f64,
 }
 
@@ -215,10 +216,10 @@ impl Estimate {
     }
 }
 
-/// The places and measures of quadrature over a material's outgoing directions, found once for all incoming ones.
+/// Points and measures of quadrature over a material's outgoing directions, computed once for all incoming ones.
 struct Quadrature {
     outgoing: TriangleMesh,
-    /// The places of each level down to the finest mesh, filled when they are first asked for.
+    /// Points of each level down to the finest mesh, computed on first use.
     levels: [OnceLock<Vec<(Direction, f64)>>; MAX_LEVEL as usize + 1],
 }
 
@@ -261,7 +262,7 @@ impl Quadrature {
     }
 }
 
-/// The middles of the parts of a triangle, and their projected solid angles.
+/// Returns the centroids of the parts of a triangle, and their projected solid angles.
 fn places(mesh: TriangleMesh, i: usize, finer: u8) -> Vec<(Direction, f64)> {
     let mut parts = Vec::new();
     cut(mesh.vertices(i), finer, &mut parts);
@@ -270,7 +271,8 @@ fn places(mesh: TriangleMesh, i: usize, finer: u8) -> Vec<(Direction, f64)> {
     parts.into_iter().map(|(wo, cosine)| (wo, measure * cosine / whole)).collect()
 }
 
-/// The middles of a triangle's parts, that many levels finer, and in what proportion their projected solid angles are.
+/// Computes the centroids of a triangle's parts, `finer` levels down, and the proportions of their projected solid
+/// angles.
 fn cut(corners: [[f64; 3]; 3], finer: u8, parts: &mut Vec<(Direction, f64)>) {
     let between = |a: usize, b: usize| [0, 1, 2].map(|axis| 0.5 * (corners[a][axis] + corners[b][axis]));
     if finer > 0 {
@@ -298,7 +300,7 @@ fn mean(material: &Material, wi: Option<Direction>, wo: Direction) -> Result<f64
     Ok(f64::from(material.weighted(place, Interpolation::Smooth, weights)?).max(0.0))
 }
 
-/// The least pdf over what the defensive part alone would make of it, at uniform pairs of directions.
+/// Returns the least ratio of the pdf to that of the defensive part alone, at uniform pairs of directions.
 fn floor(material: &Material, count: usize) -> Result<f64, Box<dyn Error>> {
     let axes: Vec<&Axis> = material.axes().iter().filter(|axis| axis.is_directional()).collect();
     let outgoing = match axes.last() {
@@ -335,7 +337,7 @@ fn floor(material: &Material, count: usize) -> Result<f64, Box<dyn Error>> {
     Ok(least)
 }
 
-/// Returns true where the smooth function has light at one of four points of a cell.
+/// Returns true if the smooth function is positive at one of four points of a cell.
 fn is_lit(material: &Material, outgoing: TriangleMesh, cell: usize) -> Result<bool, Box<dyn Error>> {
     let corners = outgoing.vertices(cell);
     for step in [[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0], [1.0, 1.0, 1.0]] {
@@ -358,7 +360,7 @@ fn uniform(domain: Domain, rng: &mut Pcg32) -> Direction {
     Direction::from_radians(z.acos(), TAU * rng.random::<f64>())
 }
 
-/// The time of one of a batch of samples.
+/// Returns the time per sample in a batch, in nanoseconds.
 fn nanoseconds(material: &Material) -> Result<f64, Box<dyn Error>> {
     let wavelengths = if material.wavelengths().is_some() { &WAVELENGTHS[..] } else { return Ok(f64::NAN) };
     let chosen = material.choose(wavelengths, Beyond::Nearest)?;
@@ -383,7 +385,7 @@ fn nanoseconds(material: &Material) -> Result<f64, Box<dyn Error>> {
     Ok(1e9 * best / BATCH as f64)
 }
 
-/// Materials with a cosine.
+/// Returns materials with a cosine factor: BRDFs, BTDFs and a BSDF.
 fn scattering() -> Result<Vec<(&'static str, Material)>, Box<dyn Error>> {
     let mut materials = Vec::new();
     let mut add = |name, document: &str| -> Result<(), Box<dyn Error>> {
@@ -428,7 +430,7 @@ fn scattering() -> Result<Vec<(&'static str, Material)>, Box<dyn Error>> {
     Ok(materials)
 }
 
-/// A slab that sends light on around the direction it had, and, over both sides, a gloss back.
+/// Returns a slab that transmits light around its direction and, over both sides, also reflects a gloss.
 fn slab(quantity: Quantity, domain: Domain) -> Result<Measurement, Box<dyn Error>> {
     let mesh = |domain, level| TriangleMesh::new(domain, level).ok_or("no such mesh");
     let (incoming, outgoing) = (mesh(Domain::Hemisphere, 2)?, mesh(domain, 4)?);

@@ -1,11 +1,13 @@
-//! Table 9 of \[CPB06\] made again: by how much importance sampling lowers the variance, by the level at which it ends.
+//! Reproduction of table 9 of \[CPB06\]: variance reduction by importance sampling, by the tree level at which sampling
+//! ends.
 //!
 //! `cargo run --release -p wavelume-formats --example table9`
 //!
-//! An analytic gloss (α = 0.2) is summed over the 1,024 triangles of level 4 for 24 incoming directions; directions are drawn
-//! from that tree down to levels 0 to 4, at equal density in the last triangle or linear between its vertices. The table
-//! has the variance of f · cos / pdf, f analytic and the mean over 75 wavelengths, against that of directions drawn at
-//! equal density over the hemisphere: (a) incoming cosines from 0.5 to 1, (b) from 0.05 to 1.
+//! An analytic gloss (α = 0.2) is summed over the 1,024 triangles of level 4 for 24 incoming directions. Directions are
+//! drawn from that tree down to levels 0 to 4, with a density in the last triangle that is uniform, or linear between
+//! its vertices. The table has the variance of f · cos / pdf, with f analytic and averaged over 75 wavelengths. It is
+//! relative to that of directions drawn uniformly over the hemisphere: (a) incoming cosines from 0.5 to 1, (b) from
+//! 0.05 to 1.
 //!
 //! It fails (exit code 1) if an estimate is more than 5 % from the reference, or a variance of (a) above the paper's.
 
@@ -25,12 +27,12 @@ use wavelume_core::evaluate::{Density, Measure, SampleOptions, WarpMesh, Warps};
 
 const SURFACE: Gloss = Gloss { alpha: 0.2, diffuse: 0.5 };
 const LEVEL: u8 = 4;
-/// Incoming directions, and strata along a side of the square for each of them.
+/// Number of incoming directions, and of strata along a side of the square for each of them.
 const INCOMING: usize = 24;
 const STRATA: usize = 100;
-/// A leaf is summed over the triangles this many levels finer.
+/// Level difference of the triangles over which a leaf is integrated.
 const FINER: u8 = 3;
-/// The paper's change of the variance in %: directions drawn by the cosine, and from its tree down to levels 0 to 4.
+/// Change of the variance in % as published: directions drawn by the cosine, and from the tree down to levels 0 to 4.
 const PAPER: [f64; 6] = [-50.0, -60.0, -78.0, -85.0, -86.0, -87.0];
 
 fn main() -> ExitCode {
@@ -40,7 +42,7 @@ fn main() -> ExitCode {
     })
 }
 
-/// Prints the table; whether it holds.
+/// Prints the table; returns true if its checks pass.
 pub(crate) fn run(incoming: usize, strata: usize, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let mesh = TriangleMesh::new(Domain::Hemisphere, LEVEL).ok_or("no such level")?;
     let mesh = Arc::new(WarpMesh::new(mesh, Measure::Projected));
@@ -66,13 +68,14 @@ fn row(out: &mut impl Write, name: &str, changes: &[f64; 6], digits: usize) -> R
 }
 
 struct Found {
-    /// For equal and for linear density: by the cosine, and from the tree down to levels 0 to 4; in %.
+    /// Change of the variance in %, for uniform and for linear density: by the cosine, and from the tree down to levels
+    /// 0 to 4.
     changes: [[f64; 6]; 2],
-    /// Whether every estimate is near the reference.
+    /// True if every estimate is within 5 % of the reference.
     agrees: bool,
 }
 
-/// The change of the variance, on the mean of random incoming directions.
+/// Returns the change of the variance, averaged over random incoming directions.
 fn changes(mesh: &Arc<WarpMesh>, cosines: [f64; 2], incoming: usize, strata: usize) -> Result<Found, Box<dyn Error>> {
     let mut random = Pcg32::new(0x7_ab1e, 9);
     let (mut uniform, mut drawn, mut agrees) = (0.0, [[0.0; 6]; 2], true);
@@ -105,7 +108,7 @@ fn changes(mesh: &Arc<WarpMesh>, cosines: [f64; 2], incoming: usize, strata: usi
     Ok(Found { changes: drawn.map(|all| all.map(|variance| 100.0 * (variance / uniform - 1.0))), agrees })
 }
 
-/// The tree of one incoming direction.
+/// Returns the tree of one incoming direction.
 fn warps(mesh: &Arc<WarpMesh>, wi: Vector) -> Result<Warps, Box<dyn Error>> {
     let fine = TriangleMesh::new(mesh.mesh().domain(), LEVEL + FINER).ok_or("no such level")?;
     let parts = 1 << (2 * FINER);
@@ -119,14 +122,14 @@ fn warps(mesh: &Arc<WarpMesh>, wi: Vector) -> Result<Warps, Box<dyn Error>> {
     }))
 }
 
-/// f · cos, the mean over 380 to 750 nm every 5 nm.
+/// Returns f · cos, averaged over 380 to 750 nm every 5 nm.
 fn light(wi: Vector, wo: Vector) -> f64 {
     static BASE: std::sync::LazyLock<f64> =
         std::sync::LazyLock::new(|| (0..75).map(|i| SURFACE.base(380.0 + 5.0 * f64::from(i))).sum::<f64>() / 75.0);
     (*BASE + SURFACE.lobe(wi, wo)) * wo[2].max(1e-9)
 }
 
-/// Mean and variance of a weight at a point of each of n × n strata.
+/// Returns mean and variance of a weight evaluated at one point in each of n × n strata.
 fn moments(n: usize, weight: impl Fn([f64; 2]) -> Option<f64>) -> [f64; 2] {
     let mut random = Pcg32::new(0x7a_b1e9, 1);
     let mut sums = [0.0; 2];

@@ -1,4 +1,4 @@
-//! Files of measurements: read, put on the axes of a tensor, compressed, shown, and written for others.
+//! Files of measurements: reading, projection onto tensor axes, compression, preview and export.
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -10,8 +10,8 @@
 //! # }
 //! ```
 //!
-//! file → [`formats`] → [`projection`] → tensor → `wavelume_core` → [`preview`] and [`export`]. [`pipeline`] is that way as
-//! one call.
+//! file → [`formats`] → [`projection`] → tensor → `wavelume_core` → [`preview`] and [`export`]. [`pipeline`] combines
+//! these steps in one call.
 
 mod appearance;
 pub mod export;

@@ -1,4 +1,4 @@
-//! Measurements read from files and from bytes, in any format that is known.
+//! Reading of measurements from files and bytes in any known format.
 
 use crate::formats::Interpretation;
 use crate::pipeline::{self, Input, PipelineError, Source};
@@ -6,12 +6,12 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a measurement's file at most.
+/// Upper bound on the size of a measurement's file, in bytes.
 pub const MAX_FILE_BYTES: u64 = 2 << 30;
-/// Bytes of a manifest at most.
+/// Upper bound on the size of a manifest, in bytes.
 pub const MAX_MANIFEST_BYTES: u64 = 16 << 20;
 
-/// Why a file is not read as a measurement.
+/// Reason why a file cannot be read as a measurement.
 ///
 /// ```
 /// use wavelume_formats::ReadError;
@@ -26,33 +26,33 @@ pub enum ReadError {
     /// The file cannot be read.
     #[error("{}: {error}", path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the operating system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// The manifest beside an array is no JSON.
+    /// The manifest beside an array is not valid JSON.
     #[error("{}: manifest: {error}", path.display())]
     Manifest {
-        /// The manifest.
+        /// Path of the manifest.
         path: PathBuf,
-        /// What is wrong with its text, and where.
+        /// Error message of the JSON parser, with its position.
         error: String,
     },
-    /// The file holds no measurement that is known.
+    /// The file contains no measurement in a known format.
     #[error("{}: {error}", path.display())]
     Measurement {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What was found in it, and where.
+        /// Refusal of the file: what was found, and its position if known.
         error: PipelineError,
     },
 }
 
-/// Reads a measurement in any format that is known ([`crate::formats`]), as the file says of itself. Of an array, `NAME.npy`,
-/// the manifest `NAME.axes.json` beside it says what it is.
+/// Reads a measurement in any known format ([`crate::formats`]) without further options. An array `NAME.npy` is
+/// interpreted by the manifest `NAME.axes.json` beside it.
 ///
-/// Give [`crate::pipeline::read`] what the file does not say: a quantity, a unit, a spectrum to join.
+/// Use [`crate::pipeline::read`] to supply what the file does not state: a quantity, a unit, a spectrum to attach.
 ///
 /// ```
 /// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/illuminant_D65.csv");
@@ -75,13 +75,13 @@ pub fn read(path: impl AsRef<Path>) -> Result<Source, ReadError> {
     read.map_err(|error| ReadError::Measurement { path: path.to_owned(), error })
 }
 
-/// The manifest's place beside an array: `NAME.axes.json` beside `NAME.npy`; `None` for other files.
+/// Returns the path of an array's manifest: `NAME.axes.json` beside `NAME.npy`; `None` for other files.
 pub fn manifest_beside(array: &Path) -> Option<PathBuf> {
     let is_array = array.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
     is_array.then(|| array.with_extension("axes.json"))
 }
 
-/// Reads a whole file of at most `limit` bytes; a pipe, whose size nobody knows, too.
+/// Reads a whole file of at most `limit` bytes, or a pipe of unknown size.
 pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     let file = File::open(path)?;
     let metadata = file.metadata()?;
@@ -95,13 +95,13 @@ pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     if metadata.len() > limit {
         return Err(too_large(&metadata.len().to_string()));
     }
-    // The size is a hint only: a pipe has none, and a file may grow while it is read.
+    // The size is only a hint: a pipe has none, and a file may grow while it is read.
     let mut bytes = Vec::with_capacity(metadata.len() as usize);
     file.take(limit + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(too_large("more")) } else { Ok(bytes) }
 }
 
-/// Reads the bytes of a measurement, as [`read`] does those of a file.
+/// Reads a measurement from bytes, as [`read`] does from a file.
 pub fn read_bytes(bytes: &[u8]) -> Result<Source, PipelineError> {
     pipeline::read(&Input { bytes, spectrum: None, interpretation: &Interpretation::default() })
 }

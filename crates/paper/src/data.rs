@@ -1,4 +1,4 @@
-//! The bundled data that the tables are made on: spectra, colour-matching functions, luminaires, virtual materials.
+//! Bundled data behind the tables: spectra, colour-matching functions, luminaires, virtual materials.
 
 use super::error::PaperError;
 use crate::domain::colour::{Curve, Illuminant, Observer};
@@ -23,37 +23,37 @@ pub(super) const MATERIALS: [(&str, &str); 5] = [
     ("velvet", include_str!("../../../data/virtual/velvet.json")),
 ];
 
-/// The wavelengths of Tables 1 and 2: 380 to 775 nm by 5.
+/// Number of wavelengths in Tables 1 and 2: 380 to 775 nm in steps of 5.
 pub(super) const SPECTRUM_LENGTH: usize = 80;
 
-/// `start, start + 5, …` nm.
+/// Wavelengths 380, 385, … nm, `count` of them.
 pub(super) fn wavelengths(count: usize) -> Vec<f64> {
     (0..count).map(|i| 380.0 + 5.0 * i as f64).collect()
 }
 
-/// A patch of the `ColorChecker`.
+/// Spectrum of a `ColorChecker` patch at `lambdas`.
 pub(super) fn patch(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     column(COLORCHECKER, Some(name), lambdas)
 }
 
-/// A CIE illuminant; beyond its table its last value holds (B is given to 780 nm).
+/// Spectrum of a CIE illuminant; beyond its table the last value is held (B ends at 780 nm).
 pub(super) fn illuminant(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     let illuminant: Illuminant = name.parse().map_err(|e: UnknownName| PaperError::Data(e.to_string()))?;
     Ok(sampled(illuminant.power(), lambdas))
 }
 
-/// The CIE 1931 2° colour-matching functions.
+/// CIE 1931 2° colour-matching functions at `lambdas`.
 pub(super) fn colour_matching(lambdas: &[f64]) -> [Vec<f64>; 3] {
     let observer = Observer::cie_1931();
     [&observer.x, &observer.y, &observer.z].map(|curve| sampled(curve, lambdas))
 }
 
-/// In f32, as samples of a measurement are.
+/// Samples a curve, rounded to f32 like the samples of a measurement.
 fn sampled(curve: &Curve, lambdas: &[f64]) -> Vec<f64> {
     lambdas.iter().map(|&lambda| f64::from(curve.at(lambda) as f32)).collect()
 }
 
-/// A column of a spectral table, linear between its wavelengths.
+/// Reads a column of a spectral table, interpolated linearly between its wavelengths.
 fn column(bytes: &[u8], name: Option<&str>, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     let how = Interpretation { column: name.map(str::to_owned), ..Interpretation::default() };
     let acquisition = read(bytes, &how).map_err(|e| PaperError::Data(e.to_string()))?;

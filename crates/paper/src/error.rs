@@ -2,19 +2,19 @@
 
 use crate::domain::Cancelled;
 
-/// Why a table could not be made.
+/// Reason why a table could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PaperError {
-    /// No such table.
+    /// The table number does not exist.
     #[error("table {found}, expected 1 to 7")]
     NoSuchTable {
-        /// The number asked for.
+        /// Requested number.
         found: u8,
     },
-    /// The bundled data do not read as they should.
+    /// The bundled data cannot be read as expected.
     #[error("bundled data: {0}")]
     Data(String),
-    /// The caller asked to stop.
+    /// The caller cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

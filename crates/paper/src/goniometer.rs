@@ -1,9 +1,9 @@
-//! A virtual goniometer: a material measured at scattered directions with noise, and its projection onto triangles.
+//! Virtual goniometer: measures a material at scattered directions with noise, and projects it onto triangles.
 //!
-//! The paper's BRDF tables score against the samples of the instrument, so that even keeping everything costs the error of
-//! projecting them onto triangles (its 1:1 rows). There L2 is 4 to 7 times L1: most readings come back as they were and few
-//! do not, so most triangles held one reading. Here the instrument aims at the middle of every triangle and misses by up
-//! to 1.8°: some triangles hold two readings, some none.
+//! The paper's BRDF tables score against the samples of the instrument. Even without dropping coefficients they include
+//! the error of projecting the samples onto triangles (its 1:1 rows). There L2 is 4 to 7 times L1: most readings are
+//! reproduced and few are not, so most triangles contained one reading. Here the instrument aims at the middle of every
+//! triangle and misses by up to 1.8°, so that some triangles contain two readings and some none.
 
 use super::data;
 use super::error::PaperError;
@@ -13,27 +13,27 @@ use crate::formats::{Acquisition, Samples};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-/// A measured material in the layout of the paper's BRDFs.
+/// Measured material in the layout of the paper's BRDFs.
 pub(super) struct Goniometer {
-    /// `[16 incoming, 1024 triangles, 75 wavelengths]`.
+    /// Axes `[16 incoming, 1024 triangles, 75 wavelengths]`.
     pub(super) axes: Vec<Axis>,
-    /// The projected samples on these axes.
+    /// Samples projected onto these axes.
     pub(super) projected: Vec<f32>,
-    /// What the instrument read, `[16 incoming, 1024 directions, 75 wavelengths]`.
+    /// Readings of the instrument, `[16 incoming, 1024 directions, 75 wavelengths]`.
     pub(super) readings: Vec<f32>,
-    /// The triangle of each direction.
+    /// Triangle that contains each direction.
     cells: Vec<usize>,
 }
 
 const DIRECTIONS: usize = 1024;
-/// How far from the middle of its triangle a reading is at most, in degrees; the triangles are 4 to 8 wide.
+/// Largest distance of a reading from the middle of its triangle, in degrees; the triangles are 4 to 8 wide.
 const AIM: f64 = 1.8;
 const LAMBDAS: usize = 75;
-/// Samples that the middle of an empty triangle is interpolated from.
+/// Number of readings from which the middle of an empty triangle is interpolated.
 const NEIGHBOURS: usize = 3;
 
 impl Goniometer {
-    /// Measures the material that `document` describes.
+    /// Measures the material described by `document`.
     pub(super) fn measure(document: &str) -> Result<Self, PaperError> {
         let document: Value = serde_json::from_str(document).map_err(|e| PaperError::Data(e.to_string()))?;
         let lost = || PaperError::Data("a mesh is over the limit of levels".to_owned());
@@ -66,7 +66,7 @@ impl Goniometer {
         Ok(Self { axes, projected, readings: samples, cells })
     }
 
-    /// The errors of decoded triangles at the instrument's directions.
+    /// Errors of decoded triangles at the directions of the readings.
     pub(super) fn errors(&self, decoded: &[f32]) -> ErrorReport {
         let mut looked_up = vec![0.0_f32; self.readings.len()];
         looked_up.par_chunks_mut(LAMBDAS).enumerate().for_each(|(at, spectrum)| {
@@ -78,7 +78,7 @@ impl Goniometer {
     }
 }
 
-/// The middles of all triangles, each missed by up to [`AIM`] degrees.
+/// Middles of all triangles, each missed by up to [`AIM`] degrees.
 fn directions(mesh: TriangleMesh) -> Vec<Direction> {
     (0..mesh.len())
         .map(|triangle| {
@@ -91,7 +91,7 @@ fn directions(mesh: TriangleMesh) -> Vec<Direction> {
             let x = unit(cross([0.36, 0.48, 0.8], z));
             let aside = add(scale(x, cos), scale(cross(z, x), sin));
             let [x, y, z] = add(scale(z, libm::cos(miss)), scale(aside, libm::sin(miss)));
-            // The instrument turns back at the horizon.
+            // Directions below the horizon are reflected above it.
             Direction::from_unit(unit([x, y, z.abs()]))
         })
         .collect()
@@ -107,7 +107,7 @@ fn readings(document: &Value, wi: Direction, wos: &[Direction], incoming: usize)
             {"kind": "theta_o", "values": [wo.theta_degrees()]},
             {"kind": "phi_o", "values": [wo.phi_degrees()], "extent": "sector"},
             "lambda:380:5:75"]);
-        // Each reading has noise of its own.
+        // Each reading has independent noise.
         document["noise"]["seed"] = json!(incoming * DIRECTIONS + j);
         let Acquisition { samples: Samples::Grid(grid), .. } = data::acquire(document.to_string().as_bytes())? else {
             return Err(PaperError::Data("a goniometer without angles".to_owned()));
@@ -117,7 +117,7 @@ fn readings(document: &Value, wi: Direction, wos: &[Direction], incoming: usize)
     Ok(samples)
 }
 
-/// Which directions a triangle's value comes from: the mean of those inside, else the nearest by inverse distance.
+/// Weights of the readings for each triangle: the mean of those inside, or else inverse distances of the nearest ones.
 fn weights(mesh: TriangleMesh, directions: &[Direction], cells: &[usize]) -> Vec<Vec<(usize, f64)>> {
     (0..mesh.len())
         .map(|triangle| {

@@ -1,8 +1,8 @@
-//! The tables of the paper this project grew from, made again: our figures beside the printed ones.
+//! Reproduces the tables of the paper this project grew from: our figures beside the printed ones.
 //!
 //! L. Claustres, M. Paulin, Y. Boucher, *A Wavelet-Based Framework for Acquired Radiometric Quantity Representation and
-//! Accurate Physical Rendering*, The Visual Computer, 2006. Its goniometer data cannot be had; each table says what it was
-//! made on instead.
+//! Accurate Physical Rendering*, The Visual Computer, 2006. Its goniometer data are not available; each table states
+//! the data it uses instead.
 
 mod data;
 mod error;
@@ -25,10 +25,10 @@ use wavelume_core::domain::Progress;
 use wavelume_core::{compress, domain, transform};
 use wavelume_formats::{formats, projection};
 
-/// The numbers of the tables that can be made.
+/// Numbers of the reproducible tables.
 pub const TABLES: [u8; 7] = [1, 2, 3, 4, 5, 6, 7];
 
-/// Makes table `number`.
+/// Computes table `number`.
 pub fn table(number: u8, progress: &dyn Progress) -> Result<Table, PaperError> {
     match number {
         1 => table1::make(progress),

@@ -1,10 +1,10 @@
-//! Tables for people and programs: aligned text, JSON, CSV.
+//! Output formats of a table: aligned text, JSON, CSV.
 
 use super::report::Table;
 use std::fmt::Write as _;
 
 impl Table {
-    /// Aligned text; each cell is `ours (paper)`.
+    /// Renders aligned text; each cell is `ours (paper)`.
     pub fn text(&self) -> String {
         let mut out = String::new();
         let _ = writeln!(out, "Table {}. {}", self.number, self.title);
@@ -42,7 +42,7 @@ impl Table {
         out
     }
 
-    /// One line a cell: `table,label,method,column,ours,paper,ratio`, after a line of heads.
+    /// Renders one CSV line for each cell, after a header line: `table,label,method,column,ours,paper,ratio`.
     pub fn csv(&self) -> String {
         let mut out = "table,label,method,column,ours,paper,ratio\n".to_owned();
         for row in &self.rows {
@@ -64,7 +64,7 @@ impl Table {
         out
     }
 
-    /// The table as JSON.
+    /// Returns the table as JSON.
     pub fn json(&self) -> serde_json::Value {
         serde_json::json!(self)
     }
@@ -74,7 +74,7 @@ impl Table {
     }
 }
 
-/// Three significant digits, as many as the printed figures have at most.
+/// Formats up to three significant digits, the most that the paper prints.
 fn figure(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

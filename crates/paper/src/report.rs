@@ -1,67 +1,67 @@
-//! A table as data: what it is, what it was made on, and each figure beside the printed one.
+//! Table as data: title, source, and each figure beside the printed one.
 
 use serde::Serialize;
 
-/// A table of the paper, made again. Figures are in per cent unless a column says otherwise.
+/// Reproduced table of the paper. Figures are in per cent unless a column says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
-    /// Its number in the paper.
+    /// Number of the table in the paper.
     pub number: u8,
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// What it was made on, and where that differs from the paper.
+    /// Data that the figures were computed on, and their differences from the paper's.
     pub data: String,
-    /// How the methods choose coefficients, one sentence each.
+    /// Selection of coefficients by each method, one sentence each.
     pub methods: Vec<String>,
-    /// The heads of the columns.
+    /// Column headings.
     pub columns: Vec<String>,
-    /// One for each subject and method.
+    /// Rows, one for each subject and method.
     pub rows: Vec<Row>,
-    /// Over all cells with a printed figure, method by method.
+    /// Summary of the ratios of each method, over all cells with a printed figure.
     pub figures: Vec<Figures>,
 }
 
-/// One subject by one method.
+/// Figures of one subject with one method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The subject: a patch, a material.
+    /// Name of the subject: a patch, a material.
     pub label: String,
-    /// The method, or empty if there is only one.
+    /// Name of the method; empty if there is only one.
     pub method: String,
-    /// One a column.
+    /// Cells, one for each column.
     pub cells: Vec<Cell>,
-    /// What was chosen: bases, thresholds.
+    /// Bases or thresholds that were chosen.
     pub detail: String,
 }
 
 /// Our figure and the printed one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cell {
-    /// What was measured here.
+    /// Figure computed here.
     pub ours: f64,
-    /// What the paper has.
+    /// Figure printed in the paper; `None` if it has none.
     pub paper: Option<f64>,
-    /// Ours / paper.
+    /// Ours / paper; `None` without a positive printed figure.
     pub ratio: Option<f64>,
 }
 
-/// A method's ratios ours / paper over the table.
+/// Statistics of the ratios ours / paper of one method over the table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// The method.
+    /// Name of the method.
     pub method: String,
-    /// How many cells have a printed figure.
+    /// Number of cells with a printed figure.
     pub cells: usize,
-    /// The geometric mean of their ratios.
+    /// Geometric mean of the ratios.
     pub geometric_mean: f64,
-    /// Their median.
+    /// Median of the ratios.
     pub median: f64,
-    /// The largest ratio.
+    /// Largest ratio.
     pub largest: f64,
 }
 
 impl Cell {
-    /// A figure with its printed counterpart, if there is one.
+    /// Creates a cell from a figure and its printed counterpart.
     pub(super) fn new(ours: f64, paper: Option<f64>) -> Self {
         let ratio = paper.filter(|p| *p > 0.0).map(|p| ours / p);
         Self { ours, paper, ratio }
@@ -69,7 +69,7 @@ impl Cell {
 }
 
 impl Table {
-    /// Adds up the ratios of every method, in the order of first appearance.
+    /// Computes the ratio statistics of every method, in the order of first appearance.
     pub(super) fn summarised(mut self) -> Self {
         let mut methods: Vec<&str> = Vec::new();
         for row in &self.rows {

@@ -8,7 +8,7 @@ use crate::domain::Progress;
 
 const COUNTS: [usize; 3] = [16, 8, 4];
 
-/// A spectrum, whether it is a patch, and the printed figures: L1, L2 for each count.
+/// Label of a spectrum, its name in the data, and the printed figures: L1, L2 for each count.
 type Subject = (&'static str, &'static str, [f64; 6]);
 
 const PATCHES: [Subject; 5] = [

@@ -1,4 +1,4 @@
-//! Table 4: what one threshold a space gains over a single one, on wood.
+//! Table 4: gain of one threshold for each space over a single one, on wood.
 
 use super::data::MATERIALS;
 use super::error::PaperError;
@@ -9,10 +9,10 @@ use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;
 
-/// The ratio, then L1 and L2 without and with.
+/// Ratio, then printed L1 and L2 with a single threshold and with one for each space.
 const PRINTED: [(usize, [f64; 2], [f64; 2]); 3] =
     [(8, [2.0, 4.2], [0.93, 1.9]), (16, [5.1, 11.0], [3.1, 7.5]), (64, [8.1, 22.0], [4.4, 9.4])];
-/// The paper stops there; what follows shows where the gain is on these data.
+/// Ratios beyond the paper's, which show where the gain is on these data.
 const BEYOND: [usize; 2] = [128, 256];
 
 pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {

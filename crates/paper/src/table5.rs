@@ -1,4 +1,4 @@
-//! Table 5: what thresholds ε√d gain where levels differ much, on plastic.
+//! Table 5: gain of thresholds ε√d on plastic, whose levels differ much.
 
 use super::data::MATERIALS;
 use super::error::PaperError;
@@ -9,10 +9,11 @@ use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;
 
-/// The ratio, then L1 and L2 non-adaptive and adaptive.
+/// Ratio, then printed L1 and L2 of non-adaptive and adaptive thresholds.
 const PRINTED: [(usize, [f64; 2], [f64; 2]); 2] = [(128, [20.0, 37.0], [8.8, 20.0]), (256, [21.0, 41.0], [15.0, 30.0])];
 
-/// A plastic of lighter base than that of Table 3, and one polished until its levels differ as much as the paper says or more.
+/// Roughness of a plastic with a lighter base than that of Table 3, and of one polished until its levels differ at
+/// least as much as the paper says.
 const ALPHAS: [(&str, f64); 2] = [("plastic", 0.15), ("polished", 0.06)];
 
 pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {

@@ -13,18 +13,18 @@ use rayon::prelude::*;
 const RATIOS: [usize; 5] = [2, 8, 16, 32, 64];
 const LAMBDAS: usize = 91;
 
-/// The printed L1, L2 by ratio; the first L1 at 8:1 is printed "0.2.4".
+/// Printed L1, L2 by ratio; the first L1 at 8:1 is printed "0.2.4".
 const PRINTED: [[[f64; 2]; 5]; 3] = [
     [[0.13, 0.18], [2.4, 3.3], [3.5, 5.0], [9.5, 15.0], [18.0, 31.0]],
     [[0.2, 0.28], [3.8, 4.6], [4.8, 6.1], [9.9, 14.0], [13.0, 19.0]],
     [[0.69, 0.9], [3.3, 4.1], [4.6, 6.0], [7.5, 12.0], [13.0, 21.0]],
 ];
 
-/// Samples below this part of the largest do not count in the floored rows.
+/// Fraction of the largest sample below which samples are not scored in the floored rows.
 const FLOOR: f32 = 0.01;
 const REFITS: usize = 30;
 
-/// How coefficients are chosen, and whether every sample counts.
+/// Methods, and true if every sample is scored.
 const METHODS: [(&str, Method, bool); 8] = [
     ("generic", Method::Policy { rule: Rule::Generic, normalised: true }, false),
     ("adaptive", Method::Policy { rule: Rule::Adaptive, normalised: true }, false),
@@ -42,11 +42,11 @@ enum Method {
     Effect { refits: usize },
 }
 
-/// A luminaire on its axes.
+/// Luminaire times illuminant, on its axes.
 struct Light {
     axes: Vec<Axis>,
     samples: Vec<f32>,
-    /// The value below which samples do not count in floored rows.
+    /// Value below which samples are not scored in floored rows.
     floor: f32,
 }
 
@@ -100,7 +100,8 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
 }
 
 impl Light {
-    /// The averages of a luminaire's intensity over 2048 triangles, times an illuminant relative to its largest value.
+    /// Averages a luminaire's intensity over 2048 triangles, and multiplies by an illuminant relative to its largest
+    /// value.
     fn new(bytes: &[u8], illuminant: &str) -> Result<Self, PaperError> {
         let acquisition = data::acquire(bytes)?;
         let request = AxesRequest { outgoing_level: Some(4), ..AxesRequest::default() };
@@ -121,7 +122,7 @@ impl Light {
         RATIOS.map(|ratio| self.samples.len() / ratio)
     }
 
-    /// One of the paper's policies at every ratio: the basis of least error under one threshold, then the policy in it.
+    /// Evaluates one of the paper's policies at every ratio, in the basis of least error under a single threshold.
     fn policy(&self, rule: Rule, normalised: bool, floor: f32) -> Result<(Vec<ErrorReport>, String), PaperError> {
         let errors = |decoded: &[f32]| ErrorReport::measure(&self.samples, decoded, f64::from(floor));
         let judge = |decoded: &[f32]| errors(decoded).er_l2;

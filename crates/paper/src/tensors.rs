@@ -1,4 +1,4 @@
-//! What the tables of tensors share: transforms, K-term approximations in two domains, rows of figures.
+//! Common parts of the tables of tensors: transforms, K-term approximations in two domains, rows of figures.
 
 use super::error::PaperError;
 use super::report::Cell;
@@ -6,11 +6,11 @@ use crate::compress::selection::{effects, refit};
 use crate::domain::{Axis, ErrorReport};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis, Weights};
 
-/// The basis of the paper's time on triangles, and one that makes er's plain mean orthonormal.
+/// The paper's basis on triangles, and one that is orthonormal in the unweighted mean of er.
 pub(super) const BIO_HAAR: SphereBasis = SphereBasis::BioHaar;
 pub(super) const ORTHONORMAL: SphereBasis = SphereBasis::Orthonormal(Weights::Count);
 
-/// `sphere` on triangles, `line` on everything else.
+/// Transforms with `sphere` on triangles and `line` on all other axes.
 pub(super) fn transforms(axes: &[Axis], sphere: SphereBasis, line: LineBasis) -> Vec<AxisTransform> {
     let of = |axis: &Axis| match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(sphere),
@@ -23,7 +23,7 @@ pub(super) fn data_error(error: impl std::fmt::Display) -> PaperError {
     PaperError::Data(error.to_string())
 }
 
-/// Decoded samples of the `count` largest coefficients of the logarithm; every sample must be positive.
+/// Decodes the `count` largest coefficients of the logarithm, for each of `counts`; every sample must be positive.
 pub(super) fn log_k_term(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -51,8 +51,8 @@ pub(super) fn log_k_term(
         .collect())
 }
 
-/// Decoded samples of the coefficients of largest effect on the relative error, for each of `counts`, with their values as
-/// they are or after `refits` steps of refitting. Samples below `floor` count as if they were there.
+/// Decodes the coefficients of largest effect on the relative error, for each of `counts`. Their values are unchanged,
+/// or refitted in `refits` steps. Samples below `floor` are weighted as if they had that value.
 pub(super) fn effect_k_term(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -103,7 +103,7 @@ pub(super) fn cells(errors: &ErrorReport, printed: Option<[f64; 2]>) -> [Cell; 2
     [Cell::new(100.0 * errors.er_l1, printed.map(|p| p[0])), Cell::new(100.0 * errors.er_l2, printed.map(|p| p[1]))]
 }
 
-/// How much larger the first errors are than the second, in per cent; shown beside the printed gains, not scored.
+/// Excess of the first errors over the second, in per cent; shown beside the printed gains, not scored.
 pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
     let gain = |a: f64, b: f64| 100.0 * (a / b - 1.0);
     [0, 1].map(|i| {
@@ -112,12 +112,12 @@ pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
     })
 }
 
-/// The heads `2:1 L1`, `2:1 L2`, ….
+/// Column headings `2:1 L1`, `2:1 L2`, ….
 pub(super) fn ratio_columns(ratios: &[usize]) -> Vec<String> {
     ratios.iter().flat_map(|ratio| ["L1", "L2"].map(|norm| format!("{ratio}:1 {norm}"))).collect()
 }
 
-/// Thresholds for people.
+/// Formats thresholds.
 pub(super) fn thresholds(found: &[f64]) -> String {
     let shown: Vec<String> = found.iter().map(|t| format!("{t:.2e}")).collect();
     format!("({})", shown.join(", "))

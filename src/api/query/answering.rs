@@ -11,15 +11,15 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use std::ops::Range;
 
-/// What became of a part of a batch: answers up to the first record that has none.
+/// Outcome of a part of a batch: the answers before the first failed record, and its problem.
 #[derive(Debug)]
 pub(super) struct Answered {
     pub(super) answers: Answers,
     pub(super) problem: Option<Problem>,
 }
 
-/// Reads `records` and answers them up to the first that is wrong or has no answer. `first` is the number of the
-/// first record from 0, in lines for lines. Answers have the same bits however a batch is cut into parts.
+/// Reads `records` and answers them up to the first that is invalid or has no answer. `first` is the zero-based number
+/// of the first record (of the line for lines). Answers are bit-identical however a batch is cut into parts.
 pub(super) fn answer(question: &Question, material: &Material, records: &Records, first: u64) -> Answered {
     let read = records.read(first);
     let pairs = &read.pairs;
@@ -29,7 +29,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
             let mut values = vec![0.0; pairs.len() * width];
             let done = Done::of_runs(pairs, |range, wi, wo| {
                 let out = &mut values[range.start * width..range.end * width];
-                // Places without directions are one place to the library.
+                // The library treats places without directions as one place.
                 let each = if wi.is_none() && wo.is_none() { width } else { out.len() };
                 out.chunks_exact_mut(each).try_for_each(|out| {
                     let places = Pairs { index, wi, wo };
@@ -80,11 +80,11 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
         "" => problem,
         name => problem.at(name),
     });
-    // What failed stands before what could not be read.
+    // A failed answer precedes the first unreadable record.
     Answered { answers, problem: failed.or(read.problem) }
 }
 
-/// How far a batch came.
+/// Progress through a batch: the number of answers, and the problem that ended it.
 struct Done {
     answers: usize,
     problem: Option<Problem>,
@@ -102,8 +102,8 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Asks for runs of pairs that have the same directions, as the library takes them. `ask` answers the pairs of a range
-    /// with these `wi` and `wo`, or refuses them for one of them.
+    /// Calls `ask` for runs of pairs with the same kinds of directions, as the library takes them. `ask` answers the
+    /// pairs of a range with these `wi` and `wo`, or refuses all of them because of one.
     fn of_runs(
         pairs: &[Pair],
         mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), Problem>,
@@ -125,7 +125,7 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Asks for a range, and where it is refused for its first half and then for the second, down to the record at fault.
+    /// Calls `ask` for a range. If it is refused, bisects the range down to the record at fault.
     fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), Problem>) -> Self {
         let problem = match ask(range.clone()) {
             Ok(()) => return Self { answers: range.len(), problem: None },
@@ -152,7 +152,7 @@ fn unfit(detail: &str) -> Problem {
     Problem::new(Kind::UnfitQuery, detail)
 }
 
-/// The points of the unit square that belong to records of these numbers, which ascend.
+/// Returns the points of the unit square that belong to records with these ascending numbers.
 fn points(seed: u64, numbers: &[u64]) -> Vec<[f64; 2]> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut next = 0;

@@ -8,14 +8,14 @@ use crate::evaluate::{DirectionSample, Material};
 use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 
-/// One answer a record, in order.
+/// Answers of a batch, one for each record, in order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answers {
     /// Flat rows of `width` values.
     Rows { values: Vec<f32>, width: usize },
-    /// In sr⁻¹.
+    /// Probability densities in sr⁻¹.
     Densities(Vec<f64>),
-    /// `None` where nothing is emitted or reflected.
+    /// Drawn directions; `None` if nothing is emitted or reflected.
     Samples(Vec<Option<DirectionSample>>),
 }
 
@@ -23,23 +23,23 @@ pub(super) enum Answers {
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectrum)]
 pub(super) struct SpectrumAnswer {
-    /// In nm; null for data without wavelengths.
+    /// Wavelengths in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
-    /// One a wavelength; null where masked.
+    /// One value for each wavelength; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
     #[schema(value_type = UnitName)]
     pub(super) unit: Unit,
-    /// True where the incoming direction lies past the last elevation that was measured; left out elsewhere.
+    /// True if the incoming direction lies beyond the last measured elevation; absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(super) extrapolated: bool,
 }
 
-/// One spectrum a pair.
+/// One spectrum for each pair of directions.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectra)]
 pub(super) struct EvaluateAnswer {
-    /// In nm; null for data without wavelengths.
+    /// Wavelengths in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
     /// `[pair][wavelength]`; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
@@ -48,46 +48,46 @@ pub(super) struct EvaluateAnswer {
     unit: Unit,
 }
 
-/// One integral over outgoing directions: ∫ f · |cos θo| dωo for a BRDF or BTDF, ∫ f dωo otherwise.
+/// An integral over outgoing directions: ∫ f · |cos θo| dωo for a BRDF or BTDF, ∫ f dωo otherwise.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedo)]
 pub(super) struct AlbedoAnswer {
-    /// In nm; null for data without wavelengths.
+    /// Wavelengths in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
-    /// One a wavelength, in the material's unit times sr; null where masked.
+    /// One value for each wavelength, in the material's unit times sr; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
 }
 
-/// One integral over outgoing directions for each incoming one.
+/// Integrals over outgoing directions, one for each incoming direction.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedos)]
 pub(super) struct AlbedosAnswer {
-    /// In nm; null for data without wavelengths.
+    /// Wavelengths in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
     /// `[wi][wavelength]`, in the material's unit times sr; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
 }
 
-/// One density a pair.
+/// One probability density for each pair of directions.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Densities)]
 pub(super) struct PdfAnswer {
-    /// In sr⁻¹.
+    /// Densities in sr⁻¹.
     pdf: Vec<f64>,
 }
 
-/// Parallel arrays.
+/// Drawn directions, as parallel arrays.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Samples)]
 pub(super) struct SampleAnswer {
     /// `[θ, φ]` in degrees; null where nothing is emitted or reflected.
     #[schema(value_type = Vec<Option<Angles>>)]
     directions: Vec<Option<[f64; 2]>>,
-    /// In sr⁻¹.
+    /// Densities in sr⁻¹.
     pdf: Vec<f64>,
-    /// f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the mean over wavelengths.
+    /// Weights: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the mean over wavelengths.
     weight: Vec<f64>,
 }
 
@@ -133,7 +133,7 @@ impl SampleLine {
 }
 
 impl Answers {
-    /// How many records are answered.
+    /// Returns the number of answered records.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Rows { values, width } => values.len() / (*width).max(1),
@@ -142,7 +142,7 @@ impl Answers {
         }
     }
 
-    /// More answers of the same question behind these.
+    /// Appends further answers to the same question.
     pub(super) fn append(&mut self, more: Self) {
         match (self, more) {
             (Self::Rows { values, .. }, Self::Rows { values: more, .. }) => values.extend(more),
@@ -152,7 +152,7 @@ impl Answers {
         }
     }
 
-    /// The bytes of a part of a stream.
+    /// Encodes the answers as a part of a stream.
     pub(super) fn bytes(&self, encoding: Encoding) -> serde_json::Result<Vec<u8>> {
         match encoding {
             Encoding::Floats => Ok(self.floats()),
@@ -206,7 +206,7 @@ impl Answers {
         Ok(out)
     }
 
-    /// The whole as one JSON object.
+    /// Encodes all answers as one JSON object.
     pub(super) fn json(self, question: &Question, material: &Material) -> serde_json::Result<Vec<u8>> {
         match self {
             Self::Rows { values, width } => {

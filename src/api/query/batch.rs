@@ -1,4 +1,4 @@
-//! Batches by POST: what each asks for, and the three encodings it comes in.
+//! Batches by POST: their requests, and the three encodings of their bodies.
 
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
 use super::super::places::Peer;
@@ -26,73 +26,73 @@ use serde::Deserialize;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Pairs of directions in degrees `[θ, φ]`; a list of one is used with every entry of the other.
+/// Pairs of directions in degrees `[θ, φ]`. A list of one direction is combined with every entry of the other list.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct EvaluateRequest {
-    /// Incoming, for quantities that have one.
+    /// Incoming directions, for quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Outgoing, for quantities that have one.
+    /// Outgoing directions, for quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wo: Option<Vec<[f64; 2]>>,
-    /// In nm; the material's own if nothing is said.
+    /// Wavelengths in nm. Default: the material's own.
     #[serde(default)]
     wavelengths: Option<Vec<f64>>,
-    /// `smooth` (the default) or `constant`.
+    /// Interpolation: `smooth` (the default) or `constant`.
     #[serde(default)]
     interpolation: How,
-    /// Outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    /// Values outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
     #[serde(default)]
     beyond: Outside,
-    /// One entry, from 0, for each leading index axis.
+    /// Zero-based entry on each leading index axis.
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// Pairs of directions in degrees `[θ, φ]`; a list of one is used with every entry of the other.
+/// Pairs of directions in degrees `[θ, φ]`. A list of one direction is combined with every entry of the other list.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct PdfRequest {
-    /// Incoming, for quantities that have one.
+    /// Incoming directions, for quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Outgoing.
+    /// Outgoing directions.
     #[schema(value_type = Vec<Angles>, min_items = 1)]
     wo: Vec<[f64; 2]>,
-    /// The subdivision level at which directions are drawn; the material's own if nothing is said.
+    /// Subdivision level at which directions are drawn. Default: the material's own.
     #[serde(default)]
     #[schema(maximum = 255)]
     level: Option<u8>,
-    /// One entry, from 0, for each leading index axis.
+    /// Zero-based entry on each leading index axis.
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// How many directions to draw.
+/// Number, seed and incoming directions of the directions to draw.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct SampleRequest {
-    /// The incoming direction in degrees, or several, for quantities that have one.
+    /// Incoming direction in degrees, or several, for quantities that have one.
     #[serde(default)]
     #[schema(value_type = Option<OneOrMoreAngles>)]
     wi: Option<OneOrMore>,
-    /// How many for each incoming direction.
+    /// Number of directions for each incoming direction. Default: 1.
     #[serde(default = "one")]
     #[schema(minimum = 1)]
     count: usize,
-    /// The same seed gives the same directions anywhere.
+    /// Seed of the random numbers. Equal seeds give equal directions on every machine. Default: 0.
     #[serde(default)]
     #[schema(maximum = 18_446_744_073_709_551_615_usize)]
     seed: u64,
-    /// Stop the descent at this subdivision level.
+    /// Subdivision level at which the descent stops.
     #[serde(default)]
     #[schema(maximum = 255)]
     level: Option<u8>,
-    /// One entry, from 0, for each leading index axis.
+    /// Zero-based entry on each leading index axis.
     #[serde(default)]
     index: Vec<usize>,
 }
@@ -101,19 +101,19 @@ struct SampleRequest {
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct AlbedoRequest {
-    /// For quantities that have an incoming direction.
+    /// Incoming directions, for quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// `smooth` (the default) or `constant`.
+    /// Interpolation: `smooth` (the default) or `constant`.
     #[serde(default)]
     interpolation: How,
-    /// One entry, from 0, for each leading index axis.
+    /// Zero-based entry on each leading index axis.
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// `[θ, φ]` or a list of such.
+/// `[θ, φ]` or a list of them.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "wi: expected [theta, phi] in degrees or a list of such")]
 enum OneOrMore {
@@ -125,11 +125,11 @@ fn one() -> usize {
     1
 }
 
-/// What a JSON body asks; the largest number of answers is given.
+/// Parser of a JSON body; the second argument is the largest number of answers.
 type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
 
-/// Spectra for pairs of directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo; without those that
-/// the quantity does not have) answered by as many f32 as there are wavelengths.
+/// Evaluate spectra for pairs of directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo, without
+/// the directions that the quantity lacks). Each f32 record is answered by one f32 for each wavelength.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/evaluate", tag = "evaluation",
     request_body(content(
@@ -167,8 +167,8 @@ pub(super) async fn evaluate(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// The densities with which `sample` draws directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo;
-/// emission θo, φo) answered by one f32 each.
+/// Evaluate the densities with which `sample` draws directions: one object, a stream of lines, or a stream of f32 (θi,
+/// φi, θo, φo; emission θo, φo). Each f32 record is answered by one f32.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/pdf", tag = "evaluation",
     request_body(content(
@@ -196,9 +196,9 @@ pub(super) async fn pdf(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Directions drawn in proportion to what the material sends there. A JSON object asks for `count` directions for each
-/// incoming one, streamed where lines or f32 are accepted; a stream of incoming directions (lines, or f32 θi, φi) gets one
-/// direction each, in f32 as θo, φo, pdf, weight.
+/// Draw directions in proportion to the light that the material sends there. A JSON object requests `count` directions
+/// for each incoming one; its answer is streamed if lines or f32 are accepted. A stream of incoming directions (lines,
+/// or f32 θi, φi) gets one direction each, in f32 as θo, φo, pdf, weight.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/sample", tag = "evaluation",
     request_body(content(
@@ -233,8 +233,8 @@ pub(super) async fn sample(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// The integrals over outgoing directions for incoming ones: one object, a stream of lines, or a stream of f32 (θi, φi)
-/// answered by as many f32 as there are wavelengths.
+/// Integrate over outgoing directions for given incoming ones: one object, a stream of lines, or a stream of f32 (θi,
+/// φi). Each f32 record is answered by one f32 for each wavelength.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/albedo", tag = "evaluation",
     request_body(content(
@@ -264,7 +264,8 @@ pub(super) async fn albedo(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Answers a batch. `question` is what the query string asks of a stream, `plain` if it says nothing, `parse` reads JSON.
+/// Answers a batch. `question` comes from the query string and applies to a stream. `plain` is true if the query string
+/// sets no option. `parse` reads a JSON body.
 async fn answer(
     app: App,
     id: Digest,
@@ -320,7 +321,7 @@ async fn answer(
     stream(&app, peer, material, question, Source::body(pieces, cutter), answer, length).await
 }
 
-/// The encodings of body and answer, and what is asked.
+/// Checks the headers, and returns the encodings of body and answer and the question.
 fn check(
     headers: &HeaderMap,
     question: Result<Question, Problem>,
@@ -338,7 +339,7 @@ fn check(
     Ok((body, answer, question))
 }
 
-/// A problem before any of the body was taken.
+/// Refuses a request before any of its body was read.
 async fn refuse(request: Request, problem: Problem) -> Result<Response, Problem> {
     linger(request).await;
     Err(problem)

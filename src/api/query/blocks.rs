@@ -7,28 +7,28 @@ use bytes::{Bytes, BytesMut};
 use futures::FutureExt;
 use std::sync::Arc;
 
-/// Bytes of a line.
+/// Upper bound in bytes on one line.
 const LINE: usize = 4096;
 
-/// Bytes of lines in a block; more by one line at most.
+/// Bytes of lines that complete a block; exceeded by one line at most. Raising it costs memory per stream.
 const LINES: usize = 256 << 10;
 
 /// Records that are evaluated together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     pub(super) records: Records,
-    /// The number of the first one from 0.
+    /// Zero-based number of the first record.
     pub(super) first: u64,
 }
 
-/// Where blocks come from.
+/// Source of blocks: a parsed list, or a body that arrives in pieces.
 #[derive(Debug)]
 pub(super) enum Source {
     Listed { places: Arc<Places>, next: usize },
     Body { pieces: ReadAhead, cutter: Cutter, end: End },
 }
 
-/// Whether more pieces come.
+/// State of the end of a body: more pieces may come, it is complete, or it broke off.
 #[derive(Debug)]
 pub(super) enum End {
     NotYet,
@@ -37,7 +37,7 @@ pub(super) enum End {
 }
 
 impl Source {
-    /// The next block of at most `most` records; `None` at the end. Nothing comes after a problem.
+    /// Returns the next block of at most `most` records; `None` at the end. Nothing follows a problem.
     pub(super) async fn next(&mut self, most: usize) -> Option<Result<Block, Problem>> {
         match self {
             Self::Listed { places, next } => {
@@ -55,7 +55,7 @@ impl Source {
                     End::Whole => return cutter.end(),
                     End::Broken(problem) => return problem.take().map(Err),
                 }
-                // What is there is evaluated before more is waited for.
+                // Received records are evaluated before waiting for more.
                 let piece = match pieces.next().now_or_never() {
                     Some(piece) => piece,
                     None => match cutter.cut(most, true) {
@@ -72,30 +72,30 @@ impl Source {
         }
     }
 
-    /// The records of a body.
+    /// Streams the records of a body.
     pub(super) fn body(pieces: ReadAhead, cutter: Cutter) -> Self {
         Self::Body { pieces, cutter, end: End::NotYet }
     }
 }
 
-/// Bytes that are not yet in a block.
+/// Received bytes that are not yet in a block.
 #[derive(Debug)]
 pub(super) struct Cutter {
     form: Form,
     bytes: BytesMut,
-    /// The number of the next record from 0, in lines for lines.
+    /// Zero-based number of the next record (of the line for lines).
     next: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Form {
     Floats(Directions),
-    /// What is known of the lines in the bytes.
+    /// Scan of the buffered lines: the bytes scanned, and the complete lines among them.
     Lines {
         seen: usize,
-        /// Whole lines among those seen.
+        /// Number of complete lines scanned.
         count: usize,
-        /// Their bytes.
+        /// Length in bytes of the complete lines.
         whole: usize,
     },
 }
@@ -113,7 +113,7 @@ impl Cutter {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// A block of `most` records, or of as many as there are if `any` will do.
+    /// Returns a block of `most` records, or of as many as have arrived if `any` is true.
     fn cut(&mut self, most: usize, any: bool) -> Option<Result<Block, Problem>> {
         let first = self.next;
         match &mut self.form {
@@ -149,7 +149,7 @@ impl Cutter {
         }
     }
 
-    /// What is left when no piece comes any more.
+    /// Returns the last, incomplete block once no piece follows, or the problem of a truncated record.
     fn end(&mut self) -> Option<Result<Block, Problem>> {
         if self.bytes.is_empty() {
             return None;
@@ -165,7 +165,7 @@ impl Cutter {
     }
 }
 
-/// The body ends inside a record.
+/// Problem of a body that ends inside a record.
 pub(super) fn cut_off(bytes: u64, directions: Directions) -> Problem {
     let record = directions.bytes() as u64;
     let detail = format!("the body ends {} bytes into a record of {record} bytes", bytes % record);

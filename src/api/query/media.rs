@@ -1,20 +1,20 @@
-//! Which encoding a batch comes in and which its answer goes out in.
+//! Content negotiation: the encoding of a batch and that of its answer.
 
 use super::super::problem::{Kind, Problem};
 use axum::http::{HeaderMap, HeaderValue, header};
 
-/// An encoding of a batch.
+/// Encoding of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// One object.
+    /// One JSON object.
     Json,
-    /// One object a line.
+    /// One JSON object per line.
     Lines,
     /// Little-endian f32.
     Floats,
 }
 
-/// The names of encodings; the first of each is the one that answers carry.
+/// Media types of the encodings; the first of each labels answers.
 const NAMES: [(&str, Encoding); 6] = [
     ("application/json", Encoding::Json),
     ("application/x-ndjson", Encoding::Lines),
@@ -25,7 +25,7 @@ const NAMES: [(&str, Encoding); 6] = [
 ];
 
 impl Encoding {
-    /// What the body is, by `Content-Type`.
+    /// Returns the encoding of the body from `Content-Type`.
     pub(super) fn of_body(headers: &HeaderMap) -> Result<Self, Problem> {
         let found = headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("?"));
         let essence = found.map(essence).unwrap_or_default();
@@ -43,7 +43,8 @@ impl Encoding {
         })
     }
 
-    /// What the answer is, by `Accept`: that of the body where it may be. The answer to a stream is a stream.
+    /// Negotiates the encoding of the answer from `Accept`, preferring that of the body. The answer to a stream is a
+    /// stream.
     pub(super) fn of_answer(self, headers: &HeaderMap) -> Result<Self, Problem> {
         let offers: &[Self] = match self {
             Self::Json => &[Self::Json, Self::Lines, Self::Floats],
@@ -55,7 +56,7 @@ impl Encoding {
         if accepted.is_empty() {
             return Ok(self);
         }
-        // The best by quality; of equals the first offered.
+        // The highest quality wins; ties go to the first offer.
         let mut best = (0, None);
         for &offer in offers {
             let quality = offer.quality(&accepted);
@@ -71,7 +72,7 @@ impl Encoding {
         })
     }
 
-    /// The name that answers carry.
+    /// Returns the media type that labels answers.
     pub(super) fn name(self) -> &'static str {
         NAMES.iter().find(|(_, encoding)| *encoding == self).map_or("", |(name, _)| name)
     }
@@ -80,7 +81,8 @@ impl Encoding {
         HeaderValue::from_static(self.name())
     }
 
-    /// The thousandths that the most precise of the ranges in `accepted` gives this (RFC 9110 section 12.5.1).
+    /// Returns the quality in thousandths that the most specific matching range in `accepted` gives (RFC 9110 section
+    /// 12.5.1).
     fn quality(self, accepted: &[&str]) -> u32 {
         let mut best = (0, 0);
         for range in accepted.iter().flat_map(|text| text.split(',')) {
@@ -102,12 +104,12 @@ impl Encoding {
     }
 }
 
-/// The media type without its parameters.
+/// Returns the media type in lower case, without its parameters.
 fn essence(text: &str) -> String {
     text.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
-/// `q` in thousandths; 1000 where none is said, 0 where it is no number.
+/// Returns `q` in thousandths: 1000 if absent, 0 if it is not a number.
 fn weight(range: &str) -> u32 {
     let q = range.split(';').skip(1).find_map(|part| {
         let (name, value) = part.split_once('=')?;

@@ -1,19 +1,19 @@
-//! `/v1/materials/{id}/spectrum`, `evaluate`, `pdf`, `sample`, `albedo`: questions to an opened material, in degrees.
+//! `/v1/materials/{id}/spectrum`, `evaluate`, `pdf`, `sample`, `albedo`: queries of an opened material, in degrees.
 //!
-//! A batch comes in one of three encodings and leaves in one of them. JSON is whole: one object in, and an answer or a
-//! problem out, within the limits of a body and of an answer. NDJSON (one record a line) and little-endian f32 are
-//! streams without an end of their own:
+//! A batch arrives in one of three encodings and is answered in one of them. JSON is whole: one object in, and an
+//! answer or a problem out, within the limits of a body and of an answer. NDJSON (one record a line) and little-endian
+//! f32 are streams of any length:
 //!
 //! ```text
 //! body ─ read ahead (16 MiB) ─ cut into blocks ─ 3 blocks on the threads for queries ─ body of the answer
 //! ```
 //!
-//! A block is evaluated only when there is room for its answer, so a client that does not read is not read from, and the
-//! memory of a stream is constant. Every block waits for a turn of its own, so that a long stream stands behind a short
-//! question, never before it. Whoever goes away takes the stream with him.
+//! A block is evaluated only when there is room for its answer. The service therefore stops reading from a client that
+//! does not read, and the memory of a stream is constant. Every block waits for a turn of its own, so that a long
+//! stream waits behind a short query, never before it. A client that disconnects ends its stream.
 //!
-//! If the first record cannot be answered the whole answer is a problem. Later the status is gone: NDJSON then ends with
-//! the problem as its last line, f32 with the connection cut before the end that its framing promised.
+//! If the first record cannot be answered, the whole answer is a problem. Later the status has been sent: NDJSON then
+//! ends with the problem as its last line, and f32 with the connection cut before the end that its framing promised.
 
 mod answering;
 mod answers;

@@ -1,4 +1,4 @@
-//! One question by GET: a spectrum, an albedo.
+//! Single queries by GET: a spectrum, an albedo.
 
 use super::super::extract::{Id, Query};
 use super::super::problem::Problem;
@@ -14,45 +14,45 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use utoipa::IntoParams;
 
-/// Where to look, once.
+/// Directions and wavelengths of one spectrum.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct SpectrumQuery {
-    /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    /// Incoming direction `θ,φ` in degrees, for quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
-    /// The outgoing direction `θ,φ` in degrees, for quantities that have one.
+    /// Outgoing direction `θ,φ` in degrees, for quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
-    /// `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    /// Wavelengths: `A,B,C` or `START:STOP:STEP` in nm. Default: the material's own.
     #[param(value_type = Option<WavelengthsText>)]
     wavelengths: Option<String>,
-    /// One entry, from 0, for each leading index axis: `I,J`.
+    /// Zero-based entry on each leading index axis: `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// `smooth` (the default) or `constant`.
+    /// Interpolation: `smooth` (the default) or `constant`.
     interpolation: Option<How>,
-    /// Outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    /// Values outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
     beyond: Option<Outside>,
 }
 
-/// Where light comes from.
+/// Incoming direction of one albedo.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoQuery {
-    /// The incoming direction `θ,φ` in degrees, for quantities that have one.
+    /// Incoming direction `θ,φ` in degrees, for quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
-    /// One entry, from 0, for each leading index axis: `I,J`.
+    /// Zero-based entry on each leading index axis: `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// `smooth` (the default) or `constant`.
+    /// Interpolation: `smooth` (the default) or `constant`.
     interpolation: Option<How>,
 }
 
-/// One spectrum.
+/// Evaluate one spectrum.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
     params(("id" = DigestText, Path, description = "The material"), SpectrumQuery),
@@ -84,7 +84,7 @@ pub(super) async fn get_spectrum(
     .await
 }
 
-/// The integral over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
+/// Integrate over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
     params(("id" = DigestText, Path, description = "The material"), AlbedoQuery),
@@ -107,7 +107,7 @@ pub(super) async fn get_albedo(
     .await
 }
 
-/// Computes an answer and writes its JSON where the maths run.
+/// Computes an answer and encodes it as JSON, both on the query threads.
 pub(in crate::api) async fn compute<T: Serialize>(
     app: &App,
     work: impl FnOnce() -> Result<T, Problem> + Send + 'static,

@@ -1,4 +1,4 @@
-//! The opened material that a question is asked of.
+//! Opening of the material that a query names.
 
 use super::super::materials::known;
 use super::super::problem::Problem;
@@ -7,7 +7,7 @@ use crate::evaluate::Material;
 use crate::store::Digest;
 use std::sync::Arc;
 
-/// The opened form of a material that the catalog knows.
+/// Opens a material that the catalog knows.
 pub(in crate::api) async fn open(app: &App, id: Digest) -> Result<Arc<Material>, Problem> {
     known(app, id).await?;
     app.engine.material(id).await.map_err(|error| Problem::from(&*error))

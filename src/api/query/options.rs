@@ -1,4 +1,4 @@
-//! What may be asked beside directions, from query strings and JSON alike.
+//! Query options besides directions, from query strings and JSON alike.
 
 use super::super::problem::{Kind, Problem};
 use super::super::schemas::{IndexText, WavelengthsText};
@@ -9,8 +9,9 @@ use crate::evaluate::{Beyond, Interpolation};
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
-/// Function of direction that is evaluated: `smooth`, continuous, on a grid of angles cubic or linear as the file says; or
-/// `constant`, the sample of the nearest direction of a grid of angles, or of the triangle that holds the direction.
+/// Interpolation over directions. `smooth` is continuous; on a grid of angles it is cubic or linear as the file states.
+/// `constant` is the sample of the nearest direction of a grid of angles, or of the triangle that contains the
+/// direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = Interpolation)]
@@ -20,7 +21,7 @@ pub(super) enum How {
     Smooth,
 }
 
-/// What there is outside the measured range of wavelengths: nothing known, no light, or the sample at the end.
+/// Values outside the measured range of wavelengths: masked, zero, or the sample at the end of the range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 #[schema(as = Beyond)]
@@ -31,60 +32,60 @@ pub(super) enum Outside {
     Nearest,
 }
 
-/// How to evaluate a stream of pairs.
+/// Options for evaluating a stream of pairs.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct EvaluateOptions {
-    /// NDJSON and f32 only: `A,B,C` or `START:STOP:STEP` in nm; the material's own if nothing is said.
+    /// NDJSON and f32 only: wavelengths, `A,B,C` or `START:STOP:STEP` in nm; default: the material's own.
     #[param(value_type = Option<WavelengthsText>)]
     pub(super) wavelengths: Option<String>,
-    /// NDJSON and f32 only: `smooth` (the default) or `constant`.
+    /// NDJSON and f32 only: interpolation, `smooth` (the default) or `constant`.
     pub(super) interpolation: Option<How>,
-    /// NDJSON and f32 only, outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    /// NDJSON and f32 only: values outside the measured wavelengths, `masked` (the default), `zero` or `nearest`.
     pub(super) beyond: Option<Outside>,
-    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// Of what sampler a stream of pairs asks the density.
+/// Options for the sampling densities of a stream of pairs.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct PdfOptions {
-    /// NDJSON and f32 only: the subdivision level at which directions are drawn; the material's own if nothing is said.
+    /// NDJSON and f32 only: subdivision level at which directions are drawn; default: the material's own.
     #[param(maximum = 255)]
     pub(super) level: Option<u8>,
-    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// How to draw for a stream of incoming directions, one direction for each.
+/// Options for drawing one direction for each of a stream of incoming directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct SampleOptions {
-    /// NDJSON and f32 only: the same seed gives the same directions anywhere; 0 if nothing is said.
+    /// NDJSON and f32 only: seed of the random numbers; equal seeds give equal directions on every machine; default 0.
     #[param(maximum = 18_446_744_073_709_551_615_usize)]
     pub(super) seed: Option<u64>,
-    /// NDJSON and f32 only: stop the descent at this subdivision level.
+    /// NDJSON and f32 only: subdivision level at which the descent stops.
     #[param(maximum = 255)]
     pub(super) level: Option<u8>,
-    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// How to integrate for a stream of incoming directions.
+/// Options for integrating over a stream of incoming directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoOptions {
-    /// NDJSON and f32 only: `smooth` (the default) or `constant`.
+    /// NDJSON and f32 only: interpolation, `smooth` (the default) or `constant`.
     pub(super) interpolation: Option<How>,
-    /// NDJSON and f32 only: one entry, from 0, for each leading index axis, `I,J`.
+    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
@@ -108,7 +109,7 @@ impl From<Outside> for Beyond {
     }
 }
 
-/// A part of the query string, if it is there, read by `read`.
+/// Parses an optional part of the query string with `read`.
 pub(in crate::api) fn read<T>(
     text: Option<&str>,
     read: impl FnOnce(&str) -> Result<T, String>,
@@ -116,7 +117,7 @@ pub(in crate::api) fn read<T>(
     text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
 }
 
-/// `THETA,PHI` in degrees.
+/// Parses `THETA,PHI` in degrees.
 pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, String> {
     let refused = || {
         let shown: String = text.chars().take(80).collect();
@@ -127,7 +128,7 @@ pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, Str
     check(what, angles)
 }
 
-/// `A,B,C` or `START:STOP:STEP` in nm.
+/// Parses `A,B,C` or `START:STOP:STEP` in nm.
 pub(super) fn wavelengths(text: &str) -> Result<Vec<f64>, String> {
     if text.contains(':') {
         return WavelengthGrid::parse_range(text).map(|grid| grid.values()).map_err(|e| format!("wavelengths: {e}"));
@@ -138,7 +139,7 @@ pub(super) fn wavelengths(text: &str) -> Result<Vec<f64>, String> {
     Ok(values)
 }
 
-/// A list of wavelengths that may be asked for.
+/// Checks the number and the values of requested wavelengths.
 pub(super) fn check_wavelengths(values: &[f64]) -> Result<(), String> {
     if values.is_empty() || values.len() > MAX_WAVELENGTHS {
         return Err(format!("wavelengths: found {}, expected 1 to {MAX_WAVELENGTHS}", values.len()));
@@ -149,7 +150,7 @@ pub(super) fn check_wavelengths(values: &[f64]) -> Result<(), String> {
     }
 }
 
-/// `I,J`.
+/// Parses `I,J`.
 pub(in crate::api) fn indices(text: &str) -> Result<Vec<usize>, String> {
     numbers(text).ok_or_else(|| "index: expected numbers from 0 with commas between them".to_owned())
 }

@@ -1,4 +1,4 @@
-//! Where to look: pairs of directions from lists, lines and floats, all in degrees.
+//! Pairs of directions from lists, lines and floats, all in degrees.
 
 use super::super::extract::parse_json;
 use super::super::problem::Problem;
@@ -21,38 +21,38 @@ pub(super) struct Pair {
 }
 
 impl Pair {
-    /// Which directions there are: `wi`, `wo`.
+    /// Returns which directions are present: `(wi, wo)`.
     pub(super) fn given(&self) -> (bool, bool) {
         (self.wi.is_some(), self.wo.is_some())
     }
 }
 
-/// Which directions a record of floats has; two floats each, `wi` first.
+/// Directions present in a record of floats: two floats each, `wi` first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Directions {
     pub(super) wi: bool,
     pub(super) wo: bool,
 }
 
-/// Lists of directions side by side; without any list there is one place, which has no direction.
+/// Lists of directions, paired by position. Without any list there is one place, which has no direction.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     wi: Option<Vec<Angles>>,
     wo: Option<Vec<Angles>>,
-    /// How many pairs.
+    /// Number of pairs.
     count: usize,
-    /// How many answers each pair gets.
+    /// Number of answers for each pair.
     each: usize,
 }
 
-/// Some records of a batch, in the form they came in.
+/// Some records of a batch, in their original encoding.
 #[derive(Clone, Debug)]
 pub(super) enum Records {
-    /// Answers of listed pairs.
+    /// Range of the answers of listed pairs.
     Listed(Arc<Places>, Range<usize>),
     /// Records of floats.
     Floats(Directions, Bytes),
-    /// Lines, the last one with or without its end.
+    /// Lines; the last one may lack its newline.
     Lines(Bytes),
 }
 
@@ -61,25 +61,26 @@ pub(super) enum Records {
 #[serde(deny_unknown_fields)]
 #[schema(as = Line)]
 pub(super) struct Line {
-    /// `[theta, phi]`, for quantities and questions that have one.
+    /// Incoming direction `[theta, phi]`, for quantities and questions that have one.
     #[serde(default)]
     #[schema(value_type = Option<schemas::Angles>)]
     wi: Option<[f64; 2]>,
-    /// `[theta, phi]`, for quantities and questions that have one.
+    /// Outgoing direction `[theta, phi]`, for quantities and questions that have one.
     #[serde(default)]
     #[schema(value_type = Option<schemas::Angles>)]
     wo: Option<[f64; 2]>,
 }
 
 impl Directions {
-    /// Bytes of a record.
+    /// Returns the length in bytes of a record.
     pub(super) fn bytes(self) -> usize {
         8 * (usize::from(self.wi) + usize::from(self.wo))
     }
 }
 
 impl Places {
-    /// Lists of one length, or one of one, with `each` answers a pair and at most `most` in all.
+    /// Pairs two lists of equal length, or a list with a single direction. Each pair gets `each` answers; `most` bounds
+    /// their total.
     pub(super) fn of(
         wi: Option<Vec<Angles>>,
         wo: Option<Vec<Angles>>,
@@ -106,7 +107,7 @@ impl Places {
         Ok(Self { wi, wo, count, each })
     }
 
-    /// How many answers there are.
+    /// Returns the number of answers.
     pub(super) fn len(&self) -> usize {
         self.count * self.each
     }
@@ -121,22 +122,22 @@ impl Places {
         pair.map_err(|detail| Problem::invalid(self.place(answer) + &detail))
     }
 
-    /// The words before a problem of this answer.
+    /// Returns the prefix that names the pair of an answer in a problem.
     fn place(&self, answer: usize) -> String {
         if self.count == 1 { String::new() } else { format!("pair {}: ", answer / self.each + 1) }
     }
 }
 
-/// The pairs of some records up to the first that is wrong, and what is wrong with it.
+/// Pairs read before the first invalid record, and its problem.
 pub(super) struct Read {
     pub(super) pairs: Vec<Pair>,
-    /// The number of each pair's record from 0, in lines for lines.
+    /// Zero-based record number of each pair (line number for lines).
     pub(super) numbers: Vec<u64>,
     pub(super) problem: Option<Problem>,
 }
 
 impl Records {
-    /// The records in parts of at most `most`.
+    /// Splits the records into parts of at most `most`.
     pub(super) fn parts(&self, most: usize) -> Vec<Self> {
         match self {
             Self::Listed(places, range) => range
@@ -167,7 +168,7 @@ impl Records {
         }
     }
 
-    /// How many records count towards the numbers of those behind: listed answers, records or lines.
+    /// Number of records by which later records are numbered: listed answers, records or lines.
     pub(super) fn count(&self) -> usize {
         match self {
             Self::Listed(_, range) => range.len(),
@@ -176,7 +177,7 @@ impl Records {
         }
     }
 
-    /// The pairs up to the first that is wrong. `first` is the number of the first record from 0.
+    /// Parses the pairs up to the first invalid record. `first` is the zero-based number of the first record.
     pub(super) fn read(&self, first: u64) -> Read {
         let (mut pairs, mut numbers) = (Vec::new(), Vec::new());
         let mut problem = None;
@@ -212,7 +213,7 @@ impl Records {
         Read { pairs, numbers, problem }
     }
 
-    /// What the record of answer `at` of these is called; `first` as in [`Records::read`].
+    /// Returns the name of the record behind answer `at`, for a problem; `first` as in [`Records::read`].
     pub(super) fn name(&self, first: u64, at: usize) -> String {
         match self {
             Self::Listed(places, range) => places.place(range.start + at).trim_end_matches(": ").to_owned(),
@@ -227,7 +228,7 @@ impl Records {
     }
 }
 
-/// A direction from angles in degrees, or what is wrong with them.
+/// Converts angles in degrees to a direction. The error names `what` and the angles found.
 pub(super) fn check(what: &str, [theta, phi]: Angles) -> Result<Direction, String> {
     if (0.0..=180.0).contains(&theta) && phi.is_finite() {
         Ok(Direction::from_degrees(theta, phi))
@@ -246,7 +247,7 @@ fn floats(directions: Directions, record: &[u8]) -> Result<Pair, Problem> {
     Ok(Pair { wi, wo })
 }
 
-/// `None` if the line is blank.
+/// Parses one line; `None` if it is blank.
 fn line(text: &[u8]) -> Result<Option<Pair>, Problem> {
     if text.trim_ascii().is_empty() {
         return Ok(None);

@@ -1,25 +1,25 @@
-//! What is asked of a material for each record of a batch.
+//! The question that a batch asks about a material, for each of its records.
 
 use super::super::problem::{Kind, Problem};
 use super::places::Directions;
 use crate::domain::Layout;
 use crate::evaluate::{Beyond, Interpolation, Material};
 
-/// What is asked for each record.
+/// Question asked for each record.
 #[derive(Clone, Debug)]
 pub(super) enum Question {
-    /// The spectrum for a pair, at `wavelengths` or at the material's own.
+    /// Spectrum for a pair, at `wavelengths` or at the material's own.
     Evaluate { index: Vec<usize>, how: Interpolation, beyond: Beyond, wavelengths: Option<Vec<f64>> },
-    /// The density with which `Sample` draws `wo`.
+    /// Density with which `Sample` draws `wo`.
     Pdf { index: Vec<usize>, level: Option<u8> },
-    /// A direction drawn for `wi`. Record k of a batch takes the random numbers 2k and 2k + 1 of the seed.
+    /// Direction drawn for `wi`. Record k of a batch uses the random numbers 2k and 2k + 1 of the seed.
     Sample { index: Vec<usize>, level: Option<u8>, seed: u64 },
-    /// The directional albedo for `wi`.
+    /// Directional albedo for `wi`.
     Albedo { index: Vec<usize>, how: Interpolation },
 }
 
 impl Question {
-    /// Asks for the material's own wavelengths by saying nothing, which is faster.
+    /// Removes `wavelengths` that equal the material's own, because evaluation without a list is faster.
     pub(super) fn simplified(mut self, material: &Material) -> Self {
         if let Self::Evaluate { wavelengths, .. } = &mut self
             && *wavelengths == material.wavelengths()
@@ -29,7 +29,7 @@ impl Question {
         self
     }
 
-    /// Numbers in one answer.
+    /// Returns the number of values in one answer.
     pub(super) fn width(&self, material: &Material) -> usize {
         match self {
             Self::Evaluate { wavelengths: Some(wavelengths), .. } => wavelengths.len(),
@@ -39,7 +39,7 @@ impl Question {
         }
     }
 
-    /// What a record of floats is made of.
+    /// Returns the directions that a record of floats consists of.
     pub(super) fn directions(&self, material: &Material) -> Result<Directions, Problem> {
         let layout = Layout::of(material.quantity(), material.axes()).map_err(|error| Problem::internal(&error))?;
         let (wi, wo) = (layout.incoming.is_some(), layout.outgoing.is_some());

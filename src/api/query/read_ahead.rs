@@ -1,7 +1,7 @@
-//! A body read ahead of whoever takes it, up to a number of bytes.
+//! Read-ahead of a body, up to a number of bytes.
 //!
-//! Many clients write their whole body before they read any of the answer. With room for a million records between the
-//! two they need not know that the answer begins before the body ends.
+//! Many clients write their whole body before they read any of the answer. With room for a million records in between
+//! they work, although the answer begins before the body ends.
 
 use super::super::extract::linger_body;
 use super::super::problem::{Kind, Problem};
@@ -11,13 +11,14 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
-/// Bytes that are read and not taken yet.
+/// Upper bound in bytes on data read ahead of one body. Raising it serves clients with longer bodies that read late, at
+/// the cost of memory.
 const AHEAD: usize = 16 << 20;
 
-/// What a piece costs beside its bytes.
+/// Bytes that a piece counts for besides its data.
 const OVERHEAD: usize = 128;
 
-/// The pieces of a body.
+/// Pieces of a body, read ahead.
 #[derive(Debug)]
 pub(super) struct ReadAhead {
     pieces: mpsc::UnboundedReceiver<Piece>,
@@ -26,13 +27,13 @@ pub(super) struct ReadAhead {
 #[derive(Debug)]
 struct Piece {
     bytes: Result<Bytes, Problem>,
-    /// Its share of [`AHEAD`], until it is taken.
+    /// Share of [`AHEAD`], released when the piece is taken.
     _share: Option<OwnedSemaphorePermit>,
 }
 
 impl ReadAhead {
-    /// Begins to read. When this is dropped a task takes a little of what is left, because most clients read the answer
-    /// only after they have sent a good part of their body.
+    /// Starts reading. When this is dropped, a task drains a little of the remaining body, because most clients read
+    /// the answer only after they have sent a good part of their body.
     pub(super) fn new(body: Body, idle: Duration) -> Self {
         let (sender, pieces) = mpsc::unbounded_channel();
         tokio::spawn(async move {
@@ -55,7 +56,7 @@ impl ReadAhead {
                     () = sender.closed() => break,
                     share = Arc::clone(&room).acquire_many_owned(cost as u32) => share.ok(),
                 };
-                // Nobody takes it: the loop ends where it waits for that.
+                // Fails only if the receiver is gone; the next wait then ends the loop.
                 let _ = sender.send(Piece { bytes, _share: share });
                 if last {
                     return;
@@ -66,7 +67,7 @@ impl ReadAhead {
         Self { pieces }
     }
 
-    /// The next piece; `None` at the end of the body.
+    /// Returns the next piece; `None` at the end of the body.
     pub(super) async fn next(&mut self) -> Option<Result<Bytes, Problem>> {
         self.pieces.recv().await.map(|piece| piece.bytes)
     }

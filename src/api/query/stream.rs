@@ -1,4 +1,4 @@
-//! A batch answered: whole as JSON, or block by block as a stream in bounded memory.
+//! Answers to a batch: whole as JSON, or block by block as a stream in bounded memory.
 
 use super::super::places::{Peer, Place};
 use super::super::problem::Problem;
@@ -22,25 +22,27 @@ use std::io;
 use std::sync::Arc;
 use tokio_util::task::AbortOnDropHandle;
 
-/// Records evaluated for one turn on the threads.
+/// Upper bound in records on a block, which is evaluated in one turn on the query threads. Raising it costs memory and
+/// delays other clients.
 const BLOCK: usize = 4096;
-/// Values of a block where records have many.
+/// Upper bound in values on a block, for records with many values.
 const BLOCK_VALUES: usize = 1 << 19;
-/// Records evaluated together by one thread.
+/// Upper bound in records on a part of a block, which one thread evaluates.
 const PART: usize = 512;
-/// Values of a part where records have many.
+/// Upper bound in values on a part, for records with many values.
 const PART_VALUES: usize = 1 << 16;
-/// Blocks that are evaluated or wait to be sent.
+/// Blocks of one stream that are being evaluated or wait to be sent. Raising it costs memory and lets more of them run
+/// at once.
 const BLOCKS: usize = 3;
 
-/// An answered block as bytes: its parts in order, and the problem behind the last answer.
+/// An answered and encoded block: its parts in order, and the problem after the last answer.
 #[derive(Debug)]
 struct Sent {
     parts: VecDeque<Bytes>,
     problem: Option<Problem>,
 }
 
-/// The whole answer as one JSON object. Where the maths run.
+/// Computes the whole answer as one JSON object. Runs on the query threads.
 pub(super) fn whole(
     material: &Material,
     question: &Question,
@@ -64,7 +66,7 @@ pub(super) fn whole(
     json.transpose().map_err(|error| Problem::internal(&error)).map(Option::unwrap_or_default)
 }
 
-/// Refuses answers that are too large to be whole.
+/// Refuses answers that are too large for one JSON object.
 fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     if answers.saturating_mul(width) > most {
         return Err(Problem::invalid(format!(
@@ -74,7 +76,7 @@ fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     Ok(())
 }
 
-/// The answer block by block. `bytes` is its length, if that is known.
+/// Streams the answer block by block. `bytes` is its length, if known.
 pub(super) async fn stream(
     app: &App,
     peer: Peer,
@@ -96,7 +98,7 @@ pub(super) async fn stream(
     let mut answered = blocks
         .map(move |block| {
             let (asked, queries) = (Arc::clone(&asked), queries.clone());
-            // A task of its own takes the turn when it comes, even while the client does not read.
+            // A separate task takes the turn when it comes, even while the client does not read.
             AbortOnDropHandle::new(tokio::spawn(peer.on_behalf(async move {
                 let block = block?;
                 let sent = queries.run_in_turn(move || send(&asked.0, &asked.1, &block, width, encoding)).await?;
@@ -109,7 +111,7 @@ pub(super) async fn stream(
             sent.unwrap_or_else(|problem| Sent { parts: VecDeque::new(), problem: Some(problem) })
         })
         .boxed();
-    // The status waits for the first answer: what cannot begin is a problem as everywhere.
+    // The status waits for the first answer, so that an early failure is an ordinary problem.
     let mut sent = Sent { parts: VecDeque::new(), problem: None };
     while sent.parts.is_empty() {
         if let Some(problem) = sent.problem {
@@ -118,7 +120,7 @@ pub(super) async fn stream(
         let Some(next) = answered.next().await else { break };
         sent = next;
     }
-    // Numbers cannot carry a problem: while nothing is sent it can still be the answer.
+    // Floats cannot encode a problem: while nothing is sent, it can still be the answer.
     if let Some(problem) = sent.problem.take_if(|_| encoding == Encoding::Floats) {
         return Err(problem);
     }
@@ -130,7 +132,7 @@ pub(super) async fn stream(
     Ok(response)
 }
 
-/// A stream on its way out.
+/// State of a stream that is being sent.
 struct Sending {
     answered: BoxStream<'static, Sent>,
     sent: Sent,
@@ -144,7 +146,7 @@ impl Sending {
                 return Ok(Some((part, self)));
             }
             if let Some(problem) = self.sent.problem.take() {
-                // Blocks behind the problem are dropped.
+                // Blocks after the problem are dropped.
                 self.answered = futures::stream::empty().boxed();
                 let problem = problem.body();
                 tracing::info!(detail = problem.detail, "a stream ended with a problem");
@@ -163,7 +165,7 @@ impl Sending {
     }
 }
 
-/// A block as it is sent. Where the maths run.
+/// Answers and encodes a block. Runs on the query threads.
 fn send(material: &Material, question: &Question, block: &Block, width: usize, encoding: Encoding) -> Sent {
     let mut sent = Sent { parts: VecDeque::new(), problem: None };
     for (bytes, problem) in parts(material, question, block, width, |answers| answers.bytes(encoding)) {
@@ -180,7 +182,7 @@ fn send(material: &Material, question: &Question, block: &Block, width: usize, e
     sent
 }
 
-/// The parts of a block, answered side by side, each with the problem behind its last answer.
+/// Answers the parts of a block in parallel, each with the problem after its last answer.
 fn parts<T: Send>(
     material: &Material,
     question: &Question,

@@ -1,4 +1,4 @@
-//! Compression as a user runs it: promises kept on the decoded bytes, the report, equal bytes everywhere.
+//! Compression as a user runs it: targets met by the decoded bytes, the report, equal bytes everywhere.
 
 use super::{INCOMING, LAMBDAS, OUTGOING, at, data, done, er_l2, json, npy, read_npy, refused, samples, workshop};
 use serde_json::Value;
@@ -120,7 +120,7 @@ fn huge_samples_come_back_or_are_refused_with_a_remedy() {
     done(&["decode", &out, "-o", &at(&dir, "back.npy")]);
 }
 
-/// Asks for what is refused, then for what the refusal says to ask for.
+/// Requests a refused target, then the target that the refusal suggests.
 fn follow_the_advice(input: &str, out: &str, option: &str, asked: &str) {
     let refused = super::wavelume(&["compress", input, "-o", out, option, asked]);
     let text = String::from_utf8(refused.stderr).unwrap();

@@ -1,4 +1,4 @@
-//! Spectra and samples of materials on the command line, and lists of what is known.
+//! Spectra and samples of materials on the command line, and lists of known formats and bases.
 
 use super::{LAMBDAS, at, data, done, json, material, npy, read_npy, refused, workshop};
 use std::process::{Command, Stdio};
@@ -54,7 +54,7 @@ fn a_lamp_is_interpolated_as_its_file_says() {
         assert_eq!(value(made, "138", "constant"), value(made, "137.5", "constant"));
         assert!((value(made, "137.5", "constant") / stated[1] - 1.0).abs() < 1e-5);
     }
-    // What is between the samples does not change them.
+    // Interpolation between the samples does not change the samples.
     assert!((value(&cubic, "140", "smooth") / value(&linear, "140", "smooth") - 1.0).abs() < 1e-5);
     assert!(done(&["inspect", &linear]).contains("straight lines"));
     assert!(done(&["inspect", &cubic]).contains("cubics of logarithms"));

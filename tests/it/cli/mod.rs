@@ -33,7 +33,7 @@ fn wavelume(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_wavelume")).args(args).stdin(Stdio::null()).output().unwrap()
 }
 
-/// Stdout of a run that must be done.
+/// Returns the stdout of a run that must succeed.
 fn done(args: &[&str]) -> String {
     let output = wavelume(args);
     let stderr = String::from_utf8(output.stderr).unwrap();
@@ -47,7 +47,7 @@ fn json(args: &[&str]) -> Value {
     serde_json::from_str(&text).unwrap()
 }
 
-/// The line on stderr of a run that must be refused with `code`.
+/// Returns the one line on stderr of a run that must be refused with `code`.
 fn refused(code: i32, args: &[&str]) -> String {
     let output = wavelume(args);
     let stderr = String::from_utf8(output.stderr).unwrap();

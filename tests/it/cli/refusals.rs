@@ -1,4 +1,4 @@
-//! What is refused: one line, the exit code of its kind, and nothing lost.
+//! Refusals of the command line: one line, the exit code of their kind, and no data lost.
 
 use super::{at, done, material, npy, refused, workshop};
 use std::fs;

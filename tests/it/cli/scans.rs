@@ -1,4 +1,4 @@
-//! Scans without a grid as a user projects, compresses and inspects them: what was filled is marked all the way.
+//! Scans without a grid as a user projects, compresses and inspects them: filled cells stay marked in every output.
 
 use serde_json::Value;
 use std::fmt::Write;
@@ -12,7 +12,7 @@ fn json(directory: &Path, args: &[&str]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Two incoming elevations, directions even in solid angle (R2, Roberts 2018) but for 12 degrees around the lamp.
+/// Two incoming elevations, directions even in solid angle (R2, Roberts 2018) except 12 degrees around the lamp.
 fn scan_with_a_blind_spot() -> String {
     let mut text =
         "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\
@@ -114,7 +114,7 @@ fn what_a_material_adds_to_the_noise_is_stated_warned_of_and_refused() {
     assert!(!at.join("coarse.wlm").exists());
 }
 
-/// `noisy_lobe` with an uncertainty of this part of each value.
+/// `noisy_lobe` with a stated uncertainty of this fraction of each value.
 fn with_uncertainties(part: f64) -> String {
     let mut text = String::new();
     for line in noisy_lobe().lines() {

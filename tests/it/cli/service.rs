@@ -16,7 +16,7 @@ impl Service {
         Self::start_with("", data, &[], Stdio::null())
     }
 
-    /// A service under `limits`, which is shell, with further `options`.
+    /// Starts a service under `limits` (shell commands), with further `options`.
     fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
         let mut child = Command::new("sh")
             .args(["-c", &format!("{limits}\nexec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_wavelume")])
@@ -40,7 +40,7 @@ impl Service {
         assert!(sent.success());
     }
 
-    /// The whole answer to `GET path`, or why there is none.
+    /// Returns the whole answer to `GET path`, or the error of the connection.
     fn get(&self, path: &str) -> std::io::Result<String> {
         let mut stream = TcpStream::connect(&self.address)?;
         write!(stream, "GET {path} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address)?;

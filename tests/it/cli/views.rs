@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// The chart of patches, without loss.
+/// Compresses the chart of patches without loss.
 fn checker(dir: &TempDir) -> String {
     let out = at(dir, "checker.wlm");
     done(&["compress", &data("colorchecker_n_ohta.csv"), "--quantity", "reflectance", "--lossless", "-o", &out]);
@@ -39,7 +39,7 @@ fn colours_are_told_under_names_and_files() {
     let own = json(&["color", &checker, "--index", "4", "--observer", &functions]);
     assert!(near(&lab(&known), &lab(&own), 1e-4), "{own}");
     assert_eq!(json(&["color", &checker])["colours"].as_array().unwrap().len(), 24);
-    // A patch is a light like any other to those who want it.
+    // The spectrum of a patch may serve as an illuminant.
     let column = json(&["color", &checker, "--index", "4", "--illuminant", &checker, "--illuminant-column", "red"]);
     assert_eq!(column["illuminant"], "checker.wlm, red");
 

@@ -1,4 +1,5 @@
-//! Many clients of one address that hold all they can get, and a client of another address that is answered all the same.
+//! Many clients of one address that hold all places they can get, and a client of another address that is answered all
+//! the same.
 
 use crate::service::{D65, LONG_SHAPE, Service, config, long_request, npy, problem_of};
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
@@ -10,9 +11,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpSocket, TcpStream};
 use wavelume::api::Limits;
 
-/// The address that takes what it can, and the one that asks for a little.
+/// Address that takes all it can; below, one that asks for little.
 const GREEDY: Ipv4Addr = Ipv4Addr::LOCALHOST;
-/// After this long a request without its body is sent again.
+/// Time after which a request without its body is sent again.
 const PATIENCE: Duration = Duration::from_secs(5);
 const HONEST: Ipv4Addr = Ipv4Addr::new(127, 0, 0, 2);
 

@@ -1,4 +1,5 @@
-//! Materials as the files of others, over HTTP: what the file adds stands in a header, and nothing else waits for it.
+//! Materials in exchange formats over HTTP: a header states the error that the file adds, and no other request waits
+//! for it.
 
 use crate::service::{CHECKER, LAMP, Service, config, problem};
 use reqwest::StatusCode;

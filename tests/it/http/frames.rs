@@ -1,4 +1,5 @@
-//! HTTP/2 spoken by hand: floods that end the connection, answers that nobody lets come, headers that are too large.
+//! HTTP/2 spoken by hand: floods that end the connection, answers that the client does not let through, headers that
+//! are too large.
 
 use crate::service::{Service, config};
 use std::time::Duration;
@@ -37,7 +38,7 @@ async fn open(service: &Service, settings: &[u8]) -> TcpStream {
     stream
 }
 
-/// Kinds and payloads of all frames until the server closes.
+/// Reads the kinds and payloads of all frames until the server closes.
 async fn rest(mut stream: TcpStream) -> Vec<(u8, Vec<u8>)> {
     let mut bytes = Vec::new();
     // A reset by the server ends the reading, too.

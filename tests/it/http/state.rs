@@ -1,4 +1,4 @@
-//! What the catalog knows decides every answer: deletions, second jobs, words to search by.
+//! Answers as the catalog decides them: deletions, second jobs, words to search by.
 
 use crate::service::{CHECKER, D65, LAMP, Service, config, problem};
 use reqwest::{Method, StatusCode};

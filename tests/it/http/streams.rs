@@ -1,4 +1,4 @@
-//! Batches as lines and as f32: what they say, how they end, and that they hold nothing for ever.
+//! Batches as lines and as f32: their content, their end, and that they hold no place for ever.
 
 use crate::service::{Service, config, problem, problem_of};
 use reqwest::{Body, RequestBuilder, StatusCode};
@@ -74,7 +74,7 @@ impl Asked {
         self.service.post(&format!("{}/{what}", self.path)).header("content-type", media).body(body)
     }
 
-    /// What the library says of one pair.
+    /// Computes the spectrum of one pair with the library.
     fn spectrum(&self, [a, b, c, d]: [f32; 4]) -> Vec<f32> {
         let direction = |theta: f32, phi: f32| Some(Direction::from_degrees(theta.into(), phi.into()));
         let mut out = vec![0.0; self.material.lambdas()];
@@ -252,7 +252,7 @@ async fn what_is_wrong_in_a_stream_ends_it() {
     asked.service.stop().await;
 }
 
-/// What came, and whether it ended as it should. A cut may come before anything else.
+/// Reads an answer: the bytes received, and true if it ended as it should. A cut may come before any other byte.
 async fn read(request: RequestBuilder) -> (Vec<u8>, bool) {
     let mut found = Vec::new();
     let Ok(mut response) = request.send().await else { return (found, false) };

@@ -253,7 +253,7 @@ async fn each_file_of_an_archive_becomes_a_measurement() {
     let again = service.post("/v1/measurements").body(archive).send().await.unwrap();
     assert_eq!(again.status(), StatusCode::OK);
 
-    // An array takes the manifest beside it along; a broken one is told of.
+    // An array is read with the manifest beside it; a broken manifest is reported.
     let array = npy(&[3]);
     let manifest = br#"{"quantity": "reflectance", "value_unit": "1", "axes": ["lambda:400:100:3"]}"#;
     let arrays = zipped(&[

@@ -1,4 +1,4 @@
-//! What a material looks like, over HTTP: colours under named and stored lights, pictures with their conditions.
+//! Appearance of a material over HTTP: colours under named and stored lights, pictures with their conditions.
 
 use crate::service::{CHECKER, D65, LAMP, LAMP_SPECTRUM, Service, config, problem};
 use reqwest::{Method, StatusCode};
@@ -8,7 +8,7 @@ use wavelume::store::Digest;
 const FUNCTIONS: &[u8] = include_bytes!("../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
 const VELVET: &[u8] = include_bytes!("../../../data/virtual/velvet.json");
 
-/// The material of a measurement, without loss.
+/// Compresses a measurement without loss; returns the id of the material.
 async fn stored(service: &Service, query: &str, bytes: &'static [u8]) -> String {
     let measurement = service.upload(query, bytes).await;
     let job = service.compress(&json!({ "measurement": measurement["id"], "target": "lossless" })).await;

@@ -1,15 +1,15 @@
-//! Which file of a crate names which: imports and paths in code, followed through re-exports to the file that defines what
-//! they name.
+//! References between the files of a crate: imports and paths in code, followed through re-exports to the defining
+//! file.
 //!
-//! Rust's own lexer reads the files (the `proc-macro2` package). Calls of methods are not seen: an `impl` in another file than its
-//! type's names that type, not the other way round.
+//! Rust's own lexer reads the files (the `proc-macro2` package). Calls of methods are not seen: an `impl` in another
+//! file than its type's refers to that type, not the other way round.
 
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::{fs, mem};
 
-/// The files of a crate and what each of them names in the others.
+/// The files of a crate, and the files that each of them refers to.
 pub(super) struct Files {
     paths: Vec<PathBuf>,
     names: Vec<BTreeSet<usize>>,
@@ -30,10 +30,10 @@ struct Module {
     used: Vec<Vec<String>>,
 }
 
-/// Re-exports that a path is followed through.
+/// Upper bound on the re-exports through which a path is followed.
 const DEEPEST: usize = 16;
 
-/// Words before the name of an item.
+/// Keywords before the name of an item.
 const DEFINES: [&str; 9] = ["struct", "enum", "fn", "const", "static", "trait", "type", "union", "macro_rules"];
 
 /// The modules read so far.
@@ -52,7 +52,7 @@ impl Files {
         Self { paths: reader.paths, names }
     }
 
-    /// Groups of two or more files of which each names all others, by itself or through files that it names.
+    /// Returns groups of two or more files in which each refers to all others, directly or through other files.
     pub(super) fn circles(&self) -> Vec<Vec<PathBuf>> {
         let reached: Vec<BTreeSet<usize>> = (0..self.paths.len()).map(|file| self.reached(file)).collect();
         let mut seen = BTreeSet::new();
@@ -90,7 +90,8 @@ impl Reader {
         self.module(tokens, self.paths.len() - 1, folder, parent)
     }
 
-    /// Reads the module `name`, whose declaration goes on with `next`: its body, or the end where it has a file of its own.
+    /// Reads the module `name`, whose declaration continues with `next`: its body, or the end if it has a file of its
+    /// own.
     fn child(&mut self, name: &str, next: &TokenTree, file: usize, folder: &Path, parent: usize) -> usize {
         let inside = folder.join(name);
         if let TokenTree::Group(body) = next {
@@ -168,7 +169,7 @@ impl Reader {
         }
     }
 
-    /// An import's tree behind `prefix`.
+    /// Reads the tree of an import behind `prefix`.
     fn import(&mut self, at: usize, tokens: &[TokenTree], prefix: &[String]) {
         let mut path = prefix.to_vec();
         let mut alias = None;
@@ -216,7 +217,7 @@ impl Reader {
                 }
                 TokenTree::Ident(word) if word == "use" => {
                     let end = (i..tokens.len()).find(|&j| is_mark(&tokens[j], ';')).unwrap_or(tokens.len());
-                    // An import inside a body counts as the module's; `use<'a>` of a return type is none.
+                    // An import inside a body counts as the module's; `use<'a>` of a return type is not an import.
                     if tokens.get(i + 1).is_some_and(|next| matches!(next, TokenTree::Ident(_))) {
                         self.import(at, &tokens[i + 1..end], &[]);
                         i = end;
@@ -245,7 +246,7 @@ impl Reader {
         }
     }
 
-    /// For each file the files that define what it names.
+    /// Returns, for each file, the files that define the names it uses.
     fn names(&self) -> Vec<BTreeSet<usize>> {
         let mut names = vec![BTreeSet::new(); self.paths.len()];
         for (at, module) in self.modules.iter().enumerate() {
@@ -259,7 +260,7 @@ impl Reader {
         names
     }
 
-    /// The file that defines what `path` names in module `at`, through re-exports.
+    /// Finds the file that defines the item that `path` names in module `at`, through re-exports.
     fn resolve(&self, at: usize, path: &[String], found: &mut BTreeSet<usize>, depth: usize) {
         // Globs may name each other's modules.
         if depth > DEEPEST {
@@ -296,7 +297,7 @@ fn is_mark(token: &TokenTree, mark: char) -> bool {
     matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
 }
 
-/// One past the item that begins at `start`.
+/// Returns the index one past the item that begins at `start`.
 fn end_of_item(tokens: &[TokenTree], start: usize) -> usize {
     let mut has_assignment = false;
     for (i, token) in tokens.iter().enumerate().skip(start) {

@@ -63,14 +63,14 @@ impl Service {
         String::from_utf8_lossy(&answer).into_owned()
     }
 
-    /// Uploads and expects to be understood.
+    /// Uploads a file, which must be understood.
     pub(crate) async fn upload(&self, query: &str, bytes: impl Into<reqwest::Body>) -> Value {
         let response = self.post(&format!("/v1/measurements{query}")).body(bytes).send().await.unwrap();
         assert!(response.status().is_success(), "{}", response.text().await.unwrap());
         response.json().await.unwrap()
     }
 
-    /// Compresses and waits for the end.
+    /// Compresses a measurement and waits for the end of the job.
     pub(crate) async fn compress(&self, body: &Value) -> Value {
         let response = self.post("/v1/jobs").header("prefer", "wait=60").json(body).send().await.unwrap();
         assert_eq!(response.status(), StatusCode::OK, "{}", response.text().await.unwrap());
@@ -95,7 +95,7 @@ impl Service {
     }
 }
 
-/// Expects a problem of this status and code.
+/// Sends a request, which must be answered with a problem of this status and code.
 pub(crate) async fn problem(request: RequestBuilder, status: u16, code: &str) -> Value {
     problem_of(request.send().await.unwrap(), status, code).await
 }
@@ -118,7 +118,7 @@ pub(crate) const LAMP: &[u8] = include_bytes!("../../../data/aerolamp.ies");
 pub(crate) const LAMP_SPECTRUM: &[u8] = include_bytes!("../../../data/aerolamp.csv");
 pub(crate) const CHECKER: &[u8] = include_bytes!("../../../data/colorchecker_n_ohta.csv");
 
-/// An `.npy` of `shape` with smooth positive samples; its axes are said elsewhere.
+/// Builds an `.npy` of `shape` with smooth positive samples; its axes are stated elsewhere.
 pub(crate) fn npy(shape: &[usize]) -> Vec<u8> {
     let samples: Vec<f32> =
         (0..shape.iter().product()).map(|i: usize| 0.2 + 0.1 * ((i % 97) as f32 * 0.1).sin()).collect();

@@ -1,10 +1,10 @@
-//! Errors of both forms against the formula, at and between measured incoming directions.
+//! Errors of the constant and the smooth form against the formula, at and between measured incoming directions.
 
 use super::surfaces::{Vector, direction, dot, gloss, measurement, mesh, uniform};
 use wavelume_core::domain::{Axis, Direction, Domain, Measurement, WavelengthGrid};
 use wavelume_core::evaluate::{Alignment, Interpolation, Material, Place};
 
-/// er(L2) at outgoing directions uniform in solid angle, and over those where the lobe is.
+/// Returns er(L2) over outgoing directions uniform in solid angle, and over those within the lobe.
 fn error(
     material: &Material,
     how: Interpolation,
@@ -35,7 +35,7 @@ fn error(
     (root(all), root(peak))
 }
 
-/// Errors at and between measured incoming directions.
+/// Prints the errors at and between measured incoming directions.
 pub(crate) fn accuracy(grid: &WavelengthGrid) {
     println!(
         "er(L2) in % at 4,000 fresh outgoing directions down to 80 degrees, and of those within 20 degrees of the mirror's"

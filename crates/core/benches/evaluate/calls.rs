@@ -1,4 +1,4 @@
-//! The time of each kind of call, and of the same in batches.
+//! Speed of each kind of call, single and in batches.
 
 use super::surfaces::{Vector, brdf, compressed, direction, isotropic_brdf, lamp, large, opened, point, uniform};
 use std::hint::black_box;
@@ -16,12 +16,12 @@ const FORMS: [Interpolation; 2] = [Interpolation::Constant, Interpolation::Smoot
 const DENSITIES: [Density; 2] = [Density::Uniform, Density::Linear];
 const WAVELENGTHS: [f64; 4] = [412.3, 503.1, 555.5, 641.9];
 
-/// What is asked: pairs of directions, points of the unit square.
+/// Arguments of the queries: pairs of directions, and points of the unit square.
 struct Questions {
     pairs: Vec<(Option<Direction>, Option<Direction>)>,
     points: Vec<[f64; 2]>,
     coordinates_of_points: [Vec<f32>; 2],
-    /// x, y, z of `wi`, then of `wo`.
+    /// Coordinates x, y, z of `wi`, then of `wo`.
     coordinates: [Vec<f32>; 6],
 }
 
@@ -51,14 +51,14 @@ impl Questions {
     }
 }
 
-/// Something that is asked `CALLS` times in a row.
+/// Named query; one execution runs it `CALLS` times.
 type Call<'a> = (String, Box<dyn FnMut() -> f32 + 'a>);
 
 fn each<'a>(name: String, mut call: impl FnMut(usize) -> f32 + 'a) -> Call<'a> {
     (name, Box::new(move || (0..CALLS).map(&mut call).sum()))
 }
 
-/// All kinds of calls of a BRDF.
+/// Returns all kinds of queries of a BRDF.
 fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Questions) -> Vec<Call<'a>> {
     let lambdas = material.lambdas();
     let place = |i| asked.place(i);
@@ -120,8 +120,8 @@ fn calls<'a>(material: &'a Material, chosen: &'a Chosen<'a>, asked: &'a Question
     calls
 }
 
-/// Spectra of the BRDF on triangles and on elevations of incidence, as files go from one to the next that state nothing, and on
-/// straight lines and cubics over the masking.
+/// Returns queries of spectra of the BRDF, with incident directions on triangles and on elevations: with the default
+/// interpolation between incidences, and with straight lines and cubics over the masking function.
 fn between<'a>(materials: &'a [(String, Material)], asked: &'a Questions) -> Vec<Call<'a>> {
     let mut calls: Vec<Call<'_>> = Vec::new();
     for (name, material) in materials {
@@ -139,7 +139,7 @@ fn between<'a>(materials: &'a [(String, Material)], asked: &'a Questions) -> Vec
     calls
 }
 
-/// The materials of [`between`].
+/// Returns the materials for [`between`].
 fn ways_between() -> Vec<(String, Material)> {
     let masking = Divisor::Masking { roughness: 0.2 };
     let ways = [
@@ -157,7 +157,7 @@ fn ways_between() -> Vec<(String, Material)> {
     named.collect()
 }
 
-/// Those of an emission and of a spectrum.
+/// Returns all kinds of queries of an emission and of a spectrum.
 fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions) -> Vec<Call<'a>> {
     let lambdas = lamp.lambdas();
     let mut calls: Vec<Call<'_>> = Vec::new();
@@ -184,7 +184,7 @@ fn emission<'a>(lamp: &'a Material, spectrum: &'a Material, asked: &'a Questions
     calls
 }
 
-/// The best of many runs, in ns a call; runs of different calls take turns.
+/// Returns the best time of many runs, in ns per call; different calls run alternately.
 fn times(calls: &mut [Call<'_>]) -> Vec<f64> {
     let mut best = vec![f64::INFINITY; calls.len()];
     for _ in 0..RUNS {
@@ -241,7 +241,7 @@ pub(crate) fn speed(only: &str) {
     }
 }
 
-/// Spectra of a material that no cache holds.
+/// Measures spectra of a material larger than all caches.
 pub(crate) fn from_memory() {
     const MANY: usize = 1 << 18;
     let material = Material::of(large()).unwrap_or_else(|e| unreachable!("{e}"));
@@ -273,8 +273,8 @@ pub(crate) fn from_memory() {
     }
 }
 
-/// Every kind of call once more, for a program that counts instructions between `counted` and its end; names are printed in
-/// the same order.
+/// Runs every kind of call for a program that counts instructions within `counted`, and prints the names in the same
+/// order.
 pub(crate) fn count() {
     let material = opened(&brdf());
     let [lamp, spectrum] = lamp().map(|measurement| opened(&measurement));
@@ -283,7 +283,7 @@ pub(crate) fn count() {
     let ways = ways_between();
     let mut all = calls(&material, &chosen, &asked);
     all.extend(emission(&lamp, &spectrum, &asked));
-    // Valgrind 3.19 does not know an instruction (a VMOVQ between registers) that cubics are compiled to.
+    // Valgrind 3.19 does not support an instruction of compiled cubics (a VMOVQ between registers).
     all.extend(between(&ways, &asked).into_iter().filter(|(name, _)| !name.contains("cubic")));
     for (name, call) in &mut all {
         black_box(call());

@@ -1,8 +1,9 @@
-//! Accuracy of evaluation against analytic truth, and its speed.
+//! Accuracy of evaluation against analytic functions, and speed of evaluation.
 //!
-//! `cargo bench -p wavelume-core --bench evaluate [-- accuracy | speed [only=WORDS] | memory | count]`. Best of several
-//! runs, everything in one process, so that ratios are of the same moment; `only` leaves calls with these words in their names. `tests/benches/instructions.py` counts instructions and
-//! cache misses of the same calls.
+//! `cargo bench -p wavelume-core --bench evaluate [-- accuracy | speed [only=WORDS] | memory | count]`. All runs share
+//! one process and the best of several counts, so that ratios compare runs under equal conditions. `only` selects calls
+//! with these words in their names. `tests/benches/instructions.py` counts instructions and cache misses of the same
+//! calls.
 #![allow(clippy::print_stdout, reason = "a bench prints its figures")]
 
 mod accuracy;

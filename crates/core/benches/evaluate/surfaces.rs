@@ -1,4 +1,4 @@
-//! Surfaces and lamps from formulas, and directions to look at them from.
+//! Analytic surfaces and lamps, and directions of queries.
 
 use wavelume_core::compress::{Settings, compress};
 use wavelume_core::domain::{
@@ -12,7 +12,7 @@ pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// GGX with Schlick's Fresnel factor over a coloured diffuse base; sr⁻¹.
+/// Returns the BRDF of GGX with Schlick's Fresnel factor over a coloured diffuse base, in sr⁻¹.
 pub(crate) fn gloss(alpha: f64, diffuse: f64, wi: Vector, wo: Vector, lambda: f64) -> f64 {
     let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
     let length = dot(h, h).sqrt();
@@ -31,7 +31,7 @@ pub(crate) fn mesh(domain: Domain, level: u8) -> TriangleMesh {
     TriangleMesh::new(domain, level).unwrap_or_else(|| unreachable!("level {level}"))
 }
 
-/// The leaves of the triangle `cell` of `mesh`, `below` levels finer.
+/// Returns centroid and solid angle of all triangles of the mesh `below` levels finer than `mesh`.
 pub(crate) fn parts(mesh: TriangleMesh, below: u8) -> Vec<(Vector, f64)> {
     let fine = TriangleMesh::new(mesh.domain(), mesh.level() + below).unwrap_or_else(|| unreachable!());
     (0..fine.len()).map(|i| (fine.centroid(i).xyz(), fine.solid_angle(i))).collect()
@@ -66,7 +66,7 @@ pub(crate) fn measurement(
         .unwrap_or_else(|e| unreachable!("{e}"))
 }
 
-/// A sequence of points in the unit square (R2, Roberts 2018).
+/// Returns point `i` of a low-discrepancy sequence in the unit square (R2, Roberts 2018).
 pub(crate) fn point(i: usize) -> [f64; 2] {
     [(0.5 + i as f64 * 0.754_877_666_246_693).fract(), (0.5 + i as f64 * 0.569_840_290_998_053).fract()]
 }
@@ -91,25 +91,25 @@ pub(crate) fn grid(start: f64, step: f64, count: usize) -> WavelengthGrid {
     WavelengthGrid::even(start, step, count).unwrap_or_else(|e| unreachable!("{e}"))
 }
 
-/// Compressed to er(L2) 1 %, and opened.
+/// Compresses a measurement to er(L2) 1 % and opens the result.
 pub(crate) fn opened(measurement: &Measurement) -> Material {
     Material::open(&compressed(measurement)).unwrap_or_else(|e| unreachable!("{e}"))
 }
 
-/// GGX 0.2 over a coloured base, 16 × 1024 × 75.
+/// Returns GGX with roughness 0.2 over a coloured base, 16 × 1024 × 75 samples.
 pub(crate) fn brdf() -> Measurement {
     let f = |wi, wo, lambda| gloss(0.2, 0.5, wi, wo, lambda);
     measurement(Axis::Triangles(mesh(Domain::Hemisphere, 1)), 4, &grid(380.0, 5.0, 75), f)
 }
 
-/// The same as an isotropic surface: 10 elevations × 1024 × 75.
+/// Returns the surface of [`brdf`] as an isotropic one: 10 elevations × 1024 × 75 samples.
 pub(crate) fn isotropic_brdf() -> Measurement {
     let f = |wi, wo, lambda| gloss(0.2, 0.5, wi, wo, lambda);
     let elevations = (0..10).map(|k| 9.0 * f64::from(k)).collect();
     measurement(Axis::Elevation(elevations), 4, &grid(380.0, 5.0, 75), f)
 }
 
-/// A lamp whose spectrum is the same in all directions, 2048 × 91, and that spectrum alone.
+/// Returns a lamp with equal spectra in all directions, 2048 × 91 samples, and that spectrum alone.
 pub(crate) fn lamp() -> [Measurement; 2] {
     let (sphere, lambdas) = (mesh(Domain::Sphere, 4), grid(380.0, 5.0, 91));
     let sample = |i: usize| (1.1 + sphere.centroid(i / 91).cos_theta()) * (1.0 + 0.5 * ((i % 91) as f64 / 9.0).sin());
@@ -124,7 +124,7 @@ pub(crate) fn lamp() -> [Measurement; 2] {
     ]
 }
 
-/// Lobes of many colours, 256 × 4096 × 75: opened it takes more than 128 MiB.
+/// Returns lobes of many colours, 256 × 4096 × 75 samples, which take more than 128 MiB when opened.
 pub(crate) fn large() -> Measurement {
     let (wi, wo, lambdas) = (mesh(Domain::Hemisphere, 3), mesh(Domain::Hemisphere, 5), grid(380.0, 5.0, 75));
     let colours: Vec<Vec<f64>> = (0..7)

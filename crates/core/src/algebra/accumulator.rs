@@ -6,7 +6,7 @@ use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
-/// `Σ factor · spectrum`, coefficient by coefficient: what photon gathering does (\[CPB06\] section 6.2.2).
+/// Running sum `Σ factor · spectrum` of coefficients, as photon gathering needs it (\[CPB06\] section 6.2.2).
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     space: Arc<LineSpace>,
@@ -14,12 +14,12 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// An empty sum.
+    /// Creates a sum with all coefficients 0.
     pub fn new(space: &Arc<LineSpace>) -> Self {
         Self { space: Arc::clone(space), sums: vec![0.0; space.coefficients()] }
     }
 
-    /// Adds `factor · spectrum`: one multiplication and addition a coefficient.
+    /// Adds `factor · spectrum`: one multiplication and one addition per coefficient of `spectrum`.
     pub fn axpy(&mut self, factor: f64, spectrum: &SparseSpectrum) -> Result<(), AlgebraError> {
         self.space.require(spectrum.space())?;
         for entry in spectrum.entries() {
@@ -28,12 +28,12 @@ impl Accumulator {
         Ok(())
     }
 
-    /// The basis it is in.
+    /// Returns the basis of the coefficients.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// All coefficients of the sum.
+    /// Returns all coefficients of the sum, zeros included.
     pub fn coefficients(&self) -> &[f64] {
         &self.sums
     }
@@ -42,10 +42,10 @@ impl Accumulator {
         &mut self.sums
     }
 
-    /// The samples of the sum into `samples`, replacing what is there: the one decoding of a whole gathering.
+    /// Decodes the sum into `samples` and overwrites them. One call decodes all spectra that were added.
     ///
     /// # Panics
-    /// If there are not as many as the line has.
+    /// If the length of `samples` is not that of the line.
     pub fn samples_into(&self, samples: &mut [f64]) {
         assert_eq!(samples.len(), self.space.length(), "as many samples as the line has");
         samples.fill(0.0);
@@ -54,14 +54,14 @@ impl Accumulator {
         }
     }
 
-    /// The sum as a spectrum.
+    /// Returns the sum as a sparse spectrum, without zeros.
     pub fn spectrum(&self) -> SparseSpectrum {
         let entries = (0..).zip(&self.sums).filter(|(_, sum)| **sum != 0.0);
         let entries = entries.map(|(index, &value)| Entry { index, value }).collect();
         SparseSpectrum::of(Arc::clone(&self.space), entries)
     }
 
-    /// Empties the sum, to be used again.
+    /// Sets all coefficients to 0, so that the sum can be reused.
     pub fn clear(&mut self) {
         self.sums.fill(0.0);
     }

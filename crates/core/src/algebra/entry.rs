@@ -11,7 +11,7 @@ pub struct Entry {
     pub value: f64,
 }
 
-/// The coefficients of two spectra by rising index, 0 where one has none.
+/// Iterator over the coefficients of two spectra by rising index; a missing coefficient is 0.
 #[derive(Clone)]
 pub(super) struct Union<'a> {
     pub(super) a: &'a [Entry],

@@ -1,65 +1,65 @@
-//! Why an operation is refused.
+//! The error type of the compressed-domain algebra.
 
 use crate::compress::{CompressError, DecodeError};
 
-/// Why an operation is refused.
+/// Reasons why an operation of the algebra fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AlgebraError {
-    /// A basis that does not make functions on a line.
+    /// The transform is not a basis of functions on a line.
     #[error("no basis for a line of {length} samples: {reason}")]
     Basis {
-        /// Samples on the line.
+        /// Number of samples on the line.
         length: usize,
-        /// What was found and what was expected.
+        /// The value found and the one expected.
         reason: String,
     },
-    /// More samples than a table of this kind takes.
+    /// The line has more samples than a table of this kind allows.
     #[error("{what} of {found} samples, expected at most {most}")]
     TooLong {
-        /// The table.
+        /// Name of the table.
         what: &'static str,
-        /// Samples on the line.
+        /// Number of samples on the line.
         found: usize,
-        /// The limit.
+        /// Largest number allowed.
         most: usize,
     },
-    /// More coupling coefficients than are tabulated.
+    /// The line has more coupling coefficients than may be tabulated.
     #[error("couplings of {length} samples: more than {most} coefficients, expected a shorter line or a sparser basis")]
     TooManyCouplings {
-        /// Samples on the line.
+        /// Number of samples on the line.
         length: usize,
-        /// The limit.
+        /// Largest number allowed.
         most: usize,
     },
-    /// Not as many numbers as the line has samples.
+    /// The number of values differs from the number of samples on the line.
     #[error("{found} {what} on a line of {expected} samples")]
     Length {
-        /// What the numbers are.
+        /// Name of the values, for example `weights`.
         what: &'static str,
-        /// How many were given.
+        /// Number of values given.
         found: usize,
-        /// The line's samples.
+        /// Number of samples on the line.
         expected: usize,
     },
-    /// A number that is masked or infinite.
+    /// A number is NaN or infinite.
     #[error("{what} {index} is {found}, expected a finite number")]
     NotFinite {
-        /// What the number is.
+        /// Name of the number, for example `weight`.
         what: &'static str,
-        /// Its place.
+        /// Position of the number: from 0 in a list of samples, from 1 for the weights of operands.
         index: usize,
-        /// The number.
+        /// The number found.
         found: f64,
     },
-    /// A coefficient outside the line, or given twice.
+    /// A coefficient is out of range, given twice or not finite.
     #[error("coefficient {index}: {reason}")]
     Entry {
-        /// Its index.
+        /// Index of the coefficient.
         index: u32,
-        /// What was found and what was expected.
+        /// The value found and the one expected.
         reason: String,
     },
-    /// Spectra of two bases.
+    /// Two spectra are in different bases.
     #[error("a spectrum in {found} with one in {expected}: both must be in the same basis")]
     OtherBasis {
         /// The basis of the second operand.
@@ -67,47 +67,47 @@ pub enum AlgebraError {
         /// The basis of the first.
         expected: String,
     },
-    /// No operand.
+    /// The list of operands is empty.
     #[error("no material to combine, expected at least one")]
     Empty,
-    /// Materials that are not functions of the same kind.
+    /// A material differs from the first in quantity, unit, sampling or axes.
     #[error("material {at}: {what} {found}, expected that of the first, {expected}")]
     Unlike {
-        /// The operand, from 1.
+        /// Number of the operand, from 1.
         at: usize,
-        /// What differs.
+        /// Name of the property that differs.
         what: &'static str,
-        /// That of the operand.
+        /// Value of the operand.
         found: String,
-        /// That of the first operand.
+        /// Value of the first operand.
         expected: String,
     },
-    /// Bytes that are no material.
+    /// The bytes of an operand are not a valid material.
     #[error("material {at}: {source}")]
     Decode {
-        /// The operand, from 1.
+        /// Number of the operand, from 1.
         at: usize,
-        /// Why.
+        /// Cause reported by the decoder.
         source: DecodeError,
     },
-    /// A material with a lobe beside its cells, which no combination of cells has.
+    /// A material stores a lobe beside its cells, which sums and products of materials cannot represent.
     #[error(
         "material {at} has a lobe beside its cells, which is no part of sums and products of materials; combine the \
          measurements instead, or compress this one on directions without it"
     )]
     Lobe {
-        /// Its number among the operands, from 1.
+        /// Number of the operand, from 1.
         at: usize,
     },
-    /// A sum beyond what a sample holds.
+    /// A combined sample exceeds the range of f32.
     #[error("sample {index} of the combination is {found}, expected a number that an f32 holds")]
     Overflow {
-        /// Its flat index.
+        /// Flat index of the sample.
         index: usize,
-        /// The sum.
+        /// The combined value.
         found: f64,
     },
-    /// The combination was not written.
+    /// Compressing the combination failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
 }

@@ -1,4 +1,5 @@
-//! The dot product with one fixed function, a multiplication a coefficient: tristimulus values, fluxes, any quadrature.
+//! Dot product with one fixed function, for tristimulus values, fluxes or any quadrature: one multiplication per
+//! coefficient.
 
 use super::error::AlgebraError;
 use super::space::LineSpace;
@@ -7,8 +8,8 @@ use std::sync::Arc;
 
 /// `f ↦ Σ_s w(s)·f(s)` on coefficients: `Σ_k c_k·F_k` with `F_k = Σ_s w(s)·ψ_k(s)`.
 ///
-/// For a tristimulus value w is the colour-matching curve times the width of each wavelength's band (and the illuminant,
-/// where the spectrum is a reflectance).
+/// For a tristimulus value, w is the colour-matching curve times the width of each wavelength's band, and times the
+/// illuminant if the spectrum is a reflectance.
 #[derive(Clone, Debug)]
 pub struct Functional {
     space: Arc<LineSpace>,
@@ -16,14 +17,14 @@ pub struct Functional {
 }
 
 impl Functional {
-    /// The weighted sum over samples with these weights.
+    /// Prepares the weighted sum over samples; `weights` has one entry per sample.
     pub fn new(space: &Arc<LineSpace>, weights: &[f64]) -> Result<Self, AlgebraError> {
         space.check("weights", weights)?;
         let values = (0..space.coefficients()).map(|k| space.synthesis().times(k, weights)).collect();
         Ok(Self { space: Arc::clone(space), values })
     }
 
-    /// Its value for a spectrum.
+    /// Returns the weighted sum over the samples of `spectrum`.
     pub fn of(&self, spectrum: &SparseSpectrum) -> Result<f64, AlgebraError> {
         self.space.require(spectrum.space())?;
         Ok(spectrum.entries().iter().map(|entry| entry.value * self.values[entry.index as usize]).sum())

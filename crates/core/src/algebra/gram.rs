@@ -1,4 +1,4 @@
-//! The Gram matrix of a basis, so that a dot product of two spectra is the weighted sum over samples it stands for.
+//! Gram matrix of a basis: dot products of coefficients that equal weighted sums over samples.
 
 use super::error::AlgebraError;
 use super::inner_products::InnerProducts;
@@ -7,16 +7,18 @@ use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
-/// `G_ij = Σ_s w(s)·ψ_i(s)·ψ_j(s)`: symmetric, n² numbers; the identity where the basis is orthonormal and w is 1.
+/// Gram matrix `G_ij = Σ_s w(s)·ψ_i(s)·ψ_j(s)`: symmetric, n² numbers, the identity if the basis is orthonormal and w
+/// is 1.
 #[derive(Clone, Debug)]
 pub struct Gram {
-    /// The basis it was made for.
+    /// Basis of the rows and columns.
     space: Arc<LineSpace>,
     products: InnerProducts,
 }
 
 impl Gram {
-    /// The matrix under one weight a sample, e.g. the widths of wavelength bands, or 1 throughout.
+    /// Computes the matrix with one weight per sample, such as the widths of wavelength bands; `None` weights every
+    /// sample by 1.
     pub fn new(space: &Arc<LineSpace>, weights: Option<&[f64]>) -> Result<Self, AlgebraError> {
         if space.length() > MAX_GRAM {
             return Err(AlgebraError::TooLong { what: "a Gram matrix", found: space.length(), most: MAX_GRAM });
@@ -26,15 +28,15 @@ impl Gram {
         Ok(Self { space: Arc::clone(space), products })
     }
 
-    /// `G_ij`.
+    /// Returns `G_ij`.
     ///
     /// # Panics
-    /// If there is no such coefficient.
+    /// If `i` or `j` is not the index of a coefficient.
     pub fn at(&self, i: usize, j: usize) -> f64 {
         self.products.at(i, j)
     }
 
-    /// `aᵀ·G·b`: the weighted sum over samples of both multiplied.
+    /// Returns `aᵀ·G·b`: the weighted sum over samples of the product of both spectra.
     pub fn dot(&self, a: &SparseSpectrum, b: &SparseSpectrum) -> Result<f64, AlgebraError> {
         for spectrum in [a, b] {
             self.space.require(spectrum.space())?;

@@ -1,9 +1,9 @@
-//! Inner products of synthesis functions, so that a dot product of coefficients is the sum over samples it stands for.
+//! Inner products of synthesis functions, with which dot products of coefficients equal sums over samples.
 
 use super::entry::Entry;
 use super::windows::Windows;
 
-/// `⟨ψ_i, ψ_j⟩` under one weight a sample: a symmetric matrix, n² numbers, row by row.
+/// Symmetric matrix of `⟨ψ_i, ψ_j⟩` with one weight per sample: n² numbers, row by row.
 #[derive(Clone, Debug)]
 pub(super) struct InnerProducts {
     size: usize,
@@ -11,7 +11,7 @@ pub(super) struct InnerProducts {
 }
 
 impl InnerProducts {
-    /// The matrix of functions on a line of `length` samples, `weights` 1 throughout where there are none.
+    /// Computes the matrix for functions on a line of `length` samples; without `weights` every sample weighs 1.
     pub(super) fn of(functions: &Windows, length: usize, weights: Option<&[f64]>) -> Self {
         let size = functions.len();
         let mut values = vec![0.0; size * size];
@@ -31,16 +31,16 @@ impl InnerProducts {
         Self { size, values }
     }
 
-    /// The product of the functions `i` and `j`.
+    /// Returns the inner product of functions `i` and `j`.
     ///
     /// # Panics
-    /// If there is no such coefficient.
+    /// If `i` or `j` is not the index of a coefficient.
     pub(super) fn at(&self, i: usize, j: usize) -> f64 {
         assert!(i < self.size && j < self.size, "coefficients {i} and {j} of {}", self.size);
         self.values[i * self.size + j]
     }
 
-    /// `Σ a_i·b_j·⟨ψ_i, ψ_j⟩`.
+    /// Returns `Σ a_i·b_j·⟨ψ_i, ψ_j⟩`.
     pub(super) fn sum(&self, a: &[Entry], b: &[Entry]) -> f64 {
         let row = |a: &Entry| {
             let row = &self.values[a.index as usize * self.size..][..self.size];

@@ -1,11 +1,14 @@
 //! Sums and dot products of compressed materials: files in, a file out.
 //!
-//! Policies conventional, generic and adaptive keep coefficients of the samples themselves, each as it was computed (f32).
-//! The coefficients of a sum are the sums of coefficients, each rounded once: nothing is thresholded or quantised again,
-//! and the file differs from the exact sum of the decoded operands by the rounding of f32 alone. Policy `rd` keeps
-//! logarithms, and lossless samples: those are decoded, combined and compressed again, which adds an error of its own. What
-//! was added is measured either way, on the decoded bytes of the result against the exact combination, and stands in the
-//! file's header: the truth that it is measured against are the decoded operands, not the measurements behind them.
+//! Policies `conventional`, `generic` and `adaptive` store f32 coefficients of the samples themselves. Coefficients of
+//! a sum are sums of coefficients, each rounded once to f32. No thresholding or quantisation follows, so only f32
+//! rounding separates the file from the exact sum of the decoded operands.
+//!
+//! Policy `rd` stores logarithms, and lossless files store samples. Such operands are decoded, combined and compressed
+//! again, which adds an error.
+//!
+//! In both cases the added error is measured and written to the header of the result. It compares the decoded result
+//! with the exact combination of the decoded operands, not with the original measurements.
 
 use super::error::AlgebraError;
 use crate::compress::{
@@ -16,88 +19,91 @@ use crate::transform::Plan;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// A material and its factor.
+/// A material and its factor in a combination.
 #[derive(Clone, Copy, Debug)]
 pub struct Operand<'a> {
-    /// The file.
+    /// Bytes of the compressed file.
     pub bytes: &'a [u8],
-    /// What its samples are multiplied with.
+    /// Factor of its samples.
     pub weight: f64,
 }
 
-/// When a combination is compressed again.
+/// Choice of when a combination is compressed again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recompress {
-    /// Where coefficients cannot be added.
+    /// Only where coefficients cannot be added.
     IfNeeded,
-    /// In any case: the settings are a promise.
+    /// Always, so that the error bound of the settings holds.
     Always,
 }
 
-/// What was combined.
+/// Representation in which the operands were combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Kept coefficients, without decoding.
+    /// Stored coefficients, without decoding.
     Coefficients,
     /// Decoded samples.
     Samples,
 }
 
-/// What is known of an operand.
+/// Description of an operand, from its header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperandReport {
     /// `b3-` and the BLAKE3 digest of the file without its metadata.
     pub payload_digest: String,
-    /// Its factor.
+    /// Factor of its samples.
     pub weight: f64,
-    /// Its policy.
+    /// Compression policy of the file.
     pub policy: Policy,
-    /// Its spectral basis.
+    /// Spectral basis of the file.
     pub basis: String,
-    /// Its own er(L2), as its file states it.
+    /// Relative L2 error er(L2) of the file against its measurement, from its header.
     pub er_l2: f64,
-    /// Its own largest absolute error, as its file states it; 0 of lossless ones.
+    /// Largest absolute error of the file against its measurement, from its header; 0 for lossless files.
     pub max_absolute_error: f64,
 }
 
-/// A combination.
+/// Result of [`combine`].
 #[derive(Clone, Debug)]
 pub struct Combined {
-    /// The file; its errors are those that combining added.
+    /// The new file. The errors in its summary are those that combining added.
     pub compressed: Compressed,
-    /// What was combined.
+    /// Representation in which the operands were combined.
     pub method: Method,
-    /// Why samples were, where they were.
+    /// Reason for combining samples; `None` if coefficients were combined.
     pub reason: Option<String>,
-    /// The operands, in order.
+    /// Descriptions of the operands, in order.
     pub operands: Vec<OperandReport>,
-    /// `Σ |weight| · largest absolute error` of the operands: how far the exact combination of the files can be from that of
-    /// their measurements. The error that was added comes on top.
+    /// `Σ |weight| · max_absolute_error` of the operands: a bound on the distance between the exact combination of the
+    /// files and that of their measurements. The error added by combining comes on top.
     pub inherited_absolute_error: f64,
 }
 
-/// The sum of products of two materials' samples.
+/// Dot product of the samples of two materials.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DotReport {
-    /// Σ a·b over the samples that neither has masked, all weighing the same.
+    /// `Σ a·b` over the samples masked in neither material, with equal weights.
     pub dot: f64,
-    /// Samples that entered.
+    /// Number of samples in the sum.
     pub samples: u64,
-    /// Samples that one of the two has masked.
+    /// Number of samples left out because at least one material masks them.
     pub masked_samples: u64,
-    /// The units of both: the sum is in their product.
+    /// Units of both materials; the dot product is in their product.
     pub units: [Unit; 2],
-    /// How it was computed.
+    /// Representation from which the sum was computed.
     pub method: Method,
 }
 
-/// `Σ weight · material`, sample by sample; masked where an operand is. All have the same quantity, unit, sampling and axes.
+/// Computes `Σ weight · material`, sample by sample. All operands must have the same quantity, unit, sampling and axes.
+/// A sample is masked if any operand masks it.
 ///
-/// Coefficients are added where all operands hold such of the same bases. The file then has the policy of the first, and
-/// of `settings` only the metadata counts. Otherwise, or if `recompress` says so, `settings` decide. The interpolation between
-/// incidences is that of the operands where they agree and none is subtracted. A combination that carries metadata names its
-/// operands in it.
+/// If all operands store coefficients in the same bases, those are added. The file then has the policy of the first
+/// operand, and only the metadata of `settings` are used. Otherwise, or with [`Recompress::Always`], the samples are
+/// compressed with `settings`.
+///
+/// The interpolation between incidences is that of the operands if they agree and all weights are positive, else that
+/// of `settings`. Metadata, if any, list the operands under `combination`.
 pub fn combine(
     operands: &[Operand<'_>],
     settings: &Settings,
@@ -136,10 +142,12 @@ pub fn combine(
     })
 }
 
-/// Σ over samples of two materials on the same axes; their quantities and units may differ.
+/// Computes the dot product `Σ a·b` over the samples of two materials on the same axes; their quantities and units may
+/// differ.
 ///
-/// Where both hold coefficients of the same bases and nothing is masked it is `aᵀ·(G·b)` over the coefficients that a has
-/// kept, with G the Gram matrix of the synthesis functions (by two passes of the transform over b); otherwise both are decoded.
+/// If both store coefficients in the same bases and no sample is masked, the result is `aᵀ·(G·b)` over the kept
+/// coefficients of `a`. G is the Gram matrix of the synthesis functions, applied as two passes of the transform over
+/// `b`. Otherwise both are decoded.
 pub fn dot(a: &[u8], b: &[u8]) -> Result<DotReport, AlgebraError> {
     let operands = [a, b].map(|bytes| Operand { bytes, weight: 1.0 });
     let (_, summaries) = read_headers(&operands)?;
@@ -163,7 +171,7 @@ pub fn dot(a: &[u8], b: &[u8]) -> Result<DotReport, AlgebraError> {
     Ok(DotReport { dot, samples: entered, masked_samples: samples - entered, units, method: Method::Samples })
 }
 
-/// `None` where intermediate values leave f32.
+/// Computes the dot product from coefficients; `None` if intermediate values exceed the range of f32.
 fn dot_of_coefficients(kept: &Kept, axes: &[Axis], a: &[u8], b: &[u8]) -> Result<Option<f64>, AlgebraError> {
     let plan = Plan::new(axes, &kept.transforms).map_err(|e| CompressError::Setting(e.into()))?;
     let left = Kept::coefficients(a).map_err(|e| undecoded(1, e))?;
@@ -175,7 +183,7 @@ fn dot_of_coefficients(kept: &Kept, axes: &[Axis], a: &[u8], b: &[u8]) -> Result
     Ok(dot.is_finite().then_some(dot))
 }
 
-/// The headers of all operands, which must be functions of the same kind.
+/// Reads the headers of all operands and checks that quantity, unit, sampling and axes agree.
 fn inspect(operands: &[Operand<'_>]) -> Result<(Vec<OperandReport>, Vec<Summary>), AlgebraError> {
     let (reports, summaries) = read_headers(operands)?;
     let Some((first, others)) = summaries.split_first() else { return Err(AlgebraError::Empty) };
@@ -220,7 +228,7 @@ fn read_headers(operands: &[Operand<'_>]) -> Result<(Vec<OperandReport>, Vec<Sum
     Ok((reports, summaries))
 }
 
-/// The same axes; the labels of an index axis may be missing in some.
+/// Checks that all materials have the same axes. Labels of an index axis may be missing in some of them.
 fn check_axes(summaries: &[Summary]) -> Result<(), AlgebraError> {
     let Some((first, others)) = summaries.split_first() else { return Ok(()) };
     let describe = |axes: &[Axis]| axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ");
@@ -236,7 +244,7 @@ fn check_axes(summaries: &[Summary]) -> Result<(), AlgebraError> {
         }
         let (mut found, mut expected) = (describe(&other.axes), describe(&first.axes));
         if found == expected {
-            // They differ in what a description leaves out.
+            // The short descriptions are equal: show all fields.
             (found, expected) = (format!("{:?}", other.axes), format!("{:?}", first.axes));
         }
         return Err(AlgebraError::Unlike { at, what: "axes", found, expected });
@@ -244,7 +252,9 @@ fn check_axes(summaries: &[Summary]) -> Result<(), AlgebraError> {
     Ok(())
 }
 
-/// What all operands keep coefficients of, masked where any is; or why there is no such thing.
+/// Returns the layout of the coefficients that all operands share, or the reason why they share none.
+///
+/// `has_masks` is true if any operand has masked samples.
 fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError> {
     let mut common: Option<Kept> = None;
     for (operand, at) in operands.iter().zip(1..) {
@@ -260,14 +270,15 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
     Ok(common.ok_or_else(|| "there is no material".to_owned()))
 }
 
-/// The interpolation between incidences that all operands state; `None` where they differ, or where one is subtracted.
+/// Returns the interpolation between incidences that all operands state; `None` if they differ or a weight is not
+/// positive.
 fn common_between(operands: &[Operand<'_>], summaries: &[Summary]) -> Option<Between> {
     let (first, others) = summaries.split_first()?;
     let is_common = others.iter().all(|other| other.between == first.between);
     (is_common && operands.iter().all(|operand| operand.weight > 0.0)).then_some(first.between)
 }
 
-/// The exact combination of the decoded operands, rounded once.
+/// Combines the decoded operands in f64 and rounds each sample once to f32.
 fn exact(
     operands: &[Operand<'_>],
     summaries: &[Summary],
@@ -312,7 +323,7 @@ fn undecoded(at: usize, source: compress::DecodeError) -> AlgebraError {
     AlgebraError::Decode { at, source }
 }
 
-/// Metadata with the operands in it.
+/// Returns the metadata with the operands inserted under `combination`.
 fn with_operands(text: &str, operands: &[OperandReport]) -> Result<String, AlgebraError> {
     let Ok(Value::Object(mut object)) = serde_json::from_str(text) else {
         return Err(CompressError::Setting(SettingError::MetadataObject).into());
@@ -322,7 +333,7 @@ fn with_operands(text: &str, operands: &[OperandReport]) -> Result<String, Algeb
 }
 
 impl Combined {
-    /// What combining added to the errors of the operands: the decoded result against the exact combination.
+    /// Returns the errors that combining added: the decoded result against the exact combination of the operands.
     pub fn added(&self) -> &ErrorReport {
         &self.compressed.summary.errors
     }

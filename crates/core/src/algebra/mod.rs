@@ -2,12 +2,13 @@
 //!
 //! * **Spectra** ([`SparseSpectrum`]): k of n coefficients in any basis on a line ([`LineSpace`]). Sums of many of them
 //!   (photon gathering) go into an [`Accumulator`], from one flat [`SpectrumPool`] if they are stored as such.
-//! * **Dot products** are sums over samples, `⟨a, b⟩ = aᵀ·G·b` with the [`Gram`] matrix of the synthesis functions; against
-//!   a fixed function (a colour-matching curve) a [`Functional`] costs one multiplication a coefficient.
-//! * **Pointwise products** by precomputed [`Couplings`], or by a [`Multiplier`] where one factor stays the same. The paper
-//!   leaves them open but for Haar (\[CPB06\] section 6.1).
-//! * **Materials** ([`combine`], [`dot`]): files in, a file out; coefficients are added where files hold those of the samples
-//!   themselves.
+//! * **Dot products** are sums over samples, `⟨a, b⟩ = aᵀ·G·b` with the [`Gram`] matrix of the synthesis functions.
+//!   Against a fixed function (such as a colour-matching curve), a [`Functional`] costs one multiplication per
+//!   coefficient.
+//! * **Pointwise products** use precomputed [`Couplings`], or a [`Multiplier`] where one factor stays the same. The
+//!   paper solves them for Haar only (\[CPB06\] section 6.1).
+//! * **Materials** ([`combine`], [`dot`]): files in, a file out. Coefficients are added without decoding where the
+//!   files store coefficients of the samples themselves, not of their logarithms.
 //!
 //! ```
 //! use wavelume_core::algebra::{Accumulator, Functional, LineSpace, SparseSpectrum};

@@ -1,4 +1,4 @@
-//! Many compressed spectra in flat memory, six bytes a coefficient: the spectra of a photon map.
+//! Many sparse spectra in flat memory, six bytes per coefficient, such as those of a photon map.
 
 use super::accumulator::Accumulator;
 use super::error::AlgebraError;
@@ -6,24 +6,24 @@ use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
-/// Spectra in one basis, one behind the other. Coefficients are rounded to f32 when they are stored (relatively by 6e-8 at
-/// most); sums of them are in f64.
+/// Sparse spectra in one basis, stored one behind the other. Coefficients are rounded to f32 (a relative error of at
+/// most 6e-8); sums are computed in f64.
 #[derive(Clone, Debug)]
 pub struct SpectrumPool {
     space: Arc<LineSpace>,
     indices: Vec<u16>,
     values: Vec<f32>,
-    /// Where each spectrum starts; one more at the end.
+    /// First coefficient of each spectrum in `indices` and `values`, followed by the number of coefficients.
     starts: Vec<usize>,
 }
 
 impl SpectrumPool {
-    /// An empty pool.
+    /// Creates an empty pool.
     pub fn new(space: &Arc<LineSpace>) -> Self {
         Self { space: Arc::clone(space), indices: Vec::new(), values: Vec::new(), starts: vec![0] }
     }
 
-    /// Stores a spectrum and gives its number.
+    /// Stores a spectrum and returns its number, from 0.
     pub fn push(&mut self, spectrum: &SparseSpectrum) -> Result<usize, AlgebraError> {
         self.space.require(spectrum.space())?;
         let large = spectrum.entries().iter().find(|entry| !(entry.value as f32).is_finite());
@@ -31,32 +31,32 @@ impl SpectrumPool {
             let reason = format!("is {}, expected a number that an f32 holds", entry.value);
             return Err(AlgebraError::Entry { index: entry.index, reason });
         }
-        // A line has at most 4096 coefficients.
+        // Indices fit in u16: a line has at most 4096 coefficients.
         self.indices.extend(spectrum.entries().iter().map(|entry| entry.index as u16));
         self.values.extend(spectrum.entries().iter().map(|entry| entry.value as f32));
         self.starts.push(self.values.len());
         Ok(self.len() - 1)
     }
 
-    /// How many spectra there are.
+    /// Returns the number of spectra.
     pub fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Whether there are none.
+    /// Returns true if the pool holds no spectrum.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Bytes in memory, those of the basis not counted.
+    /// Returns the size in memory in bytes, without the basis.
     pub fn bytes(&self) -> usize {
         size_of_val(self.indices.as_slice()) + size_of_val(self.values.as_slice()) + size_of_val(self.starts.as_slice())
     }
 
-    /// Adds `Σ factor · spectrum` to `sum`: photons by number, each with its weight. No allocation.
+    /// Adds `Σ factor · spectrum` to `sum`, without allocation. `photons` are pairs of spectrum number and factor.
     ///
     /// # Panics
-    /// If there is no spectrum of a number.
+    /// If a number is not that of a stored spectrum.
     pub fn gather(
         &self,
         photons: impl IntoIterator<Item = (usize, f64)>,

@@ -6,9 +6,10 @@
 //! ψ_i·ψ_j = Σ_k C(k; i, j)·ψ_k,      C(k; i, j) = Σ_s ψ̃_k(s)·ψ_i(s)·ψ_j(s)
 //! ```
 //!
-//! with `ψ̃_k` the dual function, that is the analysis row k. With them `(Σ a_i ψ_i)·(Σ b_j ψ_j)` has the coefficients
-//! `c_k = Σ_ij a_i·b_j·C(k; i, j)`. In a discrete complete basis this is exact, at every length and under every rule at the
-//! ends. (Connection coefficients in the literature are the same integrals on the real line, per scale and shift.)
+//! with `ψ̃_k` the dual function, that is, row k of the analysis. With them `(Σ a_i ψ_i)·(Σ b_j ψ_j)` has the
+//! coefficients `c_k = Σ_ij a_i·b_j·C(k; i, j)`. In a complete discrete basis this is exact, at every length and under
+//! every boundary rule. (Connection coefficients in the literature are the same integrals on the real line, per scale
+//! and shift.)
 
 use super::accumulator::Accumulator;
 use super::entry::{Entry, Union};
@@ -20,35 +21,36 @@ use crate::numeric::dense::add;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A coupling below this fraction of the magnitudes that it is the sum of is a zero of rounding.
+/// Rounding threshold: a coupling smaller than this fraction of the sum of the magnitudes of its terms is taken as 0.
 const ZERO: f64 = 1e-14;
-/// Zeros between couplings that are stored rather than skipped.
+/// Longest gap of zeros, in coefficients, that is stored within a run. Raising it gives fewer, longer runs with more
+/// zeros.
 const GAP: usize = 3;
 
-/// All `C(k; i, j)` of a line, i ≤ j, in runs of consecutive k.
+/// Table of all coupling coefficients `C(k; i, j)` of a line for i ≤ j, in runs of consecutive k.
 #[derive(Clone, Debug)]
 pub struct Couplings {
     space: Arc<LineSpace>,
-    /// First run of each pair, pairs by rising i, then j; one more at the end.
+    /// First run of each pair (pairs by rising i, then j), followed by the position of the end marker in `runs`.
     pairs: Vec<u32>,
     runs: Vec<Run>,
     values: Vec<f64>,
     count: usize,
 }
 
-/// Couplings of consecutive k, from `first`; they end where those of the next run start.
+/// Couplings of consecutive k from `first`. Values begin at `start` and end where those of the next run begin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Run {
     first: u32,
     start: u32,
 }
 
-/// The couplings of one pair.
+/// Couplings of one pair, in runs of (first k, values).
 type Row = Vec<(u32, Vec<f64>)>;
 
 impl Couplings {
-    /// Computes the couplings of a line: about n²/2 pairs of n coefficients each where all functions overlap, so short
-    /// lines only ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
+    /// Computes the couplings of a line. If all functions overlap, there are n²/2 pairs of n coefficients each, which
+    /// restricts the table to short lines ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
     pub fn new(space: &Arc<LineSpace>) -> Result<Self, AlgebraError> {
         let length = space.length();
         if length > MAX_COUPLED {
@@ -75,30 +77,30 @@ impl Couplings {
         Ok(table)
     }
 
-    /// The basis they are of.
+    /// Returns the basis of the couplings.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// Couplings that are not 0.
+    /// Returns the number of couplings that are not 0.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there are none.
+    /// Returns true if all couplings are 0.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Bytes in memory, those of the basis not counted.
+    /// Returns the size in memory in bytes, without the basis.
     pub fn bytes(&self) -> usize {
         size_of_val(self.values.as_slice()) + size_of_val(self.runs.as_slice()) + size_of_val(self.pairs.as_slice())
     }
 
-    /// `C(k; i, j)`.
+    /// Returns `C(k; i, j)`.
     ///
     /// # Panics
-    /// If there is no such coefficient.
+    /// If `k`, `i` or `j` is not the index of a coefficient.
     pub fn at(&self, k: usize, i: usize, j: usize) -> f64 {
         let size = self.space.coefficients();
         assert!(k < size && i < size && j < size, "couplings {k}; {i}, {j} of {size}");
@@ -107,7 +109,8 @@ impl Couplings {
         dense[k]
     }
 
-    /// The product of two spectra, all its coefficients; [`SparseSpectrum::truncated`] makes it sparse again.
+    /// Returns the product of two spectra with all its coefficients; [`SparseSpectrum::truncated`] makes it sparse
+    /// again.
     pub fn product(&self, a: &SparseSpectrum, b: &SparseSpectrum) -> Result<SparseSpectrum, AlgebraError> {
         let mut sum = Accumulator::new(&self.space);
         self.product_into(1.0, a, b, &mut sum)?;
@@ -144,7 +147,7 @@ impl Couplings {
 
     /// Adds `factor · C(·; i, j)` to `sums`; i ≤ j.
     fn add_pair(&self, i: usize, j: usize, factor: f64, sums: &mut [f64]) {
-        // Rows before i have n, n − 1, … pairs.
+        // The rows before row i contain n, n − 1, … pairs.
         let pair = i * (2 * self.space.coefficients() - i + 1) / 2 + (j - i);
         let own = self.pairs[pair] as usize..=self.pairs[pair + 1] as usize;
         for &[run, next] in self.runs[own].array_windows() {
@@ -159,7 +162,7 @@ impl Couplings {
     }
 }
 
-/// The couplings of two synthesis functions, in runs.
+/// Computes the couplings of two synthesis functions, in runs.
 fn row(space: &LineSpace, i: usize, j: usize) -> Row {
     let ((a, left), (b, right)) = (space.synthesis().row(i), space.synthesis().row(j));
     let first = a.max(b);
@@ -198,17 +201,17 @@ fn row(space: &LineSpace, i: usize, j: usize) -> Row {
 
 /// Multiplication by one fixed spectrum, as a matrix on coefficients: `M_kj = Σ_s ψ̃_k(s)·a(s)·ψ_j(s)`.
 ///
-/// A surface's reflectance is one for all photons that meet it. Needs no couplings, any line up to [`MAX_GRAM`]; n²
-/// numbers of 8 bytes, n multiplications a coefficient of the other factor.
+/// Suits a surface whose reflectance multiplies all photons that hit it. Needs no couplings; takes lines up to
+/// [`MAX_GRAM`]. Stores n² numbers of 8 bytes; a product costs n multiplications per coefficient of the other factor.
 #[derive(Clone, Debug)]
 pub struct Multiplier {
     space: Arc<LineSpace>,
-    /// Column by column.
+    /// Matrix entries, column by column.
     columns: Vec<f64>,
 }
 
 impl Multiplier {
-    /// The multiplication by a function of these samples.
+    /// Prepares the multiplication by the function with these samples.
     pub fn new(space: &Arc<LineSpace>, samples: &[f64]) -> Result<Self, AlgebraError> {
         if space.length() > MAX_GRAM {
             return Err(AlgebraError::TooLong { what: "a multiplier", found: space.length(), most: MAX_GRAM });
@@ -226,7 +229,7 @@ impl Multiplier {
         Ok(Self { space: Arc::clone(space), columns })
     }
 
-    /// The product with a spectrum.
+    /// Returns the product with a spectrum.
     pub fn product(&self, spectrum: &SparseSpectrum) -> Result<SparseSpectrum, AlgebraError> {
         let mut sum = Accumulator::new(&self.space);
         self.product_into(1.0, spectrum, &mut sum)?;

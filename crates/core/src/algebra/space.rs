@@ -1,4 +1,4 @@
-//! A prepared basis on a line: what each coefficient stands for, and what it is computed from, in f64.
+//! A prepared basis on a line: synthesis and analysis functions of all coefficients, in f64.
 
 use super::error::AlgebraError;
 use super::inner_products::InnerProducts;
@@ -8,21 +8,22 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 use std::sync::{Arc, OnceLock};
 
-/// Analysis and synthesis that differ by less are one orthonormal basis; published tables have eleven digits and more.
+/// Tolerance: a basis is orthonormal if no entry of its analysis and synthesis functions differs by more. Published
+/// filter tables have eleven digits or more.
 const SAME: f64 = 1e-10;
 
-/// The functions on a line of n samples in one basis `ψ_0 … ψ_(n−1)`, shared by all spectra that are sums of them.
+/// Functions `ψ_0 … ψ_(n−1)` of one basis on a line of n samples, shared by all spectra in that basis.
 ///
-/// A wavelet under any boundary rule at any length, the identity, or the caller's own orthonormal vectors. Coefficients
-/// have the places that [`Plan`] gives them. Everything is exact to the rounding of f64.
+/// The basis is a wavelet under any boundary rule at any length, the identity, or orthonormal vectors of the caller.
+/// Coefficients are ordered as [`Plan`] orders them. Everything is exact to the rounding of f64.
 #[derive(Clone, Debug)]
 pub struct LineSpace {
     name: String,
     transform: Option<AxisTransform>,
     length: usize,
-    /// Row k: `ψ_k` by sample.
+    /// Row k: the samples of `ψ_k`.
     synthesis: Windows,
-    /// Row k: what coefficient k takes of each sample (the dual function of `ψ_k`).
+    /// Row k: the weight of each sample in coefficient k (the dual function of `ψ_k`).
     analysis: Windows,
     norms: Vec<f64>,
     orthonormal: bool,
@@ -30,7 +31,7 @@ pub struct LineSpace {
 }
 
 impl LineSpace {
-    /// Prepares a wavelet on a line, or the identity, for `length` samples.
+    /// Prepares a wavelet or the identity on a line of `length` samples.
     pub fn new(transform: AxisTransform, length: usize) -> Result<Arc<Self>, AlgebraError> {
         check_length(length)?;
         let axis = Axis::Index { count: length, labels: vec![] };
@@ -41,8 +42,9 @@ impl LineSpace {
         Ok(Arc::new(Self::of(plan.to_string(), Some(transform), length, synthesis, analysis)))
     }
 
-    /// The span of orthonormal vectors, such as the data's own ([`crate::transform::Klt`]). Where they are fewer than samples,
-    /// coefficients are those of the projection on the span, of samples as of products.
+    /// Prepares the span of orthonormal vectors, such as the Karhunen-Loève basis of the data
+    /// ([`crate::transform::Klt`]). If there are fewer vectors than samples, spectra and products are projected on
+    /// their span.
     pub fn orthonormal(name: &str, vectors: &[Vec<f64>]) -> Result<Arc<Self>, AlgebraError> {
         let length = vectors.first().map_or(0, Vec::len);
         check_length(length)?;
@@ -74,48 +76,49 @@ impl LineSpace {
     ) -> Self {
         let norm = |k| libm::sqrt(synthesis.row(k).1.iter().map(|x| x * x).sum());
         let norms = (0..synthesis.len()).map(norm).collect();
-        // Rows of the inverse that are columns of the transform: SᵀS = 1.
+        // Analysis equals synthesis transposed: SᵀS = 1.
         let orthonormal = synthesis.distance(&analysis) < SAME;
         Self { name, transform, length, synthesis, analysis, norms, orthonormal, gram: OnceLock::new() }
     }
 
-    /// Its basis, rule at the ends (where it is not the basis' own) and length: `db4[75]`.
+    /// Returns the name of the basis, the boundary rule (if it is not the default of the basis) and the length:
+    /// `db4[75]`.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Samples on the line.
+    /// Returns the number of samples on the line.
     pub fn length(&self) -> usize {
         self.length
     }
 
-    /// Coefficients of a spectrum: as many as samples, but for the span of fewer vectors.
+    /// Returns the number of coefficients of a spectrum: that of the samples, or of the vectors if those are fewer.
     pub fn coefficients(&self) -> usize {
         self.synthesis.len()
     }
 
-    /// Whether `⟨ψ_i, ψ_j⟩` is 1 for i = j and 0 otherwise, in the plain sum over samples.
+    /// Returns true if `⟨ψ_i, ψ_j⟩`, the plain sum over samples, is 1 for i = j and 0 otherwise.
     pub fn is_orthonormal(&self) -> bool {
         self.orthonormal
     }
 
-    /// `‖ψ_k‖` in the plain sum over samples.
+    /// Returns the norm `‖ψ_k‖` under the plain sum over samples.
     ///
     /// # Panics
-    /// If there is no such coefficient.
+    /// If `k` is not the index of a coefficient.
     pub fn norm(&self, k: usize) -> f64 {
         self.norms[k]
     }
 
-    /// Bytes in memory, without tables made from it.
+    /// Returns the size in memory in bytes, without the Gram matrix and other derived tables.
     pub fn bytes(&self) -> usize {
         self.synthesis.bytes() + self.analysis.bytes() + size_of_val(self.norms.as_slice())
     }
 
-    /// All coefficients of samples into `coefficients`, without allocation.
+    /// Writes all coefficients of `samples` to `coefficients`, without allocation.
     ///
     /// # Panics
-    /// If there are not as many of each as the line has.
+    /// If the lengths are not those of the line.
     pub fn analyse_into(&self, samples: &[f64], coefficients: &mut [f64]) {
         assert_eq!(samples.len(), self.length, "as many samples as the line has");
         assert_eq!(coefficients.len(), self.coefficients(), "as many coefficients as the line has");
@@ -124,7 +127,7 @@ impl LineSpace {
         }
     }
 
-    /// Whether spectra in both can be added: the same object, or the same transform of the same length.
+    /// Returns true if spectra in both can be added: both are one object, or one transform of one length.
     pub(super) fn is(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
             || (self.length == other.length && self.transform == other.transform && self.transform.is_some())
@@ -155,7 +158,8 @@ impl LineSpace {
         &self.analysis
     }
 
-    /// The Gram matrix under the plain sum over samples, made on first use; `None` where it is the identity or too large.
+    /// Returns the Gram matrix under the plain sum over samples, computed on first use; `None` if it is the identity or
+    /// too large.
     pub(super) fn gram(&self) -> Option<&InnerProducts> {
         let worth = !self.orthonormal && self.length <= MAX_GRAM;
         worth.then(|| self.gram.get_or_init(|| InnerProducts::of(&self.synthesis, self.length, None)))

@@ -1,4 +1,4 @@
-//! A spectrum as the few coefficients that were kept of it, and its sums, scalings and dot products.
+//! Spectra as their few kept coefficients, with sums, scalings and dot products.
 
 use super::entry::{Entry, Union};
 use super::error::AlgebraError;
@@ -6,26 +6,26 @@ use super::space::LineSpace;
 use crate::numeric::dense::dot_by_four;
 use std::sync::Arc;
 
-/// `Σ value·ψ_index`: a function on a line in one basis, as its coefficients that are not 0, by rising index.
+/// Function `Σ value·ψ_index` on a line in one basis, stored as its nonzero coefficients by rising index.
 #[derive(Clone, Debug)]
 pub struct SparseSpectrum {
     space: Arc<LineSpace>,
     entries: Vec<Entry>,
 }
 
-/// A spectrum of fewer coefficients, and what that cost.
+/// A truncated spectrum and the error of the truncation.
 #[derive(Clone, Debug)]
 pub struct Truncated {
-    /// What was kept.
+    /// Spectrum of the kept coefficients.
     pub spectrum: SparseSpectrum,
-    /// The L2 norm, over samples, of what was dropped: the error itself, not a bound.
+    /// L2 norm over samples of the dropped part: the error itself, not a bound.
     pub error: f64,
-    /// The same over the norm of the whole; 0 where both are 0.
+    /// Error divided by the L2 norm of the whole spectrum; 0 if both are 0.
     pub relative_error: f64,
 }
 
 impl SparseSpectrum {
-    /// The spectrum of these coefficients, in any order; zeros are left out.
+    /// Creates a spectrum from coefficients in any order; zeros are dropped.
     pub fn new(space: &Arc<LineSpace>, mut entries: Vec<Entry>) -> Result<Self, AlgebraError> {
         entries.sort_by_key(|entry| entry.index);
         let count = space.coefficients();
@@ -45,49 +45,49 @@ impl SparseSpectrum {
         Ok(Self::of(Arc::clone(space), entries))
     }
 
-    /// The spectrum of the k coefficients that matter most of samples (\[CPB06\] section 4.2: by |c|·‖ψ‖).
+    /// Transforms samples and keeps the k coefficients with the largest |c|·‖ψ‖ (\[CPB06\] section 4.2).
     pub fn largest(space: &Arc<LineSpace>, samples: &[f64], k: usize) -> Result<Self, AlgebraError> {
         let mut spectrum = space.analyse(samples)?;
         spectrum.entries = spectrum.split(k).0;
         Ok(spectrum)
     }
 
-    /// Entries are sorted, in range, finite and not 0.
+    /// Wraps entries that are already sorted, in range, finite and not 0.
     pub(super) fn of(space: Arc<LineSpace>, entries: Vec<Entry>) -> Self {
         Self { space, entries }
     }
 
-    /// The basis it is in.
+    /// Returns the basis of the coefficients.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// Its coefficients by rising index, none of them 0.
+    /// Returns the nonzero coefficients by rising index.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// How many coefficients there are.
+    /// Returns the number of nonzero coefficients.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Whether it is 0 everywhere.
+    /// Returns true if the spectrum is 0 everywhere.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// Its samples.
+    /// Decodes the spectrum to its samples.
     pub fn samples(&self) -> Vec<f64> {
         let mut samples = vec![0.0; self.space.length()];
         self.add_samples(1.0, &mut samples);
         samples
     }
 
-    /// Adds `factor` times its samples to `samples`.
+    /// Adds `factor` times the samples of this spectrum to `samples`.
     ///
     /// # Panics
-    /// If there are not as many as the line has.
+    /// If the length of `samples` is not that of the line.
     pub fn add_samples(&self, factor: f64, samples: &mut [f64]) {
         assert_eq!(samples.len(), self.space.length(), "as many samples as the line has");
         for entry in &self.entries {
@@ -95,19 +95,19 @@ impl SparseSpectrum {
         }
     }
 
-    /// `factor` times itself.
+    /// Multiplies the spectrum by `factor`.
     pub fn scale(&mut self, factor: f64) {
         self.entries.iter_mut().for_each(|entry| entry.value *= factor);
         self.entries.retain(|entry| entry.value != 0.0);
     }
 
-    /// The sum of both: the union of their coefficients.
+    /// Returns `self + other`: the union of their coefficients.
     pub fn add(&self, other: &Self) -> Result<Self, AlgebraError> {
         self.axpy(1.0, other)
     }
 
-    /// `self + factor · other`: the union of their coefficients, each rounded once. Sums of many go into an
-    /// [`super::Accumulator`].
+    /// Returns `self + factor · other`: the union of their coefficients. For sums of many spectra an
+    /// [`super::Accumulator`] is faster.
     pub fn axpy(&self, factor: f64, other: &Self) -> Result<Self, AlgebraError> {
         self.space.require(&other.space)?;
         let mut entries = Vec::with_capacity(self.len() + other.len());
@@ -120,8 +120,8 @@ impl SparseSpectrum {
         Ok(Self::of(Arc::clone(&self.space), entries))
     }
 
-    /// Σ over samples of both multiplied: `aᵀ·G·b`, where G is the identity of an orthonormal basis. A sum with weights is
-    /// that of [`super::Gram::dot`].
+    /// Returns the sum over samples of the product of both spectra: `aᵀ·G·b`, where G is the identity if the basis is
+    /// orthonormal. For a weighted sum see [`super::Gram::dot`].
     pub fn dot(&self, other: &Self) -> Result<f64, AlgebraError> {
         self.space.require(&other.space)?;
         Ok(if self.space.is_orthonormal() {
@@ -133,8 +133,8 @@ impl SparseSpectrum {
         })
     }
 
-    /// The pointwise product by way of samples: decoded, multiplied and encoded, on a line of any length. From about six
-    /// coefficients on it is cheaper than [`super::Couplings`], and gives the same.
+    /// Returns the pointwise product: decodes both, multiplies the samples and encodes the result, on a line of any
+    /// length. The result is that of [`super::Couplings`]; from about six coefficients on this way is cheaper.
     pub fn product(&self, other: &Self) -> Result<Self, AlgebraError> {
         self.space.require(&other.space)?;
         let mut product = self.samples();
@@ -142,13 +142,14 @@ impl SparseSpectrum {
         self.space.analyse(&product)
     }
 
-    /// The L2 norm over samples.
+    /// Returns the L2 norm over samples.
     pub fn norm(&self) -> f64 {
         let samples = self.samples();
         libm::sqrt(dot_by_four(&samples, &samples))
     }
 
-    /// The k coefficients that matter most (by |c|·‖ψ‖, the earlier of equal ones), and the error of leaving out the others.
+    /// Keeps the k coefficients with the largest |c|·‖ψ‖ (of equal ones the earlier) and measures the error of dropping
+    /// the rest.
     #[must_use]
     pub fn truncated(&self, k: usize) -> Truncated {
         let (kept, dropped) = self.split(k);
@@ -158,7 +159,7 @@ impl SparseSpectrum {
         Truncated { spectrum: of(kept), error, relative_error }
     }
 
-    /// The k coefficients that matter most, and the others.
+    /// Splits the coefficients into the k with the largest |c|·‖ψ‖ and the rest, each by rising index.
     fn split(&self, k: usize) -> (Vec<Entry>, Vec<Entry>) {
         let weight = |entry: &Entry| entry.value.abs() * self.space.norm(entry.index as usize);
         let mut order = self.entries.clone();
@@ -172,7 +173,7 @@ impl SparseSpectrum {
 }
 
 impl LineSpace {
-    /// All coefficients of samples, those that are 0 left out.
+    /// Transforms samples to all their nonzero coefficients.
     pub fn analyse(self: &Arc<Self>, samples: &[f64]) -> Result<SparseSpectrum, AlgebraError> {
         self.check("samples", samples)?;
         let entries = (0..self.coefficients())

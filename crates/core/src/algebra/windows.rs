@@ -2,16 +2,16 @@
 
 use crate::numeric::dense::{add, dot_by_four};
 
-/// Rows of numbers, each stored from its first to its last that is not 0.
+/// Rows of numbers, each stored from its first to its last nonzero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Windows {
     values: Vec<f64>,
-    /// First column and first value of each row; one more at the end.
+    /// First column of each row and position of its first value in `values`, followed by one entry for the end.
     rows: Vec<(u32, u32)>,
 }
 
 impl Windows {
-    /// From rows of (column, number); columns may come in any order, each once.
+    /// Builds the rows from lists of (column, number); columns of a row may come in any order, each once.
     pub(super) fn new(rows: impl Iterator<Item = Vec<(u32, f64)>>) -> Self {
         let mut windows = Self::default();
         for row in rows {
@@ -30,18 +30,18 @@ impl Windows {
         windows
     }
 
-    /// How many rows there are.
+    /// Returns the number of rows.
     pub(super) fn len(&self) -> usize {
         self.rows.len() - 1
     }
 
-    /// The first column of a row, and its numbers from there.
+    /// Returns the first column of a row and its numbers from there.
     pub(super) fn row(&self, row: usize) -> (usize, &[f64]) {
         let (first, start) = self.rows[row];
         (first as usize, &self.values[start as usize..self.rows[row + 1].1 as usize])
     }
 
-    /// The sum of a row's numbers times those of `columns`.
+    /// Returns the dot product of a row with `columns`.
     pub(super) fn times(&self, row: usize, columns: &[f64]) -> f64 {
         let (first, values) = self.row(row);
         dot_by_four(values, &columns[first..first + values.len()])
@@ -53,7 +53,7 @@ impl Windows {
         add(&mut columns[first..first + values.len()], factor, values);
     }
 
-    /// The largest difference between the numbers of two sets of as many rows.
+    /// Returns the largest absolute difference between the entries of two sets of equally many rows.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let mut largest = 0.0_f64;
         for row in 0..self.len() {
@@ -68,7 +68,7 @@ impl Windows {
         largest
     }
 
-    /// Bytes in memory.
+    /// Returns the size in memory in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.values.as_slice()) + size_of_val(self.rows.as_slice())
     }

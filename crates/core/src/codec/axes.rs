@@ -1,26 +1,32 @@
-//! Axes as bytes: triangles in one, even grids in a few, uneven ones as differences of differences.
+//! Compact byte form of axes: one byte for triangles, a few for even grids, coded second differences for uneven ones.
 //!
 //! ```text
-//! axis     u8 128 + 32 · domain + level: triangles;  or u8 kind + 8 · form, form 0 where none is named, and
+//! axis     u8 128 + 32 · domain + level: triangles; otherwise u8 kind + 8 · form (form 0 if the kind needs none), and
 //!   0 even grid   number start, number step, varint count (wavelengths, nm)
 //!   1 uneven grid list (wavelengths, nm)
 //!   2 elevation   list (degrees)
 //!   3 index       varint count
-//!   4 rgb         nothing
+//!   4 rgb         no fields
 //!   5 polar       list (degrees), then u8 frame + 4 · dark + 8 · mirrored + 16 · azimuths + 32 · low + 64 · high;
-//!                 low: an f64, the least polar angle that is covered, without it the first; high: an f64, the largest one,
-//!                 without it the last; azimuths: an axis of kind 6 follows, which is the same axis of the tensor
+//!                 low: an f64 follows, the smallest polar angle covered (default: the first of the list);
+//!                 high: an f64 follows, the largest polar angle covered (default: the last of the list);
+//!                 azimuths: an axis of kind 6 follows, which shares one axis of the tensor with this one
 //!   6 azimuth     list (degrees), then u8 extent
-//!                 frames: 0 surface, 1 type C, 2 type B, 3 type A; dark: 0 beyond what is covered, else masked; mirrored:
-//!                 latitudes H have the values of -H; extents: 0 circle, 1 closed, 2 sector, 3 mirrored across 0 and 180°,
-//!                 4 mirrored across 90° and 270°, 5 quadrant
-//! number   form d ≤ 9: a varint k, which stands for k / 10^d;  form 15: an f64
+//!                 frames: 0 surface, 1 type C, 2 type B, 3 type A;
+//!                 dark: values outside the covered angles are 0, otherwise masked;
+//!                 mirrored: latitude H has the values of latitude -H;
+//!                 extents: 0 circle, 1 closed, 2 sector, 3 mirrored across 0 and 180°, 4 mirrored across 90° and 270°,
+//!                 5 quadrant
+//! number   form d ≤ 9: varint k, the number is k / 10^d;  form 15: an f64
 //! list     varint count; then
-//!          form 13: u8 rule + 16 · d, two numbers of form d, signed as zigzag varints: the ends, between which a rule gives all
+//!          form 13: u8 rule + 16 · d, then both ends as numbers of form d (signed, zigzag varints); the rule gives all
+//!          entries between them
 //!          form 15: `count` f64
-//!          form d ≤ 9, k for k / 10^d, or form 14, k for f32 bit patterns: u8 c, and if c > 0 that many f64, Chebyshev
-//!          coefficients of a polynomial on −1 … 1; then varint length and range-coded (zigzag, Exp-Golomb), if c = 0 the
-//!          second differences of k, else the differences of k from those of the polynomial at 2i / (count − 1) − 1
+//!          form d ≤ 9 (integers k, entries k / 10^d) or form 14 (k are f32 bit patterns): u8 c, then c f64, the
+//!          Chebyshev coefficients of a polynomial on −1 … 1; then varint length and range-coded integers (zigzag,
+//!          Exp-Golomb):
+//!          if c = 0 the second differences of k, else the differences between k and the polynomial at
+//!          2i / (count − 1) − 1
 //! ```
 
 use super::bytes::{Reader, Writer};
@@ -40,12 +46,13 @@ const FORM_SPACED: u8 = 13;
 const FORM_F32: u8 = 14;
 const FORM_F64: u8 = 15;
 const TRIANGLES: u8 = 0x80;
-/// Shorter lists have no polynomial worth its coefficients.
+/// Shortest list, in entries, for which a polynomial is tried; for shorter ones its coefficients cost more than they
+/// save.
 const CURVED: usize = 64;
-/// Integers of a list stay below this, so that second differences fit in 32 bits with room.
+/// Exclusive upper bound on the integers of a list, so that second differences fit in 32 bits.
 const LIST_LIMIT: f64 = 268_435_456.0;
 
-/// Writes axes without their number and labels.
+/// Writes axes; their number and their labels are not written.
 pub(crate) fn write_axes(w: &mut Writer, axes: &[Axis]) {
     for axis in axes {
         match axis {
@@ -104,7 +111,7 @@ fn write_grid(w: &mut Writer, grid: &DirectionGrid) {
     }
 }
 
-/// Reads `count` axes; their own limits are checked, the product of their lengths is not.
+/// Reads `count` axes. Limits of each axis are checked; the product of the lengths is not.
 pub(crate) fn read_axes(r: &mut Reader<'_>, count: usize) -> Result<Vec<Axis>, CodecError> {
     (0..count).map(|_| read_axis(r)).collect()
 }
@@ -180,7 +187,7 @@ fn read_azimuths(r: &mut Reader<'_>) -> Result<Azimuths, CodecError> {
     Ok(Azimuths { angles, extent })
 }
 
-/// `value · 10^decimals` if that is an integer from which `value` comes back exactly.
+/// Returns `value · 10^decimals` if it is an integer from which `value` is restored exactly.
 fn as_decimal(value: f64, decimals: u8) -> Option<i64> {
     let scale = power_of_ten(decimals);
     let scaled = libm::round(value * scale);
@@ -199,7 +206,7 @@ fn unzigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-/// The least number of decimals with which all values come back exactly from integers.
+/// Returns the smallest number of decimals with which all values are restored exactly from integers.
 fn decimals_of(values: &[f64]) -> Option<u8> {
     (0..=MAX_DECIMALS).find(|&d| values.iter().all(|&v| as_decimal(v, d).is_some()))
 }
@@ -226,7 +233,7 @@ fn write_list(w: &mut Writer, kind: u8, values: &[f64]) {
     }
     let single = || {
         let exact = values.iter().all(|&v| f64::from(v as f32) == v);
-        // Positive f32 bit patterns shifted into the range of a list.
+        // Bit patterns of positive f32, shifted into the range of a list.
         exact.then(|| (FORM_F32, values.iter().map(|&v| i64::from((v as f32).to_bits())).collect::<Vec<_>>()))
     };
     let Some((form, integers)) = decimals.or_else(single) else {
@@ -291,13 +298,13 @@ fn read_spacing(r: &mut Reader<'_>, what: &'static str) -> Result<Spacing, Codec
     Ok(Spacing { rule, start: end()?, end: end()? })
 }
 
-/// The integer of a polynomial's value.
+/// Returns the integer predicted by a polynomial for entry `i` of `count`.
 fn on_curve(form: u8, curve: &Polynomial, i: usize, count: usize) -> i64 {
     let value = curve.at(i, count);
     if form == FORM_F32 {
         i64::from((value as f32).to_bits())
     } else {
-        // The same rounding everywhere, and no overflow for any coefficients.
+        // Rounds identically on every machine and cannot overflow, whatever the coefficients.
         libm::round(value * power_of_ten(form)).clamp(-LIST_LIMIT, LIST_LIMIT) as i64
     }
 }
@@ -340,7 +347,8 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
     values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
 }
 
-/// Codes integers below 2^32 as differences of differences, or as they are beside a curve.
+/// Codes integers below 2^32 as second differences; with `curved`, as they are (they are differences from a
+/// polynomial).
 fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i64]) {
     let mut model = Model::new(3 * GOLOMB_SLOTS, 1);
     let (mut last, mut difference) = (0_i64, 0_i64);

@@ -1,4 +1,4 @@
-//! Little-endian fields and variable-length integers, written to and read from bytes with checks.
+//! Checked reading and writing of little-endian fields and variable-length integers.
 
 use super::error::CodecError;
 
@@ -9,7 +9,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// The bytes written so far.
+    /// Returns the bytes written so far.
     pub(crate) fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
@@ -19,12 +19,12 @@ impl Writer {
         self.bytes.push(value);
     }
 
-    /// Bytes as they are.
+    /// Writes bytes unchanged.
     pub(crate) fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Seven bits a byte, least significant first, the high bit set on all but the last (LEB128).
+    /// Writes a LEB128 integer: seven bits per byte, least significant first, the high bit set on all but the last.
     pub(crate) fn varint(&mut self, mut value: u64) {
         while value >= 0x80 {
             self.bytes.push(value as u8 | 0x80);
@@ -33,7 +33,7 @@ impl Writer {
         self.bytes.push(value as u8);
     }
 
-    /// The `count` low bytes of `value`.
+    /// Writes the `count` low bytes of `value`.
     pub(crate) fn low_bytes(&mut self, value: u32, count: usize) {
         self.bytes.extend(value.to_le_bytes().into_iter().take(count));
     }
@@ -49,7 +49,7 @@ impl Writer {
     }
 }
 
-/// Reads fields from bytes; `base` is the offset of the first byte in the file, for messages.
+/// Reads fields from bytes; `base` is the offset of the first byte in the file, used in messages.
 #[derive(Clone, Debug)]
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
@@ -58,32 +58,32 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Reads `bytes`, which lie at `base` in the file.
+    /// Starts reading `bytes`, which begin at offset `base` of the file.
     pub(crate) fn new(bytes: &'a [u8], base: usize) -> Self {
         Self { bytes, position: 0, base }
     }
 
-    /// The offset in the file of the next byte.
+    /// Returns the offset in the file of the next byte.
     pub(crate) fn offset(&self) -> usize {
         self.base + self.position
     }
 
-    /// How many bytes are left.
+    /// Returns the number of bytes not yet read.
     pub(crate) fn remaining(&self) -> usize {
         self.bytes.len() - self.position
     }
 
-    /// The bytes from `start` (an offset in the file) to here.
+    /// Returns the bytes from `start` (an offset in the file) to the current position.
     pub(crate) fn since(&self, start: usize) -> &'a [u8] {
         &self.bytes[start - self.base..self.position]
     }
 
-    /// An error about the field that was just read.
+    /// Returns an error about the field read last.
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> CodecError {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }
 
-    /// The next `count` bytes.
+    /// Reads the next `count` bytes.
     pub(crate) fn take(&mut self, count: usize, expected: &'static str) -> Result<&'a [u8], CodecError> {
         let end = self.position.checked_add(count).filter(|&end| end <= self.bytes.len());
         let end = end.ok_or(CodecError::Truncated { at: self.offset(), expected })?;
@@ -103,25 +103,25 @@ impl<'a> Reader<'a> {
         Ok(self.array::<1>(expected)?[0])
     }
 
-    /// An integer of `count` bytes, at most 4.
+    /// Reads an integer of `count` bytes, at most 4.
     pub(crate) fn low_bytes(&mut self, count: usize, expected: &'static str) -> Result<u32, CodecError> {
         let bytes = self.take(count.min(4), expected)?;
         Ok(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u32::from(byte)))
     }
 
-    /// IEEE 754 single precision, finite.
+    /// Reads an IEEE 754 single-precision number, which must be finite.
     pub(crate) fn f32(&mut self, expected: &'static str) -> Result<f32, CodecError> {
         let value = f32::from_le_bytes(self.array(expected)?);
         if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
     }
 
-    /// IEEE 754 double precision, finite.
+    /// Reads an IEEE 754 double-precision number, which must be finite.
     pub(crate) fn f64(&mut self, expected: &'static str) -> Result<f64, CodecError> {
         let value = f64::from_le_bytes(self.array(expected)?);
         if value.is_finite() { Ok(value) } else { Err(self.malformed(format!("{expected} is {value}"))) }
     }
 
-    /// A variable-length integer in its shortest form.
+    /// Reads a LEB128 integer, which must be in its shortest form.
     pub(crate) fn varint(&mut self, expected: &'static str) -> Result<u64, CodecError> {
         let mut value = 0_u64;
         for shift in (0..64).step_by(7) {
@@ -138,7 +138,7 @@ impl<'a> Reader<'a> {
         Err(self.malformed(format!("{expected} is no variable-length integer")))
     }
 
-    /// A variable-length integer of at most `limit`.
+    /// Reads a LEB128 integer of at most `limit`.
     pub(crate) fn size(&mut self, limit: usize, expected: &'static str) -> Result<usize, CodecError> {
         let value = self.varint(expected)?;
         usize::try_from(value)
@@ -147,7 +147,7 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| self.malformed(format!("{expected} is {value}, expected at most {limit}")))
     }
 
-    /// Fails unless every byte was read.
+    /// Fails if bytes are left.
     pub(crate) fn end(&self, what: &'static str) -> Result<(), CodecError> {
         match self.remaining() {
             0 => Ok(()),

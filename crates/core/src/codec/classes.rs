@@ -1,9 +1,10 @@
-//! Which samples are positive, negative, zero or masked: one symbol a sample, nothing where whole rows repeat.
+//! Coder of sample classes (positive, negative, zero, masked): one symbol per sample; a repeated row costs one
+//! decision.
 
 use super::model::Model;
 use super::range::BitCoder;
 
-/// What a sample is, before its magnitude.
+/// Sign, zero or mask of a sample, coded before its magnitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Class {
@@ -12,7 +13,7 @@ pub(crate) enum Class {
     Positive = 0,
     /// Below 0.
     Negative = 1,
-    /// Exactly 0 (or below a declared floor).
+    /// Exactly 0, or below a declared floor.
     Zero = 2,
     /// Not measured.
     Masked = 3,
@@ -36,7 +37,7 @@ impl Class {
     }
 }
 
-/// Codes the classes of rows of `lanes` in natural order; a decoder fills them.
+/// Codes classes in natural order, in rows of `lanes`; a decoder overwrites `classes`.
 ///
 /// # Panics
 /// If the number of classes is not a multiple of `lanes`.
@@ -74,7 +75,7 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, above: &[Class], furt
                 [NEAR + kind * cubes + near, FAR + kind * cubes + far, LEFT + kind * CLASSES * CLASSES + beside];
             model.code(coder, bit, slots, kind)
         };
-        // Is it positive; if not, is it negative; if not, is it masked.
+        // Binary decisions in this order: positive, negative, masked.
         let class = row[j] as u8;
         let code = if !decide(0, class != 0) {
             0

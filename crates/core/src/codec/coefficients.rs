@@ -1,40 +1,43 @@
-//! Codes a tensor of integers, coarse to fine, row by row, each value in the context of its neighbours already coded.
+//! Coder of a tensor of integers, coarse to fine, row by row, each value in the context of neighbours already coded.
 //!
-//! A *row* is the contiguous last axis (the *lanes*) behind one index of all other axes. A row that is all zero costs one
-//! decision; in the others each lane has a zero flag, and where it is set a sign and a magnitude (or the bits of an f32).
-//! Contexts are the same lane in up to three rows coded before (the parent along the last row axis, the row before it, the
-//! parent along an earlier axis), the lane's parent and predecessor in the same row, and the lane's recent activity.
+//! A *row* is the last axis (its entries are the *lanes*) at one index of all other axes. An all-zero row costs one
+//! decision. In other rows each lane has a nonzero flag and, if it is set, a sign and a magnitude (or the bits of an
+//! f32).
+//!
+//! Contexts are the same lane in up to three rows coded before (the parent along the last row axis, the row before it,
+//! the parent along an earlier axis), the lane's parent and predecessor in the same row, and the lane's recent
+//! activity.
 
 use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::{COARSE, FINE, LEVELS, MagnitudeSlots, NONZERO, coarse, code_magnitude, fine};
 
-/// "No such row or lane."
+/// Index that marks a missing row or lane.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// The order of coding and the neighbours of every row and lane.
+/// Coding order and neighbours of all rows and lanes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
-    /// The rows that are coded, in coding order; the others are 0.
+    /// Rows that are coded, in coding order; all values of the others are 0.
     pub order: Vec<u32>,
-    /// By row: its level, 0 = smooth part.
+    /// Level of each row; 0 is the smooth part.
     pub level: Vec<u8>,
-    /// By row: up to three rows coded before it, or [`NONE`].
+    /// Up to three context rows of each row, coded before it; [`NONE`] if missing.
     pub neighbours: Vec<[u32; 3]>,
-    /// The lanes that are coded, in coding order; the others are 0.
+    /// Lanes that are coded, in coding order; all values of the others are 0.
     pub lane_order: Vec<u32>,
-    /// By lane: its level.
+    /// Level of each lane; 0 is the smooth part.
     pub lane_level: Vec<u8>,
-    /// By lane: its parent and its predecessor in coding order, or [`NONE`].
+    /// Parent and predecessor in coding order of each lane; [`NONE`] if missing.
     pub lane_neighbours: Vec<[u32; 2]>,
 }
 
-/// What follows a zero flag that is set.
+/// Form in which a nonzero value is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Payload {
     /// A signed integer.
     Integer,
-    /// The bits of a float32 that is not zero.
+    /// The bits of a nonzero float32.
     Float,
 }
 
@@ -50,7 +53,7 @@ const ZERO_SET: usize = LEVELS;
 const MAGNITUDE_SET: usize = ZERO_SET + LEVELS;
 const SETS: usize = MAGNITUDE_SET + MagnitudeSlots::SETS;
 
-/// Codes `values` (all rows, natural order); a decoder fills them.
+/// Codes `values` (all rows, in natural order); a decoder overwrites them.
 ///
 /// # Panics
 /// If `rows` does not describe `values`.
@@ -71,13 +74,13 @@ pub(crate) fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload
     }
 }
 
-/// Codes `values` in natural order, rows of `lanes`: the second layer of a pointwise guarantee.
+/// Codes the corrections that enforce a pointwise error bound, in natural order, in rows of `lanes`.
 pub(crate) fn code_corrections<C: BitCoder>(coder: &mut C, lanes: usize, values: &mut [i32]) {
     code_coefficients(coder, &Rows::natural(values.len() / lanes, lanes), Payload::Integer, values);
 }
 
 impl Rows {
-    /// Rows and lanes without trees: each has its predecessor as neighbour.
+    /// Describes rows and lanes without trees: the only neighbour of each is its predecessor.
     pub(crate) fn natural(rows: usize, lanes: usize) -> Self {
         let before = |i: usize| if i == 0 { NONE } else { i as u32 - 1 };
         Self {
@@ -94,7 +97,7 @@ impl Rows {
 struct State {
     model: Model,
     payload: Payload,
-    /// By lane: a running mean of magnitudes, in 1/256.
+    /// Running mean of magnitudes of each lane, in 1/256.
     activity: Vec<u32>,
 }
 
@@ -160,7 +163,7 @@ impl State {
         }
     }
 
-    /// Codes whether the row has any value that is not zero.
+    /// Codes one decision: true if the row has a nonzero value.
     fn code_row_flag<C: BitCoder>(
         &mut self,
         coder: &mut C,

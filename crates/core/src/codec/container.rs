@@ -1,66 +1,67 @@
-//! The container: magic, version, then chunks, each with its length and checksum.
+//! Container format of a material: magic, version, then chunks, each with its length and checksum.
 //!
 //! ```text
 //! offset  size    field
 //! 0       4       magic 89 57 4C 4D ("\x89WLM")
 //! 4       1       version, 1
-//! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, G grid, Q coefficients,
-//!                 L light, R corrections and X exact samples, in this order; then the metadata chunk M, unless the file ends before
+//! 5       …       the header chunk H; then the chunks that it announces, of C classes, B basis, P pyramid, G grid,
+//!                 Q coefficients, L light, R corrections and X exact samples, in this order; then the optional
+//!                 metadata chunk M
 //!
 //! chunk:  varint  length of the payload in bytes (LEB128, shortest form)
 //!         length  payload
 //!         4       checksum: the first 4 bytes of the BLAKE3 hash of the letter above, the length and the payload
 //! ```
-//! Nothing follows the last chunk. A file cut anywhere is an error, but for a cut exactly in front of M: what is left is
-//! the same material without its metadata. The file's BLAKE3 digest is its name; the *payload digest* is that of the
-//! file without its M chunk.
+//! No bytes follow the last chunk. A truncated file is an error, with one exception: a file cut exactly before M is the
+//! material without its metadata. The BLAKE3 digest of a file is its name. The *payload digest* is that of the file
+//! without its M chunk.
 //!
-//! A *prefix* is the beginning of a file: chunks that are whole are verified, the one that is cut cannot be. A header may
-//! state a chunk's length: then no damage to the length in front of it makes a prefix of a whole file.
+//! A *prefix* is the beginning of a file. Complete chunks are verified; the truncated one cannot be. A header may state
+//! the length of a chunk. Then a damaged length field in front of the chunk cannot make a whole file pass for a prefix.
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 
-/// The first bytes of every material.
+/// First four bytes of every material.
 pub(crate) const MAGIC: [u8; 4] = [0x89, b'W', b'L', b'M'];
-/// The version written and read.
+/// Format version written and read.
 pub(crate) const VERSION: u8 = 1;
-/// Bytes of a checksum.
+/// Length of a checksum in bytes.
 const CHECKSUM: usize = 4;
 
-/// The kinds of chunk, in the order of a file.
+/// Kinds of chunk, in their order in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum ChunkKind {
-    /// What the material is, and its error report.
+    /// Description of the material, and its error report.
     Header,
     /// Interpolation between incidences.
     Between,
     /// A lobe beside the cells.
     Lobe,
-    /// Positive, negative, zero or masked.
+    /// Classes of samples: positive, negative, zero or masked.
     Classes,
-    /// The data's own spectral basis.
+    /// Spectral basis computed from the data.
     Basis,
-    /// Triangles predicted level by level.
+    /// Samples on triangles, predicted level by level.
     Pyramid,
-    /// Grids of angles predicted halving by halving.
+    /// Samples on grids of angles, predicted in steps that halve the spacing.
     Grid,
     /// Quantised or exact coefficients.
     Coefficients,
-    /// Corrections of the light of whole blocks.
+    /// Corrections of the integrated light of whole blocks.
     Light,
-    /// The second layer of a pointwise guarantee.
+    /// Corrections that enforce a pointwise error bound.
     Corrections,
     /// Lossless samples.
     Exact,
-    /// A JSON object of provenance and other free text.
+    /// Provenance and other metadata: a JSON object.
     Metadata,
-    /// The same of measurements on grids of angles, digests in 32 bytes.
+    /// Metadata of measurements on grids of angles, in which a digest takes 32 bytes.
     Provenance,
 }
 
 impl ChunkKind {
-    /// Returns true for the chunk at the end, which holds no sample.
+    /// Returns true for metadata, which end a file and contain no samples.
     fn is_last(self) -> bool {
         matches!(self, Self::Metadata | Self::Provenance)
     }
@@ -105,47 +106,47 @@ impl ChunkKind {
 /// A chunk that a header announces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Announced {
-    /// Its kind.
+    /// Kind of the chunk.
     pub kind: ChunkKind,
-    /// How long its payload is, where the header says so.
+    /// Length of the payload in bytes, if the header states it.
     pub length: Option<usize>,
 }
 
 /// One chunk of a file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunk<'a> {
-    /// Its kind.
+    /// Kind of the chunk.
     pub kind: ChunkKind,
-    /// Its payload; of a prefix, what is there of it.
+    /// Payload; only its beginning if the chunk is truncated.
     pub payload: &'a [u8],
-    /// How long the whole payload is.
+    /// Length of the whole payload in bytes.
     pub length: usize,
-    /// The offset of the payload in the file.
+    /// Offset of the payload in the file.
     pub offset: usize,
-    /// The offsets of the whole chunk in the file.
+    /// Start and end of the whole chunk in the file.
     span: (usize, usize),
 }
 
 impl<'a> Chunk<'a> {
-    /// Reads the payload's fields.
+    /// Returns a reader of the payload's fields.
     pub(crate) fn reader(&self) -> Reader<'a> {
         Reader::new(self.payload, self.offset)
     }
 
-    /// The offset in the file of what follows the chunk, beyond the bytes where it is cut.
+    /// Returns the offset in the file of the end of the chunk, which lies beyond the bytes if the chunk is truncated.
     pub(crate) fn end(&self) -> usize {
         self.span.1
     }
 }
 
-/// A file taken apart, every checksum verified; or a prefix of one, every checksum of a whole chunk verified.
+/// Chunks of a file or of a prefix. The checksums of all complete chunks are verified.
 #[derive(Clone, Debug)]
 pub(crate) struct Container<'a> {
     bytes: &'a [u8],
     chunks: Vec<Chunk<'a>>,
 }
 
-/// One chunk: its length, its payload, its checksum.
+/// Returns the bytes of one chunk: length, payload, checksum.
 pub(crate) fn write_chunk(kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
     let mut chunk = Writer::default();
     chunk.varint(payload.len() as u64);
@@ -155,7 +156,7 @@ pub(crate) fn write_chunk(kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
     chunk
 }
 
-/// Puts a file together; `chunks` in the order of a file, the header and those that it announces, then metadata.
+/// Writes a file. `chunks` are in file order: the header, the chunks that it announces, then metadata.
 pub(crate) fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.raw(&MAGIC);
@@ -175,8 +176,8 @@ fn checksum(kind: ChunkKind, covered: &[u8]) -> [u8; CHECKSUM] {
 }
 
 impl<'a> Container<'a> {
-    /// Takes `bytes` apart and verifies every checksum; `header` reads the header and says which chunks it announces, last of
-    /// all that of the metadata, which may be left out.
+    /// Splits `bytes` into chunks and verifies every checksum. `header` reads the header and returns the chunks that it
+    /// announces. The last one, the metadata, may be missing in the file.
     pub(crate) fn read<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
@@ -194,7 +195,7 @@ impl<'a> Container<'a> {
         Ok((header, Self { bytes, chunks }))
     }
 
-    /// The same for the first bytes of a file: the header must be whole, the last chunk may be cut.
+    /// Like `read`, but for the first bytes of a file: the header must be complete, the last chunk may be truncated.
     pub(crate) fn prefix<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
@@ -218,30 +219,30 @@ impl<'a> Container<'a> {
         Ok((header, Self { bytes, chunks }))
     }
 
-    /// The chunk of this kind, if there is one.
+    /// Returns the chunk of this kind, if present.
     pub(crate) fn get(&self, kind: ChunkKind) -> Option<Chunk<'a>> {
         self.chunks.iter().find(|chunk| chunk.kind == kind).copied()
     }
 
-    /// The file with another payload in the chunks of a kind.
+    /// Returns the file with the payload of all chunks of `kind` replaced.
     pub(crate) fn replaced(&self, kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
         let payload_of = |chunk: &Chunk<'_>| if chunk.kind == kind { payload } else { chunk.payload }.to_vec();
         let chunks: Vec<_> = self.chunks.iter().map(|chunk| (chunk.kind, payload_of(chunk))).collect();
         write_container(&chunks)
     }
 
-    /// The chunk of this kind, or an error that names it.
+    /// Returns the chunk of this kind, or an error that names it.
     pub(crate) fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
         self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })
     }
 
-    /// Where the metadata chunk starts or would start; of a prefix, at least where its last chunk ends.
+    /// Returns the offset at which the metadata chunk starts or would start; in a prefix, the end of its last chunk.
     pub(crate) fn payload_end(&self) -> usize {
         let before = self.chunks.iter().rfind(|chunk| !chunk.kind.is_last());
         before.map_or(0, Chunk::end)
     }
 
-    /// The BLAKE3 digest of the file without its metadata chunk.
+    /// Returns the BLAKE3 digest of the file without its metadata chunk.
     pub(crate) fn payload_digest(&self) -> blake3::Hash {
         blake3::hash(&self.bytes[..self.payload_end().min(self.bytes.len())])
     }
@@ -277,7 +278,8 @@ fn read_chunk<'a>(r: &mut Reader<'a>, announced: Announced) -> Result<Chunk<'a>,
     Ok(Chunk { kind, payload, length, offset, span: (start, r.offset()) })
 }
 
-/// What is there of the next chunk if the bytes end before it does; `Some(None)` if not even its length is there.
+/// Returns the available part of the next chunk if it is truncated, `Some(None)` if its length field already is, and
+/// `None` if the chunk is complete.
 #[allow(clippy::option_option, reason = "whether it is cut, and what is left of it")]
 fn cut_chunk<'a>(r: &Reader<'a>, announced: Announced) -> Result<Option<Option<Chunk<'a>>>, CodecError> {
     let mut r = r.clone();
@@ -304,7 +306,7 @@ impl From<ChunkKind> for Announced {
 }
 
 impl Announced {
-    /// Reads the length in front of the payload, which must be that of the header.
+    /// Reads the length in front of the payload, which must agree with the one stated in the header.
     fn read_length(self, r: &mut Reader<'_>) -> Result<usize, CodecError> {
         let length = r.size(usize::MAX >> 1, "chunk length")?;
         match self.length {
@@ -391,7 +393,7 @@ mod tests {
             let there = prefix.get(ChunkKind::Coefficients).map_or(0, |chunk| chunk.payload.len());
             assert_eq!(there, end.saturating_sub(15).min(200));
         }
-        // A whole chunk is verified, one that is cut cannot be.
+        // A complete chunk is verified; a truncated one cannot be.
         let mut flipped = bytes.clone();
         flipped[20] ^= 1;
         assert!(Container::prefix(&flipped[..219], header).is_err());

@@ -1,21 +1,21 @@
-//! Codes the quantised details of a triangle pyramid one by one, each in the context of magnitudes already known.
+//! Coder of the quantised details of a triangle pyramid, each in the context of magnitudes already coded.
 
 use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::{FINE, GOLOMB_SLOTS, LEVELS, MagnitudeSlots, NONZERO, code_golomb, code_magnitude, fine};
 
-/// Magnitudes around a detail, in sixteenths; `None` where there is nothing known.
+/// Magnitudes around a detail, in sixteenths of a quantiser step; `None` if unknown.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Surroundings {
-    /// The level of the detail, 1 = the children of the coarsest triangles.
+    /// Level of the detail; 1 is that of the children of the coarsest triangles.
     pub level: u8,
-    /// The mean magnitude of the parent's details.
+    /// Mean magnitude of the parent's details.
     pub parent: Option<u32>,
-    /// The mean magnitude of the details of neighbouring nodes, of those known.
+    /// Mean magnitude of the known details of neighbouring nodes.
     pub neighbours: Option<u32>,
-    /// The mean magnitude of the details of this node, of those known.
+    /// Mean magnitude of the known details of this node.
     pub siblings: Option<u32>,
-    /// The magnitude at the same place of the plane before.
+    /// Magnitude at this place in the plane coded before.
     pub before: Option<u32>,
 }
 
@@ -27,7 +27,7 @@ const ROOT: usize = MAGNITUDE + MagnitudeSlots::COUNT;
 const SLOTS: usize = ROOT + 2 * GOLOMB_SLOTS;
 const SETS: usize = LEVELS + MagnitudeSlots::SETS;
 
-/// The adaptive models of a pyramid.
+/// Adaptive models of the details of a pyramid.
 pub(crate) struct DetailCoder {
     model: Model,
 }
@@ -50,7 +50,8 @@ impl Default for DetailCoder {
 }
 
 impl DetailCoder {
-    /// Codes the difference of a coarsest mean from what was coded before it; `first` if nothing was.
+    /// Codes the difference between a coarsest mean and the one coded before it; `first` is true if there is none
+    /// before.
     pub(crate) fn code_root<C: BitCoder>(&mut self, coder: &mut C, first: bool, difference: i32) -> i32 {
         let slots = ROOT + usize::from(first) * GOLOMB_SLOTS;
         let magnitude = code_golomb(coder, &mut self.model, slots, difference.unsigned_abs()) as i32;

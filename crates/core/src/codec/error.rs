@@ -1,42 +1,42 @@
-//! Why bytes are no material: where, what was found, what was expected.
+//! Error type of the container format: position in the file, value found and value expected.
 
-/// Why bytes are no material.
+/// Reasons why bytes are not a valid material.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CodecError {
-    /// The first bytes are not the magic.
+    /// The file does not start with the magic bytes.
     #[error("not a wavelume material: the first 4 bytes are not 89 57 4C 4D")]
     Magic,
-    /// A version that this reader does not know.
+    /// The format version is not supported.
     #[error("material version {found}, this program reads version {expected}")]
     Version {
-        /// The version found.
+        /// Version of the file.
         found: u8,
-        /// The version known.
+        /// Supported version.
         expected: u8,
     },
-    /// The bytes end too early.
+    /// The file is truncated.
     #[error("byte {at}: the file ends where {expected} was expected")]
     Truncated {
-        /// Where the missing field starts.
+        /// Offset of the missing field, in bytes.
         at: usize,
-        /// The field.
+        /// Name of the missing field.
         expected: &'static str,
     },
     /// A chunk does not match its checksum.
     #[error("byte {at}: the {chunk} does not match its checksum")]
     Checksum {
-        /// Where the chunk starts.
+        /// Offset of the chunk, in bytes.
         at: usize,
         /// Name of the chunk.
         chunk: &'static str,
     },
-    /// A field holds what it must not.
+    /// A field has an invalid value.
     #[error("byte {at}: {reason}")]
     Malformed {
-        /// Where.
+        /// Offset of the end of the field, in bytes.
         at: usize,
-        /// What was found and what was expected.
+        /// The value found and the one expected.
         reason: String,
     },
 }

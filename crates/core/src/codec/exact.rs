@@ -1,10 +1,11 @@
-//! Lossless float32: bit patterns as ordered integers, predicted from the sample before and the row above, residuals coded.
+//! Lossless coder of float32: bit patterns as ordered integers, predicted from the sample before and the row above; the
+//! residuals are coded.
 
 use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::coarse;
 
-/// Bit lengths of a residual: 0..=33.
+/// Number of possible bit lengths of a residual: 0..=33.
 const LENGTHS: usize = 34;
 const CONTEXTS: usize = LENGTHS * 6;
 const BY_BOTH: usize = 0;
@@ -13,7 +14,7 @@ const BY_UP: usize = BY_LEFT + LENGTHS * LENGTHS;
 const TOP: usize = BY_UP + LENGTHS * LENGTHS;
 const SLOTS: usize = TOP + LENGTHS;
 
-/// A float's bits as an integer in the order of the numbers.
+/// Maps the bits of a float to an integer whose order is that of the numbers.
 fn ordered(bits: u32) -> u32 {
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
 }
@@ -22,7 +23,8 @@ fn unordered(value: u32) -> u32 {
     if value >> 31 == 1 { value & !(1 << 31) } else { !value }
 }
 
-/// Codes `samples` in rows of `lanes`, every bit; a decoder fills them. A masked sample (NaN) must be filled by the caller.
+/// Codes every bit of `samples`, in rows of `lanes`; a decoder overwrites them. Masked samples (NaN) must be filled by
+/// the caller.
 ///
 /// # Panics
 /// If the number of samples is not a multiple of `lanes`.
@@ -62,7 +64,7 @@ fn bit_length(residual: i64) -> usize {
 fn code_residual<C: BitCoder>(coder: &mut C, model: &mut Model, residual: i64, left: usize, up: usize) -> i64 {
     let length = bit_length(residual);
     let both = left * 6 + coarse(up.abs_diff(left) as u32);
-    // Start at the length before: residuals keep their size, so few decisions are needed.
+    // Unary code of the bit length. Residuals keep their size, so the contexts make most decisions cheap.
     let slots = |at: usize| [BY_BOTH + at * CONTEXTS + both, BY_LEFT + at * LENGTHS + left, BY_UP + at * LENGTHS + up];
     let mut coded = 0;
     while coded < LENGTHS - 1 && model.code(coder, length > coded, slots(coded), 0) {

@@ -1,11 +1,12 @@
-//! Classes of samples on grids of angles: rows of azimuths, each sample in the context of its neighbours on every axis.
+//! Coder of sample classes on grids of angles: rows of azimuths, each sample in the context of its neighbours on every
+//! axis.
 
 use super::classes::Class;
 use super::model::Model;
 use super::range::BitCoder;
 
 const CLASSES: usize = 4;
-/// Slots of a decision in one context of four neighbours.
+/// Number of contexts formed by the classes of four neighbours.
 const CUBE: usize = CLASSES * CLASSES * CLASSES * CLASSES;
 const REPEATS: usize = 0;
 const NEAR: usize = REPEATS + 4;
@@ -14,37 +15,37 @@ const ALONG: usize = AHEAD + 3 * CUBE;
 const LANES: usize = ALONG + 3 * CUBE;
 const SLOTS: usize = LANES + 4;
 
-/// Lengths of a tensor of classes, and the order of its lanes.
+/// Shape of a tensor of classes, and the coding order of its lanes.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassGrid {
-    /// Entries of the axes in front of the outgoing polar angles.
+    /// Product of the lengths of the axes before the outgoing polar angles.
     pub(crate) incoming: usize,
-    /// Outgoing polar angles.
+    /// Number of outgoing polar angles.
     pub(crate) polar: usize,
-    /// Outgoing azimuths.
+    /// Number of outgoing azimuths.
     pub(crate) azimuths: usize,
-    /// Entries of the last axis in the order in which they are coded.
+    /// Indices along the last axis, in coding order.
     pub(crate) lanes: Vec<usize>,
 }
 
-/// Codes the classes of a tensor `[incoming, polar, azimuths, lanes]`; a decoder fills them.
+/// Codes the classes of a tensor `[incoming, polar, azimuths, lanes]`; a decoder overwrites `classes`.
 ///
 /// # Panics
-/// If there are more or fewer classes than the lengths say.
+/// If the number of classes is not the product of the lengths.
 pub(crate) fn code_grid_classes<C: BitCoder>(coder: &mut C, grid: &ClassGrid, classes: &mut [Class]) {
     let &ClassGrid { incoming, polar, azimuths, ref lanes } = grid;
     assert_eq!(classes.len(), incoming * polar * azimuths * lanes.len(), "classes of the whole tensor");
     let mut model = Model::new(SLOTS, 3 * CLASSES);
     let slice = polar * azimuths;
     let none = vec![Class::Positive; azimuths];
-    // Classes of the lane that is coded and of the one before.
+    // Classes of the current lane and of the one coded before it.
     let [mut own, mut before] = [vec![Class::Positive; incoming * slice], vec![Class::Positive; incoming * slice]];
     let mut lane_repeats = 0;
     for (number, &lane) in lanes.iter().enumerate() {
         for (at, own) in own.iter_mut().enumerate() {
             *own = if C::DECODES { Class::Positive } else { classes[at * lanes.len() + lane] };
         }
-        // Joined with a spectrum, all lanes are zero at the same directions.
+        // In measurements joined with a spectrum, all lanes are zero at the same directions.
         let is_same = number > 0 && model.code_one(coder, !C::DECODES && own == before, LANES + lane_repeats);
         lane_repeats = (lane_repeats << 1 | usize::from(is_same)) & 3;
         if is_same {
@@ -89,7 +90,7 @@ fn code_row<C: BitCoder>(coder: &mut C, model: &mut Model, [up, back, other]: [&
             let slots = [NEAR + kind * CUBE + near, AHEAD + kind * CUBE + further, ALONG + kind * CUBE + along];
             model.code(coder, bit, slots, kind * CLASSES + other[j] as usize)
         };
-        // Is it positive; if not, is it negative; if not, is it masked.
+        // Binary decisions in this order: positive, negative, masked.
         let class = row[j];
         row[j] = if !decide(0, class != Class::Positive) {
             Class::Positive

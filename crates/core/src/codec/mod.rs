@@ -1,7 +1,8 @@
-//! Coefficients ⇄ bytes: the container, integer models, and the coders of coefficients, classes, corrections and exact samples.
+//! Coding to and from bytes: the container, integer models, and the coders of coefficients, classes, corrections and
+//! exact samples.
 //!
-//! Everything here is integer arithmetic on bytes: the same input gives the same bytes, and any bytes give either the same
-//! output or an error, on every machine.
+//! All arithmetic gives identical results on every machine. Equal input gives equal bytes, and any bytes give either
+//! the same output or an error.
 
 mod axes;
 mod bytes;

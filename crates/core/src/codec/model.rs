@@ -1,33 +1,35 @@
-//! Adaptive probabilities mixed in the logistic domain, in integers (Mahoney 2005, *Adaptive weighing of context models*).
+//! Adaptive probabilities mixed in the logistic domain, in integers (Mahoney 2005, *Adaptive weighing of context
+//! models*).
 //!
-//! A decision is predicted in up to [`INPUTS`] contexts at once; the predictions are stretched to log-odds, weighted, added and
-//! squashed back. The two tables are made from the pure Rust `libm`, so that they are the same everywhere.
+//! A decision is predicted in up to [`INPUTS`] contexts at once. The predictions are stretched to log-odds, weighted,
+//! added and squashed back to a probability. The tables are computed with the pure Rust `libm`, so that they are
+//! identical on every machine.
 
 use super::range::BitCoder;
 use std::sync::LazyLock;
 
-/// Contexts that predict one decision together.
+/// Number of contexts that predict one decision together.
 pub(crate) const INPUTS: usize = 3;
-/// Inputs of a decision that has a stated probability beside its slots.
+/// Number of inputs of a decision that has given log-odds beside its slots.
 const GUIDED: usize = INPUTS + 1;
 
-/// Probabilities are stored in 22 bits, coded in 16.
+/// Bits of a stored probability; 16 of them are used for coding.
 const PROBABILITY_BITS: u32 = 22;
 const ONE: u32 = 1 << PROBABILITY_BITS;
-/// Units of log-odds in one natural logarithm.
+/// Fixed-point scale of log-odds: 256 units are 1 in natural logarithms.
 pub(crate) const LOG_ODDS: f64 = 256.0;
-/// Log-odds have 8 fractional bits and end at ±12 (probability 6e-6).
+/// Fixed-point scale of tabulated log-odds: 8 fractional bits. They are limited to ±12 (a probability of 6e-6).
 const STRETCH_SCALE: f64 = LOG_ODDS;
 const STRETCH_LIMIT: i32 = 3072;
-/// Counts stop here: the slowest adaptation is 1 / 255.
+/// Upper limit of update counts. Raising it slows the adaptation of old slots, whose slowest rate is about 1 / 255.
 const COUNT_LIMIT: u8 = 254;
 
 struct Tables {
-    /// Log-odds of a probability's 12 high bits.
+    /// Log-odds by the 12 high bits of a probability.
     stretch: [i16; 4096],
-    /// 16-bit probability of log-odds, from −[`STRETCH_LIMIT`].
+    /// 16-bit probabilities by log-odds, from −[`STRETCH_LIMIT`].
     squash: [u16; 2 * STRETCH_LIMIT as usize + 1],
-    /// 65536 / (count + 1.6).
+    /// Adaptation rates by update count: 65536 / (count + 1.6).
     rate: [u32; COUNT_LIMIT as usize + 1],
 }
 
@@ -44,23 +46,23 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
     rate: std::array::from_fn(|n| libm::round(65536.0 / (n as f64 + 1.6)) as u32),
 });
 
-/// One adaptive probability and how often it was updated.
+/// An adaptive probability and its number of updates.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     p: u32,
     count: u8,
 }
 
-/// A set of adaptive probabilities and of weights that mix `N` predictions.
+/// Adaptive probabilities, and sets of weights that mix `N` predictions.
 pub(crate) struct Model<const N: usize = INPUTS> {
     slots: Vec<Slot>,
-    /// 16.16 fixed point.
+    /// Mixing weights, in 16.16 fixed point.
     weights: Vec<[i32; N]>,
     tables: &'static Tables,
 }
 
 impl Model {
-    /// `slots` probabilities at one half, `sets` sets of weights.
+    /// Creates `slots` probabilities of one half and `sets` sets of weights.
     pub(crate) fn new(slots: usize, sets: usize) -> Self {
         Self::starting(slots, sets, [26_214; INPUTS])
     }
@@ -68,7 +70,7 @@ impl Model {
     /// Codes one decision predicted by three slots, mixed with weight set `set`.
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
-        // Written out here and in `coefficients`: a `map` of the array is several calls in builds for tests, for each decision.
+        // Written out here and in `coefficients`: in test builds a `map` of the array costs several calls per decision.
         let [first, second, third] = slots;
         let stretched = [self.odds_of(first), self.odds_of(second), self.odds_of(third)];
         let bit = self.mix(coder, bit, stretched, set);
@@ -80,7 +82,8 @@ impl Model {
 }
 
 impl Model<GUIDED> {
-    /// `slots` probabilities at one half and `sets` sets of weights, which start at the given log-odds alone.
+    /// Creates `slots` probabilities of one half and `sets` sets of weights, which initially trust the given log-odds
+    /// alone.
     pub(crate) fn guided(slots: usize, sets: usize) -> Self {
         Self::starting(slots, sets, [1 << 16, 0, 0, 0])
     }
@@ -115,7 +118,7 @@ impl<const N: usize> Model<N> {
         i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize])
     }
 
-    /// Sets the probability that slot `slot` starts from, of 65536.
+    /// Sets the initial probability of slot `slot`, in 1/65536.
     pub(crate) fn prior(&mut self, slot: usize, p1: u32) {
         self.slots[slot].p = p1.clamp(64, 65536 - 64) << (PROBABILITY_BITS - 16);
     }
@@ -128,7 +131,7 @@ impl<const N: usize> Model<N> {
         bit
     }
 
-    /// Codes one decision predicted by log-odds; weight set `set` mixes them and learns.
+    /// Codes one decision predicted by log-odds, mixed with weight set `set`, and updates the weights.
     #[inline]
     fn mix<C: BitCoder>(&mut self, coder: &mut C, bit: bool, stretched: [i32; N], set: usize) -> bool {
         let weights = &mut self.weights[set];
@@ -138,7 +141,7 @@ impl<const N: usize> Model<N> {
         let bit = coder.bit(bit, p1);
         let error = (i32::from(bit) << 16) - p1 as i32;
         for (weight, &s) in weights.iter_mut().zip(&stretched) {
-            // A learning rate of 0.02 in real units; |error · s · 5| < 2^30.
+            // Learning rate 0.02 in real units; |error · s · 5| < 2^30.
             let step = (error * s / 16 * 5) >> 12;
             *weight = weight.saturating_add(step).clamp(-(1 << 20), 1 << 20);
         }
@@ -173,7 +176,8 @@ mod tests {
             model.code(&mut encoder, bit, [0, 1, 2], 0);
         }
         let bytes = encoder.finish();
-        // 1 in 32 is 0.2 bits each, 1003 bytes; adapting to it costs less than a tenth.
+        // Ones of probability 1/32 cost 0.2 bits per decision, 1003 bytes in all; adaptation costs less than a tenth
+        // more.
         assert!(bytes.len() < 1100, "{}", bytes.len());
         let mut model = Model::new(3, 1);
         let mut decoder = Decoder::new(&bytes);

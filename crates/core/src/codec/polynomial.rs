@@ -1,23 +1,24 @@
-//! A polynomial through a list of numbers: what a spectrometer's wavelengths are, but for rounding.
+//! Polynomial fit of a list of numbers: the wavelengths of a spectrometer are a polynomial of the pixel, up to
+//! rounding.
 
 use crate::numeric::dense::solve_in_order;
 
-/// The highest degree.
+/// Highest degree of a fit.
 pub(super) const MAX_DEGREE: usize = 12;
 
-/// A polynomial of the index, as Chebyshev coefficients on −1 … 1.
+/// Polynomial of the index, as Chebyshev coefficients on −1 … 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Polynomial {
     pub(super) coefficients: Vec<f64>,
 }
 
-/// Where entry `i` of `count` lies on −1 … 1.
+/// Returns the position of entry `i` of `count` on −1 … 1.
 fn place(i: usize, count: usize) -> f64 {
     if count < 2 { 0.0 } else { 2.0 * i as f64 / (count - 1) as f64 - 1.0 }
 }
 
 impl Polynomial {
-    /// The best of `degree`, in the mean square.
+    /// Fits a polynomial of `degree` by least squares.
     pub(super) fn fit(values: &[f64], degree: usize) -> Self {
         let n = degree + 1;
         let mut matrix = vec![vec![0.0; n + 1]; n];
@@ -39,7 +40,7 @@ impl Polynomial {
         Self { coefficients }
     }
 
-    /// Its value at entry `i` of `count` (Clenshaw's sum: additions and products only).
+    /// Returns the value at entry `i` of `count` (by Clenshaw's recurrence: additions and products only).
     pub(super) fn at(&self, i: usize, count: usize) -> f64 {
         let t = place(i, count);
         let (mut next, mut after) = (0.0, 0.0);

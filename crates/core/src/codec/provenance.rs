@@ -1,16 +1,16 @@
-//! Provenance as bytes: digests as they are, the rest as text whose models know what readers of measurements say.
+//! Byte form of provenance: digests as raw bytes, the rest as text whose models are primed with typical provenance.
 //!
 //! ```text
-//! provenance   varint number of digests, 32 bytes each, then a text (see `text`) in which byte 1 stands for the next of
-//!              them: "b3-" and 64 hexadecimal digits
+//! provenance   varint number of digests, 32 bytes each, then a text (see `text`) in which byte 1 marks the place of
+//!              the next digest: "b3-" and 64 hexadecimal digits
 //! ```
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 use super::text::{read_text, write_text};
 
-/// Typical provenance, which primes the model of its text; any change makes other bytes. Byte 1 stands for a digest, as in
-/// the texts.
+/// Typical provenance that primes the text model. It is part of the format: any change changes the coded bytes. Byte 1
+/// marks the place of a digest.
 const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","request":{"basis":"auto","metadata":true,"policy":"rd","target":{"er_"#,
     "l2\":0.01}},\"source\":{\"content_digest\":\"\x01\",\"dialect\":\"reflection scalar 2 x 3, transmission rgb 4 x 4",
@@ -49,16 +49,16 @@ const TYPICAL: &str = concat!(
     r#"nd":"warning","message":"relative photometry: the intensities are for the stated 1000 lumens"}],"spe"#,
     r#"ctrum_digest":null}}"#,
 );
-/// In front of the hexadecimal digits of a digest.
+/// Prefix of the hexadecimal digits of a digest.
 const PREFIX: &str = "b3-";
-/// Bytes of a digest.
+/// Length of a digest in bytes.
 const DIGEST: usize = 32;
-/// Digests of one text, at most.
+/// Largest number of digests in one text.
 const MOST_DIGESTS: usize = 64;
-/// Stands for a digest: no text in JSON holds this character as it is.
+/// Placeholder of a digest. JSON text never contains this character unescaped.
 const MARK: char = '\u{1}';
 
-/// The digest that `text` starts with, and how long its name is.
+/// Returns the digest at the start of `text` and the length of its textual form in bytes.
 fn digest_at(text: &str) -> Option<([u8; DIGEST], usize)> {
     let digits = text.strip_prefix(PREFIX)?.as_bytes().get(..2 * DIGEST)?;
     let nibble = |digit: u8| match digit {
@@ -73,7 +73,7 @@ fn digest_at(text: &str) -> Option<([u8; DIGEST], usize)> {
     Some((digest, PREFIX.len() + 2 * DIGEST))
 }
 
-/// The coded form of a text without [`MARK`], as JSON is.
+/// Returns the coded form of a text without [`MARK`], such as JSON.
 pub(crate) fn write_provenance(text: &str) -> Vec<u8> {
     let mut digests = Vec::new();
     let mut short = String::with_capacity(text.len());
@@ -100,7 +100,7 @@ pub(crate) fn write_provenance(text: &str) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads provenance of at most `limit` bytes, its digests written as 32 bytes each, to the end of `r`.
+/// Reads provenance to the end of `r`: at most `limit` bytes, in which each digest counts as 32.
 pub(crate) fn read_provenance(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let count = r.size(MOST_DIGESTS, "number of digests")?;
     let digests = r.take(count * DIGEST, "digests")?;

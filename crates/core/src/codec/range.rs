@@ -1,11 +1,12 @@
-//! A binary range coder (Martin 1979, in the carry-propagating form of LZMA): one definition of every model codes both ways.
+//! Binary range coder (Martin 1979, in the carry-propagating form of LZMA). Models are written once, for encoding and
+//! decoding.
 
-/// Codes binary decisions: an encoder writes `bit`, a decoder ignores it and returns the bit it read.
+/// Coder of binary decisions: an encoder writes `bit`; a decoder ignores it and returns the bit that it read.
 pub(crate) trait BitCoder {
     /// Codes one decision whose probability of being 1 is `p1 / 65536`, `0 < p1 < 65536`.
     fn bit(&mut self, bit: bool, p1: u32) -> bool;
 
-    /// Whether this coder reads.
+    /// True for decoders.
     const DECODES: bool;
 
     /// Codes one decision at even odds.
@@ -24,7 +25,7 @@ pub(crate) trait BitCoder {
 pub(crate) struct Encoder {
     low: u64,
     range: u32,
-    /// The last byte not yet written, because a carry may still reach it, and the number of 0xFF bytes after it.
+    /// Last byte, held back because a carry may still change it; `pending_ones` 0xFF bytes follow it.
     pending: u8,
     pending_ones: u64,
     started: bool,
@@ -56,9 +57,9 @@ impl Encoder {
         self.low = (self.low & 0x00FF_FFFF) << 8;
     }
 
-    /// The bytes; trailing zeros are left out, because a decoder reads zeros past the end.
+    /// Returns the bytes without trailing zeros, since a decoder reads zeros past the end.
     pub(crate) fn finish(mut self) -> Vec<u8> {
-        // Any value in [low, low + range) will do: the one with the most trailing zero bits is the shortest.
+        // Any value in [low, low + range) decodes correctly; the one with the most trailing zero bits is the shortest.
         let high = self.low + u64::from(self.range) - 1;
         let shared = (0..33).rev().find(|&k| (high >> k) << k >= self.low).unwrap_or(0);
         self.low = (high >> shared) << shared;
@@ -117,12 +118,12 @@ impl<'a> Decoder<'a> {
         u32::from(byte)
     }
 
-    /// How many bytes the decisions so far depend on, zeros past the end among them.
+    /// Returns the number of bytes on which the decisions so far depend, including zeros past the end.
     pub(crate) fn position(&self) -> usize {
         self.position
     }
 
-    /// Whether all bytes were used and no more than an encoder leaves out were missing.
+    /// Returns true if all bytes were read.
     #[cfg(test)]
     pub(crate) fn is_exhausted(&self) -> bool {
         self.position >= self.bytes.len()

@@ -1,51 +1,52 @@
-//! Codes quantised residuals whose density is a logistic of a known variance, corrected by adaptive slots.
+//! Coder of quantised residuals with a logistic density of known variance, corrected by adaptive slots.
 //!
-//! Logistic densities of 256 scales are tabulated as integers, so that a reader needs no exponential. Tables are made by the
-//! pure Rust `libm`.
+//! Logistic densities of 256 scales are tabulated as integers, so that decoding evaluates no exponential. The tables
+//! are computed with the pure Rust `libm`.
 
 use super::model::{LOG_ODDS, Model};
 use super::range::BitCoder;
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
 use std::sync::LazyLock;
 
-/// Steps of [`octaves`] in a factor of two.
+/// Resolution of [`octaves`]: units per factor of two.
 const PER_OCTAVE: i32 = 8;
-/// Scales that densities are tabulated for: variances of 2^−10 … 2^22 squared steps.
+/// Number of scales with tabulated densities: variances from 2^−10 to 2^22 squared quantiser steps.
 const SCALES: usize = 256;
-/// Number of the scale whose variance is one squared step.
+/// Index of the scale whose variance is one squared quantiser step.
 const UNIT_SCALE: i32 = 80;
-/// Decisions told apart: is it 0, is it larger than 1, 2, …, 15.
+/// Number of tabulated decisions on a magnitude: larger than 0, 1, 2, …, 15.
 const KINDS: usize = 16;
-/// Scale of the logistic density in parts of the standard deviation, for probabilities.
+/// Scale of the logistic density divided by the standard deviation, for probabilities.
 const PROBABILITY_SCALE: f64 = 0.579;
-/// The same for reconstruction.
+/// Scale of the logistic density divided by the standard deviation, for reconstruction.
 const MEAN_SCALE: f64 = 0.58;
-/// Midpoints that the mean of a density over a bin is computed from.
+/// Number of midpoints from which the mean of a density over a bin is computed.
 const MIDPOINTS: usize = 8;
-/// Units of the distance from the middle of a bin to the mean of its density, in a step.
+/// Units per quantiser step of the distance between the middle of a bin and the mean of its density.
 const OFFSET_UNITS: f64 = 4096.0;
-/// Log-odds of a tabulated decision stay within ±11.5.
+/// Largest magnitude of tabulated log-odds: 11.5 in natural logarithms.
 const LARGEST_ODDS: f64 = 11.5 * LOG_ODDS;
 
 const BY_SCALE: usize = 0;
 const SCALE_CLASSES: usize = 40;
 const BY_NEAR: usize = BY_SCALE + KINDS * SCALE_CLASSES;
 const NEAR_CLASSES: usize = 24;
-/// Classes of levels that contexts tell apart.
+/// Number of level classes distinguished by contexts.
 pub(crate) const DEPTHS: usize = 4;
 const BY_PLACE: usize = BY_NEAR + KINDS * NEAR_CLASSES * DEPTHS;
-/// Places that contexts tell apart.
+/// Number of places distinguished by contexts.
 const PLACES: usize = 16;
 const PLACE_CLASSES: usize = SCALE_CLASSES.div_ceil(3);
 const ESCAPE: usize = BY_PLACE + KINDS * PLACES * PLACE_CLASSES;
 const SLOTS: usize = ESCAPE + GOLOMB_SLOTS;
 
 struct Tables {
-    /// Log-odds of "yes" for each scale and kind.
+    /// Log-odds that the magnitude is larger, by scale and decision.
     odds: Vec<[i16; KINDS]>,
-    /// Distances from the middle of the bin to the mean of the density, for each scale and magnitude (15 = 15 and more).
+    /// Distances from the middle of a bin to the mean of its density, by scale and magnitude (the last one for 15 and
+    /// more).
     offsets: Vec<[i16; KINDS]>,
-    /// Octaves above the power of two, for the 6 high bits of a mantissa.
+    /// Units of [`octaves()`] above the power of two, by the 6 high bits of a mantissa.
     octaves: [i8; 64],
 }
 
@@ -60,7 +61,8 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     }
 });
 
-/// Log-odds of all kinds where a step is `h` logistic scales: magnitudes above k − ½ that are above k + ½ as well.
+/// Returns the log-odds of all decisions for a quantiser step of `h` logistic scales: that a magnitude above k − ½ is
+/// also above k + ½.
 fn odds(h: f64) -> [i16; KINDS] {
     let t = libm::exp(-0.5 * h);
     let mut tail = t;
@@ -78,7 +80,8 @@ fn odds(h: f64) -> [i16; KINDS] {
     })
 }
 
-/// Distances from the middle of each bin to its mean where a step is `h` logistic scales, at most half a step.
+/// Returns the distances from the middle of each bin to its mean for a quantiser step of `h` logistic scales; at most
+/// half a step.
 fn offsets(h: f64) -> [i16; KINDS] {
     std::array::from_fn(|magnitude| {
         if magnitude == 0 {
@@ -87,7 +90,7 @@ fn offsets(h: f64) -> [i16; KINDS] {
         let (mut sum, mut weight) = (0.0, 0.0);
         for k in 0..MIDPOINTS {
             let from_middle = (k as f64 + 0.5) / MIDPOINTS as f64 - 0.5;
-            // In parts of the density at the near end of the bin, so that nothing underflows.
+            // Relative to the density at the near end of the bin, to avoid underflow.
             let fall = libm::exp(-(from_middle + 0.5) * h);
             let t = libm::exp(-(magnitude as f64 + from_middle) * h);
             let density = fall / ((1.0 + t) * (1.0 + t));
@@ -98,8 +101,10 @@ fn offsets(h: f64) -> [i16; KINDS] {
     })
 }
 
-/// Eighths of an octave of a positive number, rounded down but for the last of 6 bits: the integer that scales and contexts
-/// are made of. Of 0, and of what is not a number, it is below that of any tabulated variance or above.
+/// Returns the logarithm of a positive number in eighths of an octave, rounded down, from 6 bits of the mantissa.
+///
+/// Scales and contexts are derived from it. For 0, infinities and NaN the result lies outside the range of tabulated
+/// variances.
 #[inline]
 pub(crate) fn octaves(x: f64) -> i32 {
     let bits = x.to_bits();
@@ -107,7 +112,7 @@ pub(crate) fn octaves(x: f64) -> i32 {
     power * PER_OCTAVE + i32::from(TABLES.octaves[(bits >> 46 & 63) as usize])
 }
 
-/// Expectation of one residual.
+/// Scale and contexts of the density of one residual.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Expected {
     scale: usize,
@@ -117,8 +122,8 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// A residual of `variance` (in squared steps); `near` is the mean square of residuals around it, `depth` and `place`
-    /// are contexts below [`DEPTHS`] and [`PLACES`].
+    /// Describes a residual of `variance` (in squared quantiser steps). `near` is the mean square of residuals around
+    /// it; `depth` and `place` are contexts below [`DEPTHS`] and [`PLACES`].
     #[inline]
     pub(crate) fn new(variance: f64, near: f64, depth: usize, place: usize) -> Self {
         Self {
@@ -129,7 +134,7 @@ impl Expected {
         }
     }
 
-    /// Mean of the density over the bin of an integer, in steps.
+    /// Returns the mean of the density over the bin of `residual`, in quantiser steps.
     #[inline]
     pub(crate) fn mean_of(self, residual: i32) -> f64 {
         let offset = TABLES.offsets[self.scale][residual.unsigned_abs().min(KINDS as u32 - 1) as usize];
@@ -138,7 +143,7 @@ impl Expected {
     }
 }
 
-/// The adaptive models of residuals.
+/// Adaptive models of residuals.
 pub(crate) struct ResidualCoder {
     model: Model<4>,
     tables: &'static Tables,
@@ -181,7 +186,8 @@ impl ResidualCoder {
         if negative { -magnitude } else { magnitude }
     }
 
-    /// Codes the excess of a magnitude over 15 tabulated decisions: as many low bits as the standard deviation has are even.
+    /// Codes the excess of a magnitude over the tabulated decisions. Low bits within the standard deviation are coded
+    /// at even odds.
     fn code_rest<C: BitCoder>(&mut self, coder: &mut C, expected: Expected, rest: u32) -> u32 {
         let low = ((expected.scale as i32 - UNIT_SCALE) / (2 * PER_OCTAVE)).clamp(0, 12) as u32;
         let high = code_golomb(coder, &mut self.model, ESCAPE, rest >> low).min(u32::MAX >> 1 >> low);
@@ -189,7 +195,7 @@ impl ResidualCoder {
     }
 }
 
-/// Codes a number that nothing is known of: 5 bits for the number of its bits, these below the first, and a sign.
+/// Codes a number without a model: 5 bits for its bit length, the bits below the leading one, and a sign.
 pub(crate) fn code_number<C: BitCoder>(coder: &mut C, number: i32) -> i32 {
     let wanted = number.unsigned_abs().min(i32::MAX as u32);
     let count = coder.bits(u32::BITS - wanted.leading_zeros(), 5);
@@ -264,7 +270,7 @@ mod tests {
 
     #[test]
     fn a_stated_density_costs_its_entropy() {
-        // Logistic of 2 steps standard deviation: 3.0 bits each.
+        // A logistic density with a standard deviation of 2 steps costs 3.0 bits per residual.
         let mut random = Pcg64Mcg::seed_from_u64(7);
         let mut encoder = Encoder::default();
         let mut residuals = ResidualCoder::default();

@@ -1,17 +1,20 @@
-//! Lists of angles that two ends and a count say whole: even steps that no decimals hold, and even steps of the cosine.
+//! Lists of angles determined by two ends and a count: even steps that decimals cannot represent, and even steps of the
+//! cosine.
 
-/// How the entries between two ends are computed, in f64.
+/// Formula for the entries between two ends, evaluated in f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// `start + i · (end − start) / (count − 1)`, the product first, and `end` itself last: fractions of a half circle.
+    /// `start + i · (end − start) / (count − 1)`, the product first; the last entry is exactly `end`. Fits fractions of
+    /// a half circle.
     Divided,
-    /// `start + i · step` with `step = (end − start) / (count − 1)`, and `end` itself last: numpy's `linspace`.
+    /// `start + i · step` with `step = (end − start) / (count − 1)`; the last entry is exactly `end`. Matches numpy's
+    /// `linspace`.
     Stepped,
-    /// The angle, in degrees rounded to nine decimals, whose cosine is that of rule [`Rule::Divided`].
+    /// Angle, in degrees rounded to nine decimals, whose cosine follows rule [`Rule::Divided`].
     Cosines,
 }
 
-/// A list by its ends.
+/// List given by its rule and ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spacing {
     pub(super) rule: Rule,
@@ -28,7 +31,7 @@ impl Rule {
 }
 
 impl Spacing {
-    /// The spacing that has exactly these values; `None` where no rule gives them.
+    /// Returns the spacing that gives exactly these values; `None` if no rule does.
     pub(super) fn of(values: &[f64]) -> Option<Self> {
         let [first, _, .., last] = *values else { return None };
         Rule::ALL.into_iter().find_map(|rule| {
@@ -39,7 +42,7 @@ impl Spacing {
         })
     }
 
-    /// Entry `i` of `count`.
+    /// Returns entry `i` of `count`.
     pub(super) fn at(&self, i: usize, count: usize) -> f64 {
         let (start, end, last) = (self.start, self.end, count.saturating_sub(1).max(1));
         let divided = || if i == last { end } else { start + i as f64 * (end - start) / last as f64 };
@@ -52,7 +55,7 @@ impl Spacing {
     }
 }
 
-/// To nine decimals.
+/// Rounds to nine decimals.
 fn rounded(x: f64) -> f64 {
     libm::round(x * 1e9) / 1e9
 }

@@ -1,4 +1,4 @@
-//! Small signed integers in rows, mostly 0: whether each is 0 in the context of those beside and above it.
+//! Coder of rows of small signed integers, mostly 0, in the context of the integers beside and above.
 
 use super::model::Model;
 use super::range::BitCoder;
@@ -7,10 +7,10 @@ use super::symbols::{GOLOMB_SLOTS, code_golomb};
 const NONZERO: usize = 0;
 const SIGN: usize = NONZERO + 9;
 const MAGNITUDE: usize = SIGN + 3;
-/// Of 65536: every fifth is not 0.
+/// Initial probability, in 1/65536, that an integer is not 0: one in five.
 const USUALLY_NONZERO: u32 = 13_107;
 
-/// Codes rows of `lanes` integers; a decoder fills them.
+/// Codes rows of `lanes` integers; a decoder overwrites them.
 ///
 /// # Panics
 /// If the number of integers is not a multiple of `lanes`.
@@ -20,7 +20,7 @@ pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [
     for context in 0..9 {
         model.prior(NONZERO + context, USUALLY_NONZERO);
     }
-    // Nothing beside or above is a context of its own.
+    // A missing neighbour is a context of its own.
     let state = |known: Option<i32>| known.map_or(2, |step| usize::from(step != 0));
     for at in 0..steps.len() {
         let beside = (at % lanes > 0).then(|| steps[at - 1]);
@@ -39,7 +39,7 @@ pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [
     }
 }
 
-/// Codes flags that come in runs, each in the context of the one before; a decoder fills them.
+/// Codes flags that come in runs, each in the context of the one before; a decoder overwrites them.
 pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
     let mut model = Model::new(2, 0);
     let mut before = false;

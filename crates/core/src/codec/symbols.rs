@@ -1,18 +1,18 @@
-//! Integers as binary decisions: zero flag, sign, magnitude; and magnitudes as classes that contexts are made of.
+//! Integers as binary decisions (zero flag, sign, magnitude), and classes of magnitudes for contexts.
 
 use super::model::Model;
 use super::range::BitCoder;
 
-/// Classes of a magnitude in sixteenths.
+/// Number of classes of a magnitude given in sixteenths.
 pub(crate) const FINE: usize = 12;
-/// Classes of an integer magnitude.
+/// Number of classes of an integer magnitude.
 pub(crate) const COARSE: usize = 6;
-/// Magnitudes below this are coded in unary, the rest escape to an Exp-Golomb code.
+/// Magnitudes below this are coded in unary; the others escape to an Exp-Golomb code.
 const UNARY: u32 = 14;
-/// Doublings of an Exp-Golomb code: values below 2^31 − 1.
+/// Largest number of doublings of an Exp-Golomb code: values stay below 2^31 − 1.
 const DOUBLINGS: u32 = 30;
 
-/// The fine class of a magnitude given in sixteenths: 0 is "surely zero", 11 is 12 and more.
+/// Returns the fine class of a magnitude given in sixteenths: class 0 is 0, class 11 is a magnitude of 12 or more.
 pub(crate) fn fine(sixteenths: u32) -> usize {
     match sixteenths {
         0 => 0,
@@ -30,7 +30,7 @@ pub(crate) fn fine(sixteenths: u32) -> usize {
     }
 }
 
-/// The coarse class of an integer magnitude.
+/// Returns the coarse class of an integer magnitude.
 pub(crate) fn coarse(magnitude: u32) -> usize {
     match magnitude {
         0 => 0,
@@ -42,7 +42,7 @@ pub(crate) fn coarse(magnitude: u32) -> usize {
     }
 }
 
-/// Where the slots of one kind of magnitude lie in a model.
+/// Positions in a model of the slots for one kind of magnitude.
 #[derive(Clone, Copy)]
 pub(crate) struct MagnitudeSlots {
     first: usize,
@@ -53,16 +53,16 @@ impl MagnitudeSlots {
     const BY_SECOND: usize = UNARY as usize * FINE;
     const BY_LEVEL: usize = UNARY as usize * LEVELS;
     const ESCAPE: usize = (DOUBLINGS as usize + 1) * 2;
-    /// Slots needed.
+    /// Number of slots needed.
     pub(crate) const COUNT: usize = Self::BY_FIRST + Self::BY_SECOND + Self::BY_LEVEL + Self::ESCAPE;
-    /// Weight sets needed.
+    /// Number of weight sets needed.
     pub(crate) const SETS: usize = UNARY as usize;
 
     pub(crate) fn at(first: usize) -> Self {
         Self { first }
     }
 
-    /// Starts every "is it larger" decision from a Laplacian whose scale the fine class tells.
+    /// Initialises every "is it larger" decision from a Laplacian density whose scale follows from the fine class.
     pub(crate) fn set_priors(self, model: &mut Model) {
         for step in 0..UNARY as usize {
             for (class, &larger) in LARGER.iter().enumerate() {
@@ -73,12 +73,12 @@ impl MagnitudeSlots {
     }
 }
 
-/// Levels that contexts tell apart.
+/// Number of levels distinguished by contexts.
 pub(crate) const LEVELS: usize = 8;
 
-/// P(|q| > i | |q| ≥ i) · 65536 by the fine class of the expected magnitude.
+/// Initial `P(|q| > i | |q| ≥ i) · 65536`, by the fine class of the expected magnitude.
 const LARGER: [u32; FINE] = [5_243, 5_243, 5_243, 6_554, 9_830, 16_384, 23_593, 32_768, 42_598, 51_118, 57_672, 62_259];
-/// P(q ≠ 0) · 65536 by the fine class of the expected magnitude.
+/// Initial `P(q ≠ 0) · 65536`, by the fine class of the expected magnitude.
 pub(crate) const NONZERO: [u32; FINE] =
     [1_311, 3_277, 6_554, 13_107, 22_938, 32_768, 42_598, 52_429, 58_982, 62_259, 63_570, 64_225];
 
@@ -104,7 +104,7 @@ pub(crate) fn code_magnitude<C: BitCoder>(
     (UNARY + code_golomb(coder, model, escape, magnitude.wrapping_sub(UNARY))).min(i32::MAX as u32)
 }
 
-/// Slots that [`code_golomb`] needs.
+/// Number of slots that [`code_golomb`] needs.
 pub(crate) const GOLOMB_SLOTS: usize = (DOUBLINGS as usize + 1) * 2;
 
 /// Codes `value` < 2^31 − 1 by an adaptive Exp-Golomb code: the number of doublings, the bit below the first, the rest.

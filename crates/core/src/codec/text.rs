@@ -1,18 +1,20 @@
-//! Text as bytes: every bit predicted from the one, two and four bytes before it, by models that know typical metadata.
+//! Byte form of text: each bit is predicted from the one, two and four bytes before, by models primed with typical
+//! metadata.
 //!
 //! ```text
-//! text   varint length in bytes, then the range-coded bytes, high bit first, in at least length / 1024 bytes: zeros are
-//!        added to what is shorter, so that a few bytes cannot announce much work
+//! text   varint length in bytes, then the range-coded bytes, high bit first, padded with zeros to at least
+//!        length / 1024 bytes, so that a few bytes cannot announce a long text
 //! ```
-//! Metadata is short, and its first bytes would cost most: the models start as if a typical text had been coded before. That
-//! text is part of the format.
+//! Metadata are short, and untrained models would make the first bytes expensive. The models therefore start as if a
+//! typical text had been coded before. That text is part of the format.
 
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 use super::model::{INPUTS, Model};
 use super::range::{BitCoder, Decoder, Encoder};
 
-/// Typical metadata of chunk M, which prime the model of its text; any change makes other bytes.
+/// Typical metadata of chunk M that prime the text model. They are part of the format: any change changes the coded
+/// bytes.
 pub(crate) const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r"#,
     r#"d","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f"#,
@@ -23,15 +25,15 @@ pub(crate) const TYPICAL: &str = concat!(
     r#"policy":"rd","target":{"er_l2":0.01}},"source":{"content_digest":"b3-dbc1b4c900ffe48d575b5da5c638040125f65db0fe3"#,
     r#"e24494b76ea986457d986","dialect":"","format":"npy","metadata":{},"notes":[],"spectrum_digest":null}}"#,
 );
-/// Bytes of text that a coded byte may stand for.
+/// Largest ratio of text bytes to coded bytes; bounds the work that a short input can cause.
 const MOST_PER_BYTE: usize = 1 << 10;
-/// Hashed contexts of each order, a power of two.
+/// Number of hashed contexts of each order, a power of two.
 const CONTEXTS: usize = 1 << 16;
 
-/// The models and the bytes before.
+/// Text models, and the bytes coded before.
 struct TextCoder {
     model: Model,
-    /// The last four bytes, the last one lowest.
+    /// Last four bytes, the most recent one lowest.
     before: u32,
 }
 
@@ -56,13 +58,13 @@ impl TextCoder {
     }
 }
 
-/// The slot of a node of the byte's binary tree in a context.
+/// Returns the slot of a node of the byte's binary tree in a context.
 fn slot(context: u32, node: u32) -> usize {
     let mixed = (context.wrapping_mul(0x9E37_79B1) ^ node.wrapping_mul(0x85EB_CA77)).wrapping_mul(0xC2B2_AE3D);
     (mixed >> 16) as usize % CONTEXTS
 }
 
-/// Hears decisions and writes nothing.
+/// Coder that trains the models and discards the decisions.
 struct Listener;
 
 impl BitCoder for Listener {
@@ -73,7 +75,7 @@ impl BitCoder for Listener {
     }
 }
 
-/// The coded form of `text`, which is expected to be like `typical`.
+/// Returns the coded form of `text`, by models primed with `typical`.
 pub(crate) fn write_text(typical: &str, text: &str) -> Vec<u8> {
     let mut w = Writer::default();
     w.varint(text.len() as u64);
@@ -88,7 +90,7 @@ pub(crate) fn write_text(typical: &str, text: &str) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads a text of at most `limit` bytes to the end of `r`.
+/// Reads a text of at most `limit` bytes to the end of `r`, by models primed with `typical`.
 pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let length = r.size(limit, "length of the metadata")?;
     let coded = r.take(r.remaining(), "metadata")?;
@@ -134,7 +136,7 @@ mod tests {
         );
         let bytes = write(&text);
         assert_eq!(read(&bytes).unwrap(), text);
-        // The digest alone is 32 bytes of noise.
+        // The digest alone is 32 incompressible bytes.
         assert!(bytes.len() < 90, "{} of {}", bytes.len(), text.len());
         assert!(write("{}").len() <= 3);
         let prose = "Goniometric measurement of a painted sample, taken in the dark. ".repeat(20);
@@ -156,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_few_bytes_do_not_announce_a_long_text() {
-        // A long text of nothing new takes fewer bytes than it may announce: they are filled up.
+        // A highly repetitive text is padded to the least number of bytes for its length.
         let text = " ".repeat(LIMIT);
         let bytes = write(&text);
         assert_eq!(bytes.len(), 3 + LIMIT / MOST_PER_BYTE);

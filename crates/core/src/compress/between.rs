@@ -1,4 +1,4 @@
-//! Interpolation between measured incidences, as a file states it: chunk V.
+//! Interpolation between measured incidences as a file states it: chunk V.
 //!
 //! ```text
 //! u8   divisor + 8 · cubic + 16 · retro; not 0
@@ -16,16 +16,16 @@ use serde::Serialize;
 const DIVISOR: u8 = 7;
 const CUBIC: u8 = 8;
 const RETRO: u8 = 16;
-/// Bounds of a roughness; like those below they are short numbers themselves.
+/// Bounds of a GGX roughness. All bounds here are exact in the 16 bits that a file stores.
 const ROUGHNESS: [f32; 2] = [1.0 / 1024.0, 4.0];
 /// Bounds of a reflectance at normal incidence.
 const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
-/// Bounds of the base beside a lobe of scale 1.
+/// Bounds of the base, relative to a lobe of scale 1.
 const BASE: [f32; 2] = [0.0, 1_048_576.0];
 
-/// Function V that samples are divided by before their logarithms are interpolated between incidences; the result is multiplied
-/// by it again. With c and d the cosines of the incoming and the outgoing direction and r(c) = √(c² + a²·(1 − c²)), a the
-/// roughness:
+/// Function V that divides the samples before their logarithms are interpolated between incidences; the result is
+/// multiplied by it again. c and d are the cosines of the incoming and the outgoing direction. r(c) = √(c² + a²·(1 −
+/// c²)), with a the roughness.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Divisor {
@@ -44,20 +44,20 @@ pub enum Divisor {
         /// Roughness of GGX.
         roughness: f32,
     },
-    /// V = base + F·D / (d·r(c) + c·r(d)): a microfacet model, with D = a² / (x² + y² + a²·z²)², (x, y, z) the unit half vector, and
-    /// F Schlick's factor of the angle between it and the incoming direction.
+    /// V = base + F·D / (d·r(c) + c·r(d)): a microfacet model. D = a² / (x² + y² + a²·z²)² for the unit half vector (x,
+    /// y, z). F is Schlick's factor of the angle between half vector and incoming direction.
     Model {
         /// Roughness of GGX.
         roughness: f32,
         /// Reflectance at normal incidence.
         reflectance: f32,
-        /// Share of light that does not depend on directions.
+        /// Part of V that does not depend on directions, relative to a lobe of scale 1.
         base: f32,
     },
 }
 
 impl Divisor {
-    /// Roughness, reflectance and base, as many as the divisor has.
+    /// Parameters of the divisor, in the order roughness, reflectance, base.
     fn parameters(self) -> Vec<f32> {
         match self {
             Self::None | Self::Cosines => Vec::new(),
@@ -66,7 +66,8 @@ impl Divisor {
         }
     }
 
-    /// The divisor with its numbers as a file states them: within their bounds, with the high 16 bits of an f32.
+    /// Returns the divisor with its numbers as a file states them: clamped to their bounds, rounded to the high 16 bits
+    /// of an f32.
     #[must_use]
     pub fn stated(self) -> Self {
         let short = |x: f32, [low, high]: [f32; 2]| {
@@ -85,14 +86,16 @@ impl Divisor {
     }
 }
 
-/// Interpolation between measured incidences. The default is that of files without chunk V: linear in logarithms.
+/// Interpolation between measured incidences. The default, linear in logarithms, is that of files without chunk V.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Between {
-    /// Function that is divided out.
+    /// Function that is divided out before interpolation.
     pub divisor: Divisor,
-    /// A cubic through four incidences instead of a straight line through two; on triangles a quadratic through six.
+    /// True for a cubic through four incidences (on triangles a quadratic through six) instead of a straight line
+    /// through two.
     pub cubic: bool,
-    /// Outgoing directions keep their place relative to the one back to the source, as the lobes of retro-reflectors do.
+    /// True if outgoing directions keep their place relative to the direction back to the source, as the lobes of
+    /// retro-reflectors do.
     pub retro: bool,
 }
 
@@ -102,13 +105,13 @@ impl Between {
         *self == Self::default()
     }
 
-    /// The interpolation with its numbers as chunk V states them; `None` where there is no such chunk.
+    /// Returns the interpolation with its numbers as chunk V states them; `None` for the default, which has no chunk.
     pub(crate) fn stated(&self) -> Option<Self> {
         (!self.is_default()).then(|| Self { divisor: self.divisor.stated(), ..*self })
     }
 
-    /// Returns true where a measurement on these axes can have this interpolation: all of it needs incidences, divisors and the
-    /// direction back to the source need a BRDF.
+    /// Returns true if a measurement on these axes can have this interpolation. It always needs incidences; divisors
+    /// and `retro` also need a BRDF.
     pub(crate) fn fits(&self, quantity: Quantity, axes: &[Axis]) -> bool {
         let Ok(layout) = Layout::of(quantity, axes) else { return false };
         let is_reflected = quantity == Quantity::Brdf && layout.outgoing.is_some();
@@ -116,7 +119,7 @@ impl Between {
         layout.incoming.is_some() && (is_reflected || !needs_reflection)
     }
 
-    /// The payload of chunk V.
+    /// Writes the payload of chunk V.
     pub(crate) fn write(&self) -> Vec<u8> {
         let divisor = match self.divisor {
             Divisor::None => 0,

@@ -1,4 +1,5 @@
-//! Every block of a material of random access decodes by itself to what the whole has there; damage stays within its block.
+//! Tests of random access: every block decodes independently to the samples of the whole, and damage stays within its
+//! block.
 
 use super::tests::{hurt, index, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
@@ -9,7 +10,7 @@ fn random(target: Target) -> Settings {
     Settings { random_access: true, ..settings(target, Policy::Rd) }
 }
 
-/// Samples before the last triangle axis, and of one of them.
+/// Number of blocks before the last triangle axis, and samples of one block.
 fn blocks_of(m: &Measurement) -> Option<(usize, usize)> {
     let axes = m.tensor.axes();
     let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
@@ -17,7 +18,7 @@ fn blocks_of(m: &Measurement) -> Option<(usize, usize)> {
     (at > 0).then(|| (m.tensor.len() / length, length))
 }
 
-/// Multiplies every sample by what `factor` says of its incoming entry, outgoing entry and place in the spectrum.
+/// Multiplies every sample by `factor` of its incoming entry, outgoing entry and spectral index.
 fn varied(mut m: Measurement, factor: impl Fn(usize, usize, usize) -> f64) -> Measurement {
     let axes = m.tensor.axes().to_vec();
     let [_, outgoing, length] = m.tensor.shape()[..] else { unreachable!() };
@@ -29,7 +30,8 @@ fn varied(mut m: Measurement, factor: impl Fn(usize, usize, usize) -> f64) -> Me
     m
 }
 
-/// Folded by several symmetries and by none, behind models and none, on indices and elevations, with and without spectra.
+/// Materials folded by several symmetries or by none, with and without a model, on indices and elevations, with and
+/// without spectra.
 fn materials() -> Vec<Measurement> {
     let hemi = |level| mesh(Domain::Hemisphere, level);
     let folded = measurement(Quantity::Brdf, vec![hemi(1), hemi(3), wavelengths(9)], 0.001);
@@ -56,7 +58,7 @@ fn bits(samples: &[f32]) -> Vec<u32> {
     samples.iter().map(|s| s.to_bits()).collect()
 }
 
-/// The kinds of chunks of a file and their payloads.
+/// Kinds and payloads of a file's chunks.
 fn chunks(bytes: &[u8]) -> Vec<(ChunkKind, Vec<u8>)> {
     let (header, container) = Container::read(bytes, |r| {
         let header = header::Header::read(r)?;
@@ -69,7 +71,7 @@ fn chunks(bytes: &[u8]) -> Vec<(ChunkKind, Vec<u8>)> {
     std::iter::once((ChunkKind::Header, header.write())).chain(present).collect()
 }
 
-/// A file with another pyramid, its length in the header and its checksum made good.
+/// Replaces the pyramid of a file, and corrects its length in the header and its checksum.
 fn with_pyramid(bytes: &[u8], pyramid: Vec<u8>) -> Vec<u8> {
     let mut chunks = chunks(bytes);
     let header = header::Header::read(&mut crate::codec::Reader::new(&chunks[0].1, 0)).unwrap();
@@ -179,7 +181,7 @@ fn damage_in_a_stream_is_an_error_or_stays_within_the_blocks_it_stands_for() {
             }
             let _ = decode(&damaged);
         }
-        // Nothing panics, whatever the bytes are, and none is missing or too many.
+        // Arbitrary, missing or extra bytes never panic.
         for i in 0..pyramid.len().min(200) {
             for flip in [1, 0x80, 0xFF] {
                 let mut damaged = pyramid.clone();
@@ -198,7 +200,7 @@ fn damage_in_a_stream_is_an_error_or_stays_within_the_blocks_it_stands_for() {
         for end in (0..bytes.len()).step_by(97) {
             assert!(decode_block(&bytes[..end], 0).is_err());
         }
-        // Streams under an index of levels are a contradiction.
+        // Streams after an index of levels are contradictory.
         let mut w = Writer::default();
         for _ in 0..3 {
             w.varint(1);

@@ -1,4 +1,4 @@
-//! Result of a compression: the file, what it achieves, and how it was found.
+//! Result of a compression: the file, its errors, and the search that found it.
 
 use super::effort::Effort;
 use super::light::LightReport;
@@ -10,29 +10,30 @@ use serde::Serialize;
 /// A compressed material.
 #[derive(Clone, Debug)]
 pub struct Compressed {
-    /// The file.
+    /// Bytes of the file.
     pub bytes: Vec<u8>,
-    /// Summary of the file, with the errors of the decoded bytes in full precision (the header holds them rounded).
+    /// Summary of the file, with the errors of the decoded bytes in full precision (the header rounds them).
     pub summary: Summary,
-    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without directions.
+    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without
+    /// directions.
     pub light: Option<LightReport>,
-    /// The colours of the decoded bytes, where they were promised.
+    /// Colour differences of the decoded bytes; `None` unless the target bounds them.
     pub colour: Option<ColourReport>,
-    /// The bases that competed, best first; one where the basis was named.
+    /// Competing spectral bases, best first; a single one if the basis was named.
     pub ranking: Vec<Ranked>,
-    /// The noise of the measurement, where it can be told; it decides nothing.
+    /// Noise of the measurement, if it can be estimated; informative only.
     pub noise: Option<Noise>,
-    /// The trials that the search took.
+    /// Number of trials that the search took.
     pub effort: Effort,
 }
 
-/// One basis that competed.
+/// Spectral basis that competed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranked {
     /// Name of the basis.
     pub basis: String,
-    /// Bytes of the file made with it; where the contest compared coefficients alone, the bytes of those.
+    /// Bytes of the file made with the basis, or of its coefficients if only those were compared.
     pub bytes: u64,
-    /// er(L2) of the file made with it; `None` where that was not decoded.
+    /// er(L2) of the file made with the basis; `None` if the file was not decoded.
     pub er_l2: Option<f64>,
 }

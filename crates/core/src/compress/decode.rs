@@ -1,7 +1,8 @@
-//! Files → samples: the one place that says what a decoder computes for each sample.
+//! Decodes files to samples; the only definition of the arithmetic that gives each sample.
 //!
-//! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and multiplications
-//! in the order written here and in `transform`, and the `exponential` of this room in f64, rounded once to f32.
+//! Every operation is specified, so that a reader in another language can be bit-exact: f32 additions and
+//! multiplications in the order written here and in `transform`, and this module's `exponential` in f64, rounded once
+//! to f32.
 
 use super::between::Between;
 use super::classes::{apply_classes, classes_of};
@@ -33,14 +34,14 @@ pub struct Decoded {
     pub summary: Summary,
 }
 
-/// Reads the header of a material without decoding its samples; checks every chunk's checksum.
+/// Reads the header of a material without decoding its samples; verifies the checksum of every chunk.
 pub fn inspect(bytes: &[u8]) -> Result<Summary, CodecError> {
     let (header, container) = open(bytes)?;
     let (metadata, axes) = metadata_of(&header, &container)?;
     Ok(Summary { axes, ..header.summary(metadata) })
 }
 
-/// Decodes a material. Where it has a lobe beside its cells ([`Summary::lobe`]), the samples are those of the cells alone;
+/// Decodes a material. If it has a lobe beside its cells ([`Summary::lobe`]), the samples are those of the cells alone;
 /// [`Decoded::whole`] has both.
 pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     let (header, container) = open(bytes)?;
@@ -50,20 +51,20 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     Ok(Decoded { measurement, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// A level that a file can be decoded to: of its last triangle axis, or a coarser grid of angles.
+/// Level at which a file can be decoded: of its last triangle axis, or of a coarser grid of angles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LevelInfo {
-    /// The level.
+    /// Level number, 0 = coarsest.
     pub level: u8,
-    /// How many of the file's first bytes it needs.
+    /// Bytes needed to decode this level, counted from the start of the file.
     pub bytes: u64,
-    /// er(L2), rounded up: of triangles against the averages of the original samples over the level's triangles (below the finest
-    /// level to 9 %; `f64::MAX` where it is above 20 000), of grids of angles that of evaluating the level at the original samples
-    /// (`f64::MAX` where it was not measured).
+    /// er(L2), rounded up. For triangles: against the averages of the original samples over the level's triangles.
+    /// Below the finest level it is stated to 9 %, and is `f64::MAX` above 20 000. For grids of angles: the error of
+    /// evaluating the level at the original samples, `f64::MAX` if not measured.
     pub er_l2: f64,
 }
 
-/// The levels of a material, coarse first; the finest alone where triangles are not a pyramid.
+/// Levels of a material, coarse first; only the finest if the file has no pyramid and no grid levels.
 pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
     let (header, container) = open(bytes)?;
     let mut infos = Vec::new();
@@ -92,10 +93,11 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
     Ok(infos)
 }
 
-/// Decodes a material, or enough of its first bytes, to a level: a coarser measurement, whose samples are averages over larger
-/// triangles, or means over blocks of the grid of angles at the mean of their angles. The summary is that of the whole file.
+/// Decodes a material, or a long enough prefix of it, at a coarser level. The samples are averages over larger
+/// triangles, or means over blocks of the grid of angles, placed at the mean of their angles. The summary is that of
+/// the whole file.
 ///
-/// Chunks that are whole are verified; the one that the prefix cuts has no checksum. Labels are in the metadata at the end.
+/// Complete chunks are verified; the chunk that the prefix cuts has no checksum. Labels are in the metadata at the end.
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let (mut header, container) = Container::prefix(bytes, announced)?;
     read_between(&mut header, &container)?;
@@ -144,7 +146,7 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
         );
         return Err(CodecError::Malformed { at: bytes.len(), reason });
     };
-    // A level is what its own bytes say, however many follow.
+    // A level is decoded from its own bytes only, however many follow.
     let coded = r
         .take(entry.end, "bytes of the level")
         .map_err(|_| CodecError::Truncated { at: bytes.len(), expected: "more of the level" })?;
@@ -161,19 +163,20 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     Ok(Decoded { measurement, summary: header.summary(metadata) })
 }
 
-/// One entry of the axes before the outgoing triangles of a material.
+/// Slice of a material at one entry of the axes before the outgoing directions: one incoming direction.
 #[derive(Clone, Debug)]
 pub struct DecodedBlock {
-    /// Its samples, `[outgoing]` or `[outgoing, spectral]`.
+    /// Samples of the slice, `[outgoing]` or `[outgoing, spectral]`.
     pub tensor: Tensor,
     /// The header of the whole material.
     pub summary: Summary,
 }
 
-/// Decodes entry `block` (row-major) of the axes before the last triangle axis: the slice of one incoming direction.
+/// Decodes entry `block` (row-major) of the axes before the last directions: the slice of one incoming direction.
 ///
-/// Its samples are those of [`decode`], bit for bit, without a lobe beside the cells ([`DecodedBlock::whole`] has both). Of a material of random access nothing else is decoded but classes,
-/// basis and model; of any other, all of it.
+/// The samples equal those of [`decode`] bit for bit, without a lobe beside the cells ([`DecodedBlock::whole`] has
+/// both). With random access only classes, basis and model are decoded besides the block. Any other material is decoded
+/// whole.
 pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecError> {
     let (header, container) = open(bytes)?;
     let malformed = |reason: String| CodecError::Malformed { at: bytes.len(), reason };
@@ -222,8 +225,8 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
     Ok(DecodedBlock { tensor, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// What follows the levels of a pyramid whose blocks are decoded by themselves; `None` where they are not, or where they
-/// have corrections.
+/// Coded bytes after the level index of a pyramid with independently decodable blocks; `None` if the blocks are not
+/// independent or have corrections.
 fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.predicted && header.correction_step == 0.0) else { return Ok(None) };
     let mut r = Reader::new(payload, 0);
@@ -232,8 +235,7 @@ fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Opti
     Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
 }
 
-/// The grid chunk whose incoming entries are decoded by themselves; `None` where they are not, or where they have
-/// corrections.
+/// Grid chunk with independently decodable incoming entries; `None` if they are not independent or have corrections.
 fn random_grid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.gridded && header.correction_step == 0.0) else { return Ok(None) };
     Ok(gridded::is_random(payload)?.then_some(payload))
@@ -245,7 +247,8 @@ fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize
     Measurement::new(header.quantity, header.unit, header.sampling, tensor).map_err(|e| malformed(e.to_string()))
 }
 
-/// The file with these errors of its coarser levels on a grid of angles, coarse first; other files stay as they are.
+/// Replaces the stated errors of a file's coarser grid levels by `errors`, coarse first; files without grid levels stay
+/// as they are.
 pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
     let (header, container) = open(bytes)?;
     if !header.grid_levels {
@@ -255,8 +258,8 @@ pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>,
     Ok(container.replaced(ChunkKind::Grid, &payload))
 }
 
-/// The numbers of a lossless material that keeps those of its file beside one factor ([`Summary::factor`]), NaN = masked;
-/// `None` of any other material.
+/// Decodes the numbers of a lossless material that stores them beside one common factor ([`Summary::factor`]), NaN =
+/// masked. `None` for any other material.
 pub fn decode_numbers(bytes: &[u8]) -> Result<Option<Vec<f32>>, CodecError> {
     let (header, container) = open(bytes)?;
     if header.factor == 1.0 {
@@ -265,7 +268,7 @@ pub fn decode_numbers(bytes: &[u8]) -> Result<Option<Vec<f32>>, CodecError> {
     samples_of(&Header { factor: 1.0, ..header }, |kind| container.get(kind).map(|chunk| chunk.payload)).map(Some)
 }
 
-/// The BLAKE3 digest of the file without its metadata chunk.
+/// Returns the BLAKE3 digest of the file without its metadata chunk.
 pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
     Ok(open(bytes)?.1.payload_digest())
 }
@@ -300,14 +303,14 @@ fn read_lobe(header: &mut Header, container: &Container<'_>) -> Result<(), Codec
     Ok(())
 }
 
-/// The header and the chunks that follow it.
+/// Reads the header, and lists the chunks that follow it.
 fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError> {
     let header = Header::read(r)?;
     let chunks = header.announced();
     Ok((header, chunks))
 }
 
-/// The corrections of the light of all blocks, where there are any.
+/// Decodes the light corrections of all blocks; `None` without a light chunk.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];
@@ -315,7 +318,7 @@ fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> 
     Some((light, steps))
 }
 
-/// The samples that `header` and its chunks stand for; NaN = masked.
+/// Decodes the samples that `header` and its chunks describe; NaN = masked.
 pub(crate) fn samples_of<'a>(
     header: &Header,
     chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
@@ -323,7 +326,7 @@ pub(crate) fn samples_of<'a>(
     samples_behind(header, chunk, None)
 }
 
-/// The same, where the pyramid chunk may be decoded already.
+/// Like [`samples_of`], but reuses the values of an already decoded pyramid chunk.
 pub(crate) fn samples_behind<'a>(
     header: &Header,
     chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
@@ -391,7 +394,7 @@ pub(crate) fn samples_behind<'a>(
     Ok(samples)
 }
 
-/// Numbers become samples; a factor of 1 changes no bit.
+/// Multiplies the numbers by the factor; a factor of 1 changes no bit.
 pub(super) fn scale(factor: f64, numbers: &mut [f32]) {
     if factor != 1.0 {
         for number in numbers.iter_mut() {
@@ -400,12 +403,12 @@ pub(super) fn scale(factor: f64, numbers: &mut [f32]) {
     }
 }
 
-/// The sample of a number as its file states it.
+/// Returns the sample of a number stated in its file: number × factor, rounded once to f32.
 pub(super) fn scaled(number: f32, factor: f64) -> f32 {
     (f64::from(number) * factor) as f32
 }
 
-/// Puts the classes on magnitudes; without any, every sample is a number.
+/// Applies the classes (sign, zero, masked) to the magnitudes. Without classes, NaN is an error.
 fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), CodecError> {
     if let Some(classes) = classes {
         apply_classes(classes, samples);
@@ -415,7 +418,7 @@ fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), 
     Ok(())
 }
 
-/// The logarithms of a first layer in fixed bases.
+/// Decodes the logarithms of a first layer in fixed bases.
 fn fixed_logs(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
     let mut quantised = vec![0_i32; header.axes.iter().map(Axis::len).product()];

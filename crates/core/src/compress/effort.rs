@@ -1,20 +1,20 @@
-//! The work that a compression took, counted: how often samples were quantised and coded or reconstructed.
+//! Counters of the work in a compression: how often samples were quantised and coded or reconstructed.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The trials of a search.
+/// Number of trials of a search.
 ///
-/// A trial quantises coefficients with one step or threshold, and codes them, reconstructs the samples from them, or does
-/// both. Transforms that are shared by trials, and counts of coefficients, are none.
+/// A trial quantises coefficients with one step or threshold, and codes them, reconstructs the samples from them, or
+/// both. Transforms shared by trials, and counts of coefficients, are not trials.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Effort {
-    /// How many trials there were, those on a part of the samples included.
+    /// Number of trials, including those on a part of the samples.
     pub trials: u64,
-    /// Samples that all trials together went through.
+    /// Samples processed by all trials together.
     pub samples: u64,
 }
 
-/// An [`Effort`] in the making, shared by everything that tries.
+/// Thread-safe counter of an [`Effort`], shared by all searches.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     trials: AtomicU64,
@@ -22,13 +22,13 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts one trial on so many samples.
+    /// Counts one trial on `samples` samples.
     pub(crate) fn add(&self, samples: usize) {
         self.trials.fetch_add(1, Ordering::Relaxed);
         self.samples.fetch_add(samples as u64, Ordering::Relaxed);
     }
 
-    /// Everything counted so far.
+    /// Returns the counts accumulated up to now.
     pub(crate) fn effort(&self) -> Effort {
         Effort { trials: self.trials.load(Ordering::Relaxed), samples: self.samples.load(Ordering::Relaxed) }
     }

@@ -1,10 +1,10 @@
-//! Reasons why a measurement is not compressed.
+//! Reasons why a measurement cannot be compressed.
 
 use super::setting_error::SettingError;
 use super::unreachable_error::UnreachableError;
 use crate::domain::Cancelled;
 
-/// Kinds of reasons why a measurement is not compressed: wrong settings, a promise that no file keeps, or the caller's wish.
+/// Reasons why a measurement is not compressed: wrong settings, a promise that no file keeps, or a cancellation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CompressError {
     /// A setting is out of its range, contradicts another one, or does not fit the measurement.

@@ -1,4 +1,4 @@
-//! From logarithms to samples: corrections, and the decoder's exponential.
+//! Conversion of logarithms to samples: corrections, and the decoder's exponential.
 
 use crate::numeric::exponential::exp_f64;
 use crate::numeric::wide;

@@ -1,12 +1,12 @@
-//! Numbers in messages: rounded up to two digits to ask for, and written as people write them.
+//! Numbers in messages: suggestions rounded up to two digits, and readable decimals.
 
-/// `found` rounded up to two digits: an error to ask for instead.
+/// Rounds `value` up to two significant digits, as the error to suggest instead.
 pub(super) fn two_digits_up(value: f64) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return value;
     }
     let places = 1 - libm::floor(libm::log10(value)) as i32;
-    // Far from 1 the power of ten itself would be rounded or infinite.
+    // For extreme exponents the power of ten itself would be rounded or infinite.
     if places.abs() > 22 {
         let text = format!("{value:.1e}");
         let near: f64 = text.parse().unwrap_or(value);
@@ -14,17 +14,17 @@ pub(super) fn two_digits_up(value: f64) -> f64 {
     }
     // A power of ten that is exact, so that the quotient is the f64 nearest to two decimal digits.
     let scale = (0..places.unsigned_abs()).fold(1.0, |scale: f64, _| scale * 10.0);
-    // A hair above two digits is those two digits.
+    // Values within 1e-9 above two digits count as those two digits.
     let up = |x: f64| libm::ceil(x - 1e-9);
     if places >= 0 { up(value * scale) / scale } else { up(value / scale) * scale }
 }
 
-/// A number as people write it: a plain decimal, or with an exponent far from 1.
+/// Formats a number as a plain decimal, or with an exponent if it is far from 1.
 pub(super) fn shown(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-4..1e6).contains(&size) {
         let text = format!("{value:.2e}");
-        // 1.00e-9 is 1e-9.
+        // 1.00e-9 becomes 1e-9.
         match text.split_once('e') {
             Some((digits, exponent)) if digits.contains('.') => {
                 format!("{}e{exponent}", digits.trim_end_matches('0').trim_end_matches('.'))

@@ -1,13 +1,13 @@
-//! Smooth values where there is nothing to code: NaN entries become the mean of their live siblings, then of their neighbours.
+//! Fills uncoded entries with smooth values: NaN becomes the mean of live siblings, then of neighbours.
 //!
-//! What is filled is never scored: the classes say which samples are zero or masked. A good filling only makes the
+//! Filled values are never scored: the classes mark the samples that are zero or masked. A good filling only makes the
 //! coefficients around it small.
 
 use super::rows::live_entries;
 use crate::codec::Class;
 use crate::domain::{Axis, TriangleMesh};
 
-/// Replaces every NaN in `values` (row-major on `axes`).
+/// Replaces every NaN in `values` (row-major on `axes`) by a smooth value.
 pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     if !values.iter().any(|v| v.is_nan()) {
         return;
@@ -26,11 +26,12 @@ pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     for row in values.chunks_exact_mut(lanes) {
         fill_line(row);
     }
-    // An entry of an axis before is whole now, or dead as a whole: then it is filled as nodes without details are decoded.
+    // An entry of an earlier axis is now either complete or dead as a whole. Dead ones are filled as nodes without
+    // details decode.
     for axis in triangles {
         fill_axis(axis, values);
     }
-    // Means of samples near the end of float32 may have gone beyond it.
+    // Means of samples near the float32 maximum can overflow.
     for value in values.iter_mut().filter(|v| v.is_infinite()) {
         *value = value.clamp(f32::MIN, f32::MAX);
     }
@@ -42,8 +43,8 @@ pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
     }
 }
 
-/// Takes bio-Haar coefficients (row-major on `axes`) to others of the same live samples, with none below nodes of triangles
-/// that have fewer than two live children, where none are coded: the dead samples there become their live sibling's.
+/// Changes bio-Haar coefficients (row-major on `axes`) without changing live samples, so that triangle nodes with fewer
+/// than two live children have no details. Dead samples there become equal to their live sibling.
 pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64]) {
     for (at, axis) in axes.iter().enumerate() {
         let Axis::Triangles(mesh) = axis else { continue };
@@ -55,7 +56,8 @@ pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64])
     }
 }
 
-/// One tree of rows of `inner` coefficients, from the leaves up. What a node's smooth row grows by is carried to its parent.
+/// Settles one tree of rows of `inner` coefficients, from the leaves up. The change of a node's smooth row is carried
+/// to its parent.
 fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mut [f64]) {
     let mut areas = mesh.solid_angles();
     let mut growths: Vec<Option<Vec<f64>>> = vec![None; live.len()];
@@ -78,7 +80,7 @@ fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mu
             for (j, growth) in growth.iter_mut().enumerate() {
                 let grown = |k: usize| growths[k].as_ref().map_or(0.0, |row| row[j]);
                 let details = [1, 2, 3].map(|k| block[place(k, j)]);
-                // Child 0 is what the mean leaves to it.
+                // Child 0 follows from the mean and the other three children.
                 let first = -(1..4).map(|k| areas[k] / areas[0] * details[k - 1]).sum::<f64>();
                 *growth = match survivor {
                     _ if several => (0..4).map(|k| areas[k] / total * grown(k)).sum(),
@@ -103,7 +105,8 @@ fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mu
     }
 }
 
-/// Means of live children upward, parents' means into dead children downward; `block` is `[4^k · bases, inner]`.
+/// Averages live children upward, and fills dead children with their parent's mean downward; `block` is `[4^k · bases,
+/// inner]`.
 fn fill_tree(block: &mut [f32], inner: usize) {
     let mut levels: Vec<Vec<f32>> = Vec::new();
     let mut rows = block.len() / inner;
@@ -140,11 +143,11 @@ fn live_mean(four: &[f32], inner: usize, j: usize) -> f32 {
             count += 1.0;
         }
     }
-    // 0 / 0: a parent without live children is dead itself.
+    // 0 / 0 = NaN: a parent without live children is dead itself.
     sum / count
 }
 
-/// Linear between live neighbours, constant beyond the first and last.
+/// Interpolates linearly between live neighbours; constant beyond the first and the last.
 fn fill_line(row: &mut [f32]) {
     let mut last: Option<usize> = None;
     for i in 0..row.len() {
@@ -193,13 +196,13 @@ mod tests {
         assert_eq!(dead, vec![0.0; 32]);
     }
 
-    /// What `rows` leaves uncoded below nodes with one live child must have no details, on every axis of triangles.
+    /// Nodes with one live child, which `rows` leaves uncoded, must have no details on any triangle axis.
     #[test]
     fn dead_incoming_triangles_are_their_live_sibling() {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());
         let axes = [mesh(1), mesh(1), Axis::Rgb];
         let mut values: Vec<f32> = (0..16 * 48_u16).map(f32::from).collect();
-        // Of the first node one child lives, of the second none.
+        // The first node has one live child, the second none.
         values[..3 * 48].fill(N);
         values[4 * 48..8 * 48].fill(N);
         values[10 * 48 + 5] = N;

@@ -1,4 +1,4 @@
-//! Last step of every policy: the parts of a file are decoded again, and their measured errors go into its header.
+//! Last step of every policy: decodes the parts of a file again, and writes the measured errors into its header.
 
 use super::compressed::{Compressed, Ranked};
 use super::decode::{open, samples_behind};
@@ -11,8 +11,8 @@ use super::rd::levels;
 use super::refusal;
 use crate::domain::{ErrorReport, Measurement};
 
-/// Decodes `parts`, measures the errors, and writes the file that carries them. A file that no reader would take, because a
-/// sample is beyond float32 or a number of the header is out of its range, is refused here.
+/// Decodes `parts`, measures the errors, and writes the file that states them. Rejects a file that no reader accepts,
+/// because a sample exceeds float32 or a header number is out of range.
 pub(super) fn finish(
     mut parts: Parts,
     measurement: &Measurement,

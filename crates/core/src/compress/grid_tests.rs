@@ -1,4 +1,5 @@
-//! Promises hold at the samples of grids of angles, whatever repeats in them, whole and by incoming entry.
+//! Tests of grids of angles: promises hold at the stated samples, with any repeated slices, whole and by incoming
+//! entry.
 
 use super::tests::{hurt, index, settings, wavelengths};
 use super::*;
@@ -17,7 +18,7 @@ fn grid(frame: Frame, polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent
     Axis::Grid(DirectionGrid::new(frame, polar, azimuths).unwrap())
 }
 
-/// A lobe over the angles of all axes, with some noise.
+/// Lobe over the angles of all axes, with some noise.
 fn measured(quantity: Quantity, axes: &[Axis], noise: f64) -> Measurement {
     let lengths: Vec<usize> = axes.iter().map(Axis::len).collect();
     let mut state = 5_u64;
@@ -57,7 +58,7 @@ fn lamp(noise: f64) -> Measurement {
     })
 }
 
-/// A gloss lobe on a diffuse base, narrower across x by `stretch`.
+/// Gloss lobe on a diffuse base, narrower across x by the factor `stretch`.
 fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
     let wi = |i: usize| match &axes[0] {
         Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
@@ -78,7 +79,7 @@ fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
     Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap()
 }
 
-/// Materials whose lobes are coded behind a model, and its kind: isotropic and anisotropic.
+/// Materials with lobes that are coded behind a model, and the kind of the model: isotropic and anisotropic.
 fn modelled() -> Vec<(Measurement, u8)> {
     let half = Some((every(15.0, 13), AzimuthExtent::Mirrored));
     let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));
@@ -116,7 +117,7 @@ fn check(m: &Measurement, settings: &Settings) -> Compressed {
     let errors = ErrorReport::measure(m.tensor.samples(), decoded.measurement.tensor.samples(), floor);
     assert_eq!(errors, file.summary.errors);
     assert_eq!(errors.mask_mismatches, 0);
-    // Where samples themselves are approximated, signs are not promised.
+    // Signs are not promised if samples themselves are approximated.
     if !matches!(settings.target, Target::MaxAbsoluteError(_) | Target::RelativeRmse(_)) {
         let largest = m.tensor.samples().iter().fold(0.0_f32, |largest, &s| largest.max(-s));
         for (&s, &found) in m.tensor.samples().iter().zip(decoded.measurement.tensor.samples()) {
@@ -175,7 +176,7 @@ fn what_repeats_costs_little() {
     let m = lamp(0.1);
     let bytes = |m: &Measurement| check(m, &settings(Target::ErL2(0.01), Policy::Rd)).bytes.len();
     let plain = bytes(&m);
-    // Every second plane is the one before it.
+    // Every second slice repeats the one before it.
     let doubled = with_samples(&m, |s| (0..s.len()).map(|i| s[i / 25 * 25 + (i % 25 / 2 * 2)]).collect());
     assert!(bytes(&doubled) < plain * 3 / 4, "{plain}");
     // Equal at all azimuths.
@@ -312,7 +313,7 @@ fn a_level_that_leaves_out_more_halvings_than_there_are_is_refused() {
         kinds.iter().filter_map(|&kind| Some((kind, container.get(kind)?.payload.to_vec()))).collect();
     assert_eq!(write_container(&chunks), file);
     let chunk = &mut chunks.iter_mut().find(|(kind, _)| *kind == ChunkKind::Grid).unwrap().1;
-    // Form, number of levels, bytes of the first in two, halvings that it leaves out.
+    // Form, number of levels, bytes of the first level in two bytes, number of halvings it leaves out.
     assert!(chunk[2] >= 0x80 && chunk[3] < 0x80);
     chunk[4] = 200;
     let damaged = write_container(&chunks);
@@ -355,7 +356,7 @@ fn noise_on_grids_is_found_and_left_out() {
     let half = Some((every(9.0, 21), AzimuthExtent::Mirrored));
     let elevations = Axis::Elevation(every(10.0, 8));
     for noise in [0.03, 0.1] {
-        // Even noise has the standard deviation of its width through √12.
+        // Uniform noise has a standard deviation of its width divided by √12.
         let sigma = noise / f64::sqrt(12.0);
         for m in [
             measured(Quantity::Edf, &[grid(Frame::TypeC, every(5.0, 37), azimuths.clone())], noise),

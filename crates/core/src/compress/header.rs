@@ -1,4 +1,4 @@
-//! The header chunk: what a material is, how it was made, and the errors of its decoded bytes.
+//! Header chunk: quantity, axes, coding parameters, and the errors of the decoded bytes.
 //!
 //! ```text
 //! u8      quantity + 8 · sampling + 16 · number of axes (codes in the order of the lists in `domain`)
@@ -9,7 +9,8 @@
 //!         8 a floor was declared; 16 there is a corrections chunk (policy 0); 32 unscored samples have errors;
 //!         64 not every sample is scored; 128 samples themselves are approximated, not logarithms (policy 0);
 //!         256 there is a light chunk (policy 0, not flag 128);
-//!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients chunk then);
+//!         512 the last directions are the grid of the grid chunk (policy 0, not flag 2; there is no coefficients
+//!         chunk then);
 //!         1024 functions between stated directions have a share of straight lines (the last directions are a grid);
 //!         2048 the grid chunk states coarser levels (flag 512);
 //!         4096 samples are a factor times the numbers of the exact chunk (policy 2);
@@ -20,15 +21,15 @@
 //! not policy 2, not flags 2, 512: varint a transform for each axis (flag 1: but the last):
 //!               0 identity, 1 bio-Haar, 2 orthonormal by area, 3 orthonormal by count,
 //!               16 + the number of a basis on a line, followed by u8 its boundary rule
-//! flags 2, 2048: varint  length of the pyramid or grid chunk: without it a flipped bit in that chunk's own length could make
-//!               a whole file the prefix of another one
+//! flags 2, 2048: varint  length of the pyramid or grid chunk: without it a flipped bit in that chunk's own length
+//!               could make a whole file the prefix of another one
 //! policy 0:     u16 step: the high 16 bits of an f32;  flag 256: f32 step of the light;
 //!               flag 16: f32 correction step
 //! flag 8: f32   absolute floor
 //! flag 4096: f64  factor of the exact samples (policy 2)
 //! not policy 2: varint  coefficients that are not zero
-//! not policy 2: u24 er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, flag 32: the same of
-//!               unscored samples; each the high 24 bits of an f32, rounded up
+//! not policy 2: u24 er(L1), er(L2), largest relative error, relative RMSE, largest absolute error, flag 32: largest
+//!               absolute error of unscored samples; each the high 24 bits of an f32, rounded up
 //! flag 64: varint  zero, negative, below-floor and masked samples; all others are scored
 //! ```
 
@@ -54,41 +55,41 @@ pub(crate) struct Header {
     pub(crate) sampling: Sampling,
     pub(crate) axes: Vec<Axis>,
     pub(crate) policy: Policy,
-    /// One for each axis, identities where triangles are predicted; empty for lossless.
+    /// One transform per axis: identities where triangles or grids are predicted; empty for lossless.
     pub(crate) transforms: Vec<AxisTransform>,
-    /// Whether the last axis is in the basis of the basis chunk; its transform is then the identity.
+    /// True if the last axis is in the data's own basis, stored in the basis chunk; its transform is then the identity.
     pub(crate) klt: bool,
-    /// Whether the last triangle axis is predicted; all transforms are then identities.
+    /// True if the last triangle axis is coded as a predicted pyramid; all transforms are then identities.
     pub(crate) predicted: bool,
-    /// The last directions are a grid that is predicted; all transforms are then identities.
+    /// True if the last directions are a grid of angles coded by prediction; all transforms are then identities.
     pub(crate) gridded: bool,
-    /// Share of straight lines between stated directions, in 255ths.
+    /// Share of straight-line interpolation between stated directions, in 255ths.
     pub(crate) straight_lines: u8,
-    /// Interpolation between incidences, where the interpolation chunk states it.
+    /// Interpolation between incidences; its parameters come from the interpolation chunk.
     pub(crate) between: Option<Between>,
-    /// There is a lobe chunk.
+    /// True if the file has a lobe chunk.
     pub(crate) has_lobe: bool,
-    /// Lobe beside the cells, where its chunk is read.
+    /// Lobe added to the cells; `None` until its chunk is read.
     pub(crate) lobe: Option<Lobe>,
-    /// The grid chunk states coarser levels.
+    /// True if the grid chunk states coarser levels.
     pub(crate) grid_levels: bool,
-    /// The length of the payload of the pyramid chunk or of a grid chunk with levels, 0 without one.
+    /// Payload length in bytes of the pyramid chunk, or of a grid chunk with levels; 0 without either.
     pub(crate) pyramid_length: usize,
-    /// Whether samples are approximated rather than logarithms.
+    /// True if samples themselves are approximated, false for their logarithms.
     pub(crate) linear: bool,
     pub(crate) step: f32,
-    /// The step of the light chunk, 0 without one; negative where odd steps are those of negative samples, see `light`.
+    /// Quantiser step of the light chunk, 0 without one. Negative if odd steps correct negative samples, see `light`.
     pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
     pub(crate) floor: f32,
-    /// Samples are this times the numbers of the exact chunk, 1 without one.
+    /// Each sample is this factor times the number in the exact chunk; 1 without a factor.
     pub(crate) factor: f64,
     pub(crate) kept: u64,
     pub(crate) errors: ErrorReport,
 }
 
-/// What the header may have beside its fixed fields.
+/// Bit set of a file's optional properties and chunks, as listed in the module's format.
 struct Flags(u16);
 
 impl Flags {
@@ -136,7 +137,7 @@ impl Flags {
         self.0 & flag != 0
     }
 
-    /// Refuses flags that contradict the policy or the axes.
+    /// Rejects flags that contradict the policy or the axes.
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
         let of_rd =
             Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED | Self::LEVELS;
@@ -172,19 +173,19 @@ impl Flags {
     }
 }
 
-/// Returns true where the last axis of directions is a grid of angles.
+/// Returns true if the last axis of directions is a grid of angles.
 pub(super) fn ends_on_grid(axes: &[Axis]) -> bool {
     let mut directions = axes.iter().rev().filter(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)));
     matches!(directions.next(), Some(Axis::Grid(_)))
 }
 
-/// How many transforms are written: those that do not follow from policy and flags.
+/// Number of transforms written in the header: those not implied by policy and flags.
 fn transforms_written(policy: Policy, klt: bool, predicted: bool, axes: usize) -> usize {
     if policy == Policy::Lossless || predicted { 0 } else { axes - usize::from(klt && axes > 0) }
 }
 
 impl Header {
-    /// The header of a measurement's samples, with nothing that a policy adds to them.
+    /// Header of a measurement's samples before a policy adds its fields.
     pub(crate) fn of(measurement: &Measurement, policy: Policy) -> Self {
         Self {
             quantity: measurement.quantity,
@@ -304,7 +305,7 @@ impl Header {
         if !(step > 0.0 && step.is_finite()) {
             return Err(r.malformed(format!("step is {step}, expected a positive number")));
         }
-        // The sign of the step of the light says which samples of a grid take it.
+        // A negative light step in a signed grid marks odd steps as corrections of negative samples.
         let signed = gridded && flags.has(Flags::CLASSES);
         for (what, flag, value) in [
             ("step of the light", Flags::LIGHT, if signed { light_step.abs() } else { light_step }),
@@ -326,7 +327,7 @@ impl Header {
             predicted,
             gridded,
             straight_lines,
-            // Its chunk is not read yet.
+            // The interpolation chunk is read later.
             between: flags.has(Flags::BETWEEN).then(Between::default),
             has_lobe: flags.has(Flags::LOBE),
             lobe: None,
@@ -359,18 +360,18 @@ impl Header {
         Ok(header)
     }
 
-    /// What the first layer approximates.
+    /// Quantity that the first layer approximates: logarithms or samples.
     pub(crate) fn values(&self) -> Values {
         if self.linear { Values::Samples { signed: self.errors.negative_samples > 0 } } else { Values::Logarithms }
     }
 
-    /// The level of the last triangle axis, 0 without one.
+    /// Level of the last triangle axis, 0 without one.
     pub(crate) fn finest_level(&self) -> u8 {
         let level = |axis: &Axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None };
         self.axes.iter().rev().find_map(level).unwrap_or(0)
     }
 
-    /// The chunks that follow in the order of a file, last that of the metadata, which may be left out.
+    /// Chunks expected after the header, in file order; the last, metadata, is optional.
     pub(crate) fn announced(&self) -> Vec<Announced> {
         let lossless = self.policy == Policy::Lossless;
         let all = [
@@ -392,7 +393,7 @@ impl Header {
         announced.map(|(kind, _)| Announced { kind, length: length(kind) }).collect()
     }
 
-    /// The header as its users see it.
+    /// Public view of the header.
     pub(crate) fn summary(&self, metadata: Option<String>) -> Summary {
         Summary {
             quantity: self.quantity,
@@ -414,20 +415,21 @@ impl Header {
     }
 }
 
-/// Bytes that a header takes more where unscored samples have errors.
+/// Bytes that a header grows by when it states the error of unscored samples.
 pub(crate) const UNSCORED_BYTES: usize = 3;
 
-/// Map from decoded values to magnitudes, where nothing is added to the logarithms: equal ones become samples once.
+/// Map from decoded values to magnitudes, to be applied while decoding. `None` if light or sample corrections must be
+/// added to the logarithms first.
 pub(super) fn finish_of(header: &Header) -> Option<Values> {
     (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
 }
 
-/// The transform of coefficients in the bases that `header` names.
+/// Transform plan of the bases that `header` names.
 pub(super) fn plan_of(header: &Header) -> Result<Plan, CodecError> {
     Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
-/// The counts of what is not scored; the rest is.
+/// Reads the counts of unscored samples, and derives the number of scored ones.
 fn read_counts(r: &mut Reader<'_>, present: bool, errors: &mut ErrorReport) -> Result<(), CodecError> {
     if present {
         errors.zero_samples = r.varint("zero samples")?;
@@ -527,7 +529,7 @@ mod tests {
         assert!(exact.write().len() <= 11);
         let multiplied = Header { factor: 0.93, ..exact.clone() };
         assert_eq!(multiplied.write().len(), exact.write().len() + 9);
-        // Its parameters are in a chunk of their own.
+        // The interpolation's parameters are in a chunk of their own.
         let between = Header { between: Some(Between::default()), ..plain.clone() };
         for header in [plain, full, exact, multiplied, between] {
             let bytes = header.write();

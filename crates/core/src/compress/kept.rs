@@ -1,5 +1,5 @@
-//! The coefficients that the paper's policies keep, out of a file and into one: those of the samples themselves, so that
-//! sums of coefficients are sums of samples.
+//! Reads and writes the coefficients kept by the paper's policies. They are linear in the samples, so that sums of
+//! coefficients are sums of samples.
 
 use super::between::Between;
 use super::classes::{classes_chunk, classes_of};
@@ -18,7 +18,7 @@ use crate::codec::{ChunkKind, Class, CodecError};
 use crate::domain::Measurement;
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
-/// What a file's coefficients are of.
+/// Policy, transforms and masking of a file with kept coefficients.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Kept {
     pub(crate) policy: Policy,
@@ -27,8 +27,8 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
-    /// Reads a file's header; `None` where its policy keeps something else than coefficients of the samples, or on
-    /// triangles other ones than this program writes.
+    /// Reads a file's header. `None` if its policy does not keep coefficients of the samples, or if its triangles use a
+    /// basis other than bio-Haar.
     pub(crate) fn of(bytes: &[u8]) -> Result<Option<Self>, CodecError> {
         let (Header { policy, transforms, has_classes, .. }, _) = open(bytes)?;
         let linear = match policy {
@@ -43,7 +43,7 @@ impl Kept {
         Ok((linear && known).then_some(Self { policy, transforms, has_masks: has_classes }))
     }
 
-    /// The coefficients of a file that this was read from, 0 where none is kept, row-major.
+    /// Decodes the coefficients of a file that [`Self::of`] accepts, row-major, 0 where none is kept.
     pub(crate) fn coefficients(bytes: &[u8]) -> Result<Vec<f32>, CodecError> {
         let (header, container) = open(bytes)?;
         let chunk = |kind| container.get(kind).map(|chunk| chunk.payload);
@@ -51,8 +51,8 @@ impl Kept {
         Ok(coefficients_of(&header, classes.as_deref(), chunk(ChunkKind::Coefficients).unwrap_or_default())?.1)
     }
 
-    /// A file of these coefficients, which goes from one incidence to the next as `between` says. `measurement` is what they stand for: its masked samples are masked, and the file's
-    /// errors are measured against it.
+    /// Writes a file of these coefficients, with `between` as its interpolation between incidences. Masked samples of
+    /// `measurement` become masked in the file, and the errors are measured against it.
     pub(crate) fn write(
         &self,
         measurement: &Measurement,

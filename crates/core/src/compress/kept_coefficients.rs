@@ -1,4 +1,4 @@
-//! Coefficients that the paper's policies keep, exact: into the parts of a file, and out of its chunk.
+//! Codes the exactly kept coefficients of the paper's policies into file parts, and decodes them.
 
 use super::header::{Header, plan_of};
 use super::parts::Parts;
@@ -8,7 +8,7 @@ use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows
 use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::transform::{AxisTransform, Plan};
 
-/// The file's chunks for the coefficients that are kept, the others 0.
+/// Builds header and chunks for the kept coefficients; all others are 0.
 pub(super) fn parts_of(
     measurement: &Measurement,
     (policy, transforms): (Policy, &[AxisTransform]),
@@ -34,7 +34,7 @@ pub(super) fn parts_of(
     Parts { header, chunks }
 }
 
-/// The coefficients of a file, row-major, and the plan that they are of.
+/// Decodes the coefficients of a file, row-major, and returns them with their transform plan.
 pub(super) fn coefficients_of(
     header: &Header,
     classes: Option<&[Class]>,

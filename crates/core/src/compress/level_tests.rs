@@ -1,10 +1,11 @@
-//! A material cut at a level is a coarser material: its stated errors hold, and its light is that of the original.
+//! Tests of prefixes: a material cut at a level is a coarser material, keeps its stated errors, and has the light of
+//! the original.
 
 use super::tests::{hurt, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
 use crate::domain::{Axis, Domain, ErrorReport, Quantity, Silent, TriangleMesh};
 
-/// Means of the original samples over triangles of `level` of the last triangle axis, by definition.
+/// Means of the original samples over triangles of `level` of the last triangle axis, computed by definition.
 fn averages(m: &Measurement, level: u8) -> Vec<f32> {
     let axes = m.tensor.axes();
     let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))).unwrap();
@@ -22,7 +23,7 @@ fn averages(m: &Measurement, level: u8) -> Vec<f32> {
         .collect()
 }
 
-/// The light of every block of `length` samples a triangle.
+/// Light of every block, with `length` samples to a triangle.
 fn light(m: &Measurement, mesh: TriangleMesh, length: usize, samples: &[f32]) -> Vec<f64> {
     let weight = |i| if m.quantity.has_cosine() { mesh.projected_solid_angle(i) } else { mesh.solid_angle(i) };
     let weights: Vec<f64> = (0..mesh.len()).map(weight).collect();
@@ -75,7 +76,7 @@ fn check_levels(m: &Measurement, target: Target) -> usize {
         // Blocks that are coded together differ by their noise.
         let close = |(w, f): (&f64, &f64)| (f / w - 1.0).abs() < 0.013;
         assert!(wanted.iter().zip(&found).all(close), "{:?} {info:?}: {wanted:?} {found:?}", m.quantity);
-        // More of the file changes nothing, less is an error.
+        // A longer prefix changes nothing; a shorter one is an error.
         assert!(coarse == decode_level(bytes, info.level).unwrap().measurement.tensor || coarse.masked() > 0);
         let cut = decode_level(&bytes[..info.bytes as usize - 1], info.level);
         assert!(matches!(cut, Err(DecodeError::Truncated { .. })));
@@ -111,7 +112,7 @@ fn a_prefix_of_any_length_decodes_to_what_it_holds() {
                 let decoded = decode_level(&bytes[..end], info.level);
                 assert_eq!(decoded.is_ok(), end as u64 >= info.bytes, "{end} of {info:?}: {:?}", decoded.err());
             }
-            // A chunk that is cut is not verified, and any bytes in it are some material.
+            // A cut chunk is not verified, and any bytes in it decode to some material.
             let mut damaged = bytes[..end].to_vec();
             if let Some(last) = damaged.last_mut() {
                 *last ^= 0xA5;

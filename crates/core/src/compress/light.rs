@@ -1,33 +1,35 @@
-//! The light that leaves each block of directions, at each wavelength: directional albedo, flux, or a phase function's integral.
+//! Light that leaves each block of directions, at each wavelength: directional albedo, flux, or a phase function's
+//! integral.
 //!
-//! It is Σ sample · weight over the last axis of directions. The weight of a triangle is its solid angle, projected for
-//! quantities that go with a cosine. Weights of a grid of angles integrate straight lines between polar angles, and are
-//! trapezoids around the pole. A block is one entry of all axes before the directions. Masked samples do not count.
+//! The light is Σ sample · weight over the last axis of directions. The weight of a triangle is its solid angle,
+//! projected for quantities that go with a cosine. Weights of a grid of angles integrate straight lines between polar
+//! angles, and are trapezoids around the pole. A block is one entry of all axes before the directions. Masked samples
+//! are skipped.
 
 use crate::codec::Class;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use serde::Serialize;
 
-/// How far the light of the decoded file is from that of the measurement.
+/// Deviation of the decoded file's light from the measurement's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LightReport {
-    /// The largest relative error over blocks and wavelengths that have light.
+    /// Largest relative error over blocks and wavelengths that have light.
     pub largest: f64,
-    /// Its root mean square.
+    /// Root mean square of the relative error over these blocks and wavelengths.
     pub rms: f64,
-    /// The largest light of a block in the measurement: an albedo above 1 is none.
+    /// Largest light of a block in the measurement; a value above 1 cannot be an albedo.
     pub brightest: f64,
 }
 
-/// How the samples of a tensor add up.
+/// Integration weights of the last axis of directions.
 pub(crate) struct Light {
     weights: Vec<f64>,
     inner: usize,
 }
 
 impl Light {
-    /// `None` where there are no directions.
+    /// Weights for the last axis of directions; `None` without directions.
     pub(crate) fn of(quantity: Quantity, axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
         let weights = match &axes[at] {
@@ -38,17 +40,17 @@ impl Light {
         Some(Self { weights, inner: axes[at + 1..].iter().map(Axis::len).product() })
     }
 
-    /// Entries after the directions.
+    /// Number of entries after the directions.
     pub(crate) fn inner(&self) -> usize {
         self.inner
     }
 
-    /// Sums of a tensor of `samples` samples.
+    /// Number of sums in a tensor of `samples` samples.
     pub(crate) fn entries(&self, samples: usize) -> usize {
         samples / self.weights.len()
     }
 
-    /// `[blocks, entries after the directions]`
+    /// Light of each block and entry, `[blocks, entries after the directions]`.
     pub(crate) fn sums(&self, samples: &[f32]) -> Vec<f64> {
         let block = self.weights.len() * self.inner;
         let mut sums = vec![0.0; samples.len() / self.weights.len()];
@@ -68,7 +70,7 @@ impl Light {
         sums
     }
 
-    /// Adds corrections to the logarithms of every block and entry.
+    /// Adds the corrections to the logarithms of every block and entry.
     pub(crate) fn add(&self, how: Correcting<'_>, steps: &[i32], logs: &mut [f32]) {
         let block = self.weights.len() * self.inner;
         for (number, (logs, steps)) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)).enumerate() {
@@ -102,9 +104,11 @@ impl Light {
         LightReport { largest, rms: if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }, brightest }
     }
 
-    /// The steps of the logarithm that take the light of `decoded` within `bound` of that of `original`; 0 where it is. With
-    /// a negative step the negative samples of a block take the correction if they can, as they keep no error, else the
-    /// positive ones.
+    /// Steps of the logarithm that bring the light of `decoded` within `bound` (relative) of that of `original`; 0
+    /// where it already is.
+    ///
+    /// With a negative step, the negative samples of a block take the correction if they can, because their errors are
+    /// not bounded. Otherwise the positive samples take it.
     pub(crate) fn steps(
         &self,
         bound: f64,
@@ -140,7 +144,7 @@ impl Light {
         all.map(|(entry, (wanted, found))| of_block(entry, wanted, found)).collect()
     }
 
-    /// Weights and sizes of the negative samples that an entry of the sums adds up.
+    /// Weights and magnitudes of the negative samples that contribute to an entry of the sums.
     fn negative_of(&self, entry: usize, samples: &[f32]) -> Vec<(f64, f64)> {
         let first = entry / self.inner * self.weights.len() * self.inner + entry % self.inner;
         let own = samples[first..].iter().step_by(self.inner).zip(&self.weights);
@@ -148,39 +152,39 @@ impl Light {
     }
 }
 
-/// Corrections of the light: their step, and the negative samples that keep no error.
+/// Parameters of light corrections: their step, and the negative samples that they may change freely.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correcting<'a> {
-    /// Step of a logarithm; negative where odd steps are those of negative samples, see [`shift`].
+    /// Step of a logarithm; negative if odd steps apply to negative samples, see [`shift`].
     step: f32,
-    /// Classes of samples on a grid of angles. A positive step leaves negative samples there as they are.
+    /// Classes of samples on a grid of angles. A positive step leaves negative samples there unchanged.
     classes: Option<&'a [Class]>,
-    /// Largest logarithm of a negative sample.
+    /// Upper bound on the logarithm of a negative sample's magnitude.
     bound: f32,
 }
 
 impl<'a> Correcting<'a> {
-    /// Corrections of a step. With a bound, the largest logarithm of a negative sample, `classes` tell which samples are
-    /// negative; without, all samples are corrected alike.
+    /// Corrections with a step. With `bound`, the largest logarithm of a negative sample, `classes` mark the negative
+    /// samples. Without it, all samples are corrected alike.
     pub(crate) fn new(step: f32, classes: Option<&'a [Class]>, bound: Option<f32>) -> Self {
         Self { step, classes: classes.filter(|_| bound.is_some()), bound: bound.unwrap_or(f32::MAX) }
     }
 }
 
-/// Negative samples of a block: weights and sizes, and the largest size that a decoder gives any.
+/// Negative samples of a block: weights and magnitudes, and the largest magnitude that a decoder produces.
 struct Negative {
     samples: Vec<(f64, f64)>,
     largest: f64,
 }
 
 impl Negative {
-    /// Size of the light of all with this shift of their logarithms.
+    /// Magnitude of their total light after this shift of their logarithms.
     fn light(&self, shift: f64) -> f64 {
         let factor = libm::exp(shift);
         self.samples.iter().map(|(weight, size)| weight * (factor * size).min(self.largest)).sum()
     }
 
-    /// The number of steps, among those that float32 holds, with which the light is nearest to `wanted` from below.
+    /// Largest number of steps with which the light does not exceed `wanted`, among those that float32 holds exactly.
     fn nearest(&self, wanted: f64, step: f64) -> i32 {
         let most = (MOST_SHIFT / step).min(MOST_STEPS) as i32;
         let (mut low, mut high) = (-most, most);
@@ -192,18 +196,18 @@ impl Negative {
     }
 }
 
-/// Part of a bound that light may be off without a correction: the rest is left to rounding.
+/// Fraction of a bound within which light is left uncorrected; the remainder allows for rounding.
 const NEAR: f64 = 0.9;
-/// Steps of negative samples are this much finer: their light may be many times that of their block.
+/// Factor by which steps of negative samples are finer, because their light may be many times that of their block.
 const PARTS: f64 = 16.0;
-/// Largest shift of the logarithms of negative samples, which makes them nothing or the largest.
+/// Largest shift of the logarithms of negative samples; it makes them negligible or takes them to their bound.
 const MOST_SHIFT: f64 = 20.0;
-/// Most steps of that shift: float32 holds every integer up to it.
+/// Upper bound on the number of steps of such a shift: float32 holds every integer up to it.
 const MOST_STEPS: f64 = (1 << 24) as f64;
 
-/// Change of a logarithm by the correction `k`; true with it where the change is for negative samples. A negative step stands
-/// for one of its size: an even k is then twice the steps of samples that are not negative; an odd k is twice those of negative
-/// samples, each a sixteenth as large, plus 1.
+/// Change of a logarithm by the correction `k`, and true if it applies to negative samples. A negative step encodes its
+/// absolute value. An even k is then twice the steps of non-negative samples. An odd k is twice the steps of negative
+/// samples plus 1, each a sixteenth as large.
 fn shift(step: f32, k: i32) -> (bool, f32) {
     match (step < 0.0, k & 1) {
         (false, _) => (false, k as f32 * step),
@@ -212,7 +216,7 @@ fn shift(step: f32, k: i32) -> (bool, f32) {
     }
 }
 
-/// What a cell counts for: its solid angle, projected for quantities that go with a cosine.
+/// Weight of each cell: its solid angle, projected for quantities that go with a cosine.
 pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     if quantity.has_cosine() {
         (0..mesh.len()).map(|cell| mesh.projected_solid_angle(cell)).collect()
@@ -221,13 +225,14 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     }
 }
 
-/// Solid angle, weighted by |cos θ| for surfaces, that each stated direction of a grid stands for.
+/// Solid angle that each stated direction of a grid represents, weighted by |cos θ| for surfaces.
 fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
     polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()
 }
 
-/// Weights of polar angles: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, of straight lines between them, f as at the ends beyond.
+/// Weights of polar angles: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, with f linear between the angles and constant beyond
+/// the ends.
 fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let from_pole = if matches!(grid.frame(), Frame::TypeA | Frame::TypeB) { 90.0 } else { 0.0 };
     let angles: Vec<f64> = grid.polar().iter().map(|angle| (angle + from_pole).to_radians()).collect();
@@ -242,7 +247,7 @@ fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
         weights[k] += near;
         weights[k + 1] += far;
     }
-    // Mirrored latitudes stand for both sides of the equator.
+    // Mirrored latitudes represent both sides of the equator.
     let sides = if grid.is_polar_mirrored() { 2.0 } else { 1.0 };
     for weight in &mut weights {
         *weight *= sides;
@@ -250,7 +255,7 @@ fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     weights
 }
 
-/// Weights of both ends of a zone from `a` to `b`, angles from a pole.
+/// Weights of both ends of a zone from `a` to `b`, angles from a pole in radians.
 fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
     // ∫ sin u of the straight lines that are 1 at one end and 0 at the other.
     let of_sine = |a: f64, b: f64| {
@@ -260,14 +265,14 @@ fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
     if b <= a {
         [0.0, 0.0]
     } else if quantity.has_cosine() {
-        // sin θ cos θ = ½ sin 2θ, u = 2θ. A zone across the horizon has about no weight.
+        // sin θ cos θ = ½ sin 2θ, u = 2θ. A zone across the horizon has almost no weight.
         of_sine(2.0 * a, 2.0 * b).map(|weight| (0.25 * weight).abs())
     } else {
         of_sine(a, b)
     }
 }
 
-/// Weights of azimuths: half the angles to both neighbours, 2π in all but for sectors.
+/// Weights of azimuths: half the angles to both neighbours, 2π in total except for sectors.
 fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
     let Some(azimuths) = grid.azimuths() else { return vec![std::f64::consts::TAU] };
     let (angles, last) = (&azimuths.angles, azimuths.angles.len() - 1);
@@ -293,9 +298,10 @@ fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
     weights
 }
 
-/// The step of the logarithm for a bound of the light's relative error; negative for samples with a sign, see [`shift`].
+/// Step of the logarithm for a bound on the light's relative error; negative for samples with a sign, see [`shift`].
 pub(crate) fn step_of(bound: f64, signed: bool) -> f32 {
-    // Rounding to the nearest step leaves half a step; of positive samples alone, which are more than all.
+    // Rounding to the nearest step leaves an error of half a step. The signed factor is smaller: positive light alone
+    // exceeds the total.
     let part = if signed { -0.5 } else { 1.6 };
     (part * libm::log1p(bound)) as f32
 }

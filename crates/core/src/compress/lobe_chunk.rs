@@ -1,4 +1,4 @@
-//! The lobe beside the cells of a material, as a file states it: chunk A.
+//! Chunk A: the lobe beside the cells of a material.
 //!
 //! ```text
 //! u8      centre + 4 · two widths
@@ -13,14 +13,15 @@
 use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, Domain, Layout, Lobe, LobeCentre, LobeParameters, Quantity};
 
-/// Incidences beside a lobe at most: its means over cells and its light are found for each of them, when a file is opened.
+/// Upper bound on incidences beside a lobe. Opening a file computes the lobe's means over cells and its light for each
+/// of them.
 const MOST_INCIDENCES: usize = 4096;
 const CENTRE: u8 = 3;
 const TWO_WIDTHS: u8 = 4;
 
-/// Returns true where a measurement on these axes can have the lobe beside its cells: a BRDF of few incoming directions over the
-/// triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe that turns with the surface needs
-/// incoming azimuths.
+/// Returns true if a measurement on these axes can have the lobe beside its cells. It must be a BRDF of few incoming
+/// directions over the triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe that
+/// turns with the surface also needs incoming azimuths.
 pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
     let (Some(samples), Ok(layout)) = (spectrum_length(quantity, axes), Layout::of(quantity, axes)) else {
         return false;
@@ -29,7 +30,7 @@ pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
     lobe.colours().len() == samples && !(is_isotropic && lobe.is_anisotropic())
 }
 
-/// The number of samples of a spectrum, where a measurement on these axes can have a lobe.
+/// Number of samples of a spectrum; `None` if a measurement on these axes cannot have a lobe.
 fn spectrum_length(quantity: Quantity, axes: &[Axis]) -> Option<usize> {
     let layout = Layout::of(quantity, axes).ok()?;
     let is_incoming = |axis: &Axis| matches!(axis, Axis::Elevation(_) | Axis::Triangles(_));
@@ -41,7 +42,7 @@ fn spectrum_length(quantity: Quantity, axes: &[Axis]) -> Option<usize> {
     (quantity == Quantity::Brdf && has_incoming && has_outgoing && is_whole).then_some(spectrum)
 }
 
-/// The payload of chunk A.
+/// Writes the payload of chunk A.
 pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     let LobeParameters { centre, peak, range, widths, angle, tail, colours } = lobe.parameters();
     let code = match centre {
@@ -68,7 +69,7 @@ pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads the payload of chunk A of a material of this quantity on these axes.
+/// Reads the payload of chunk A for a material of this quantity on these axes.
 pub(crate) fn read(r: &mut Reader<'_>, quantity: Quantity, axes: &[Axis]) -> Result<Lobe, CodecError> {
     let Some(samples) = spectrum_length(quantity, axes) else {
         return Err(

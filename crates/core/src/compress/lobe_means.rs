@@ -1,16 +1,16 @@
-//! Means of the lobe beside the cells over these: what a decoded tensor has of it.
+//! Adds the lobe to a decoded tensor of cells: its mean over each of them.
 
 use super::decode::{Decoded, DecodedBlock};
 use crate::codec::CodecError;
 use crate::domain::{Axis, Direction, Lobe, Measurement, Sampling, Tensor, TriangleMesh};
 use rayon::prelude::*;
 
-/// Cells that a thread takes at a time.
+/// Cells per parallel task.
 const SHARE: usize = 256;
 
 impl Decoded {
-    /// The samples of cells and lobe together: the mean of the lobe over each cell is added, or its value at the centre where
-    /// samples are those of points. Of a material without a lobe the samples stay as they are.
+    /// Returns the samples of cells and lobe together: adds the mean of the lobe over each cell, or its value at the
+    /// centre for point samples. Without a lobe the samples stay as they are.
     pub fn whole(self) -> Result<Measurement, CodecError> {
         let Self { measurement, summary } = self;
         let Some(lobe) = &summary.lobe else { return Ok(measurement) };
@@ -23,7 +23,7 @@ impl Decoded {
 }
 
 impl DecodedBlock {
-    /// The samples of cells and lobe together, of incoming entry `block`, as [`Decoded::whole`].
+    /// Returns the samples of incoming entry `block` with the lobe added, as [`Decoded::whole`] does.
     pub fn whole(self, block: usize) -> Result<Tensor, CodecError> {
         let Self { tensor, summary } = self;
         let Some(lobe) = &summary.lobe else { return Ok(tensor) };
@@ -38,7 +38,7 @@ fn tensor_of(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Tensor, CodecError> {
     Tensor::new(axes, samples).map_err(|error| CodecError::Malformed { at: 0, reason: error.to_string() })
 }
 
-/// Adds the lobe to the samples of incoming entries from `first` on.
+/// Adds the lobe to the samples of incoming entries, starting at entry `first`.
 fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples: &mut [f32]) {
     let (Some(incoming), Some(Axis::Triangles(mesh))) = (axes.first(), axes.get(1)) else { return };
     let wi = |entry: usize| match incoming {
@@ -53,7 +53,7 @@ fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples
     }
 }
 
-/// Adds the means of a lobe under `wi` over all cells to samples `[outgoing, lambda]`.
+/// Adds the means over all cells of a lobe under `wi` to samples `[outgoing, lambda]`.
 pub(crate) fn lobe_means(lobe: &Lobe, wi: Direction, (mesh, sampling): (TriangleMesh, Sampling), samples: &mut [f32]) {
     let Some(under) = lobe.under(wi) else { return };
     let lambdas = lobe.colours().len();

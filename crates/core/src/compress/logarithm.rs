@@ -1,11 +1,11 @@
-//! Natural logarithms of many numbers at once, bit for bit those of `libm`.
+//! Natural logarithms of many numbers at once, bit for bit equal to those of `libm`.
 //!
-//! The method is that of FreeBSD's `e_log.c` for positive normal numbers: x = 2ᵏ · (1 + f), √½ < 1 + f < √2, and
-//! ln(1 + f) from a polynomial in s = f / (2 + f). Whatever else a number may be is left to `libm` itself.
+//! The method is that of FreeBSD's `e_log.c` for positive normal numbers: x = 2ᵏ · (1 + f), √½ < 1 + f < √2, and ln(1 +
+//! f) from a polynomial in s = f / (2 + f). All other numbers go to `libm` itself.
 
 use crate::numeric::wide;
 
-/// Numbers looked at together.
+/// Numbers processed together.
 const LANES: usize = 16;
 
 /// Replaces every number by its logarithm.

@@ -1,4 +1,5 @@
-//! Every bit of every sample, or of the numbers of which samples are a multiple: no transform, the masked samples filled so that they cost little.
+//! Lossless policy: every bit of every sample, or of the numbers that give the samples times one factor. No transform;
+//! masked samples are filled with values that cost few bits.
 
 use super::classes::classes_chunk;
 use super::compressed::Compressed;
@@ -14,17 +15,17 @@ use super::settings::Settings;
 use crate::codec::{ChunkKind, Class, Encoder, code_exact};
 use crate::domain::{Measurement, Progress};
 
-/// Numbers as a file states them, each beside its sample, and what samples are times them.
+/// Numbers stated in a file, one for each sample, and the factor from numbers to samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Numbers<'a> {
     /// The numbers, NaN = masked.
     pub values: &'a [f32],
-    /// A sample is `factor` times its number, rounded to f32.
+    /// Ratio of sample to number; each sample is `factor` × number, rounded to f32.
     pub factor: f64,
 }
 
 impl Numbers<'_> {
-    /// Returns true where the factor makes just these samples of the numbers.
+    /// Returns true if the factor reproduces every sample from its number.
     fn stand_for(&self, samples: &[f32]) -> bool {
         let is_same = |(&number, &sample): (&f32, &f32)| {
             number.is_nan() && sample.is_nan() || scaled(number, self.factor).to_bits() == sample.to_bits()

@@ -1,11 +1,11 @@
-//! Metadata of a file: the text of its chunk, and the labels of index axes, which have no other place.
+//! Metadata of a file: the text of its chunk, and the labels of index axes, which are stored only there.
 
 use super::header::Header;
 use super::metadata_chunk::{metadata_kind, read_metadata};
 use crate::codec::{CodecError, Container};
 use crate::domain::Axis;
 
-/// Metadata with the labels of index axes, which have no other place: `"labels": {"0": [...]}`.
+/// Adds the labels of index axes, which are stored only there, to the metadata: `"labels": {"0": [...]}`.
 pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Option<String> {
     let mut object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(metadata?).ok()?;
     let labels: serde_json::Map<_, _> = axes
@@ -22,7 +22,7 @@ pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Opt
     Some(serde_json::Value::Object(object).to_string())
 }
 
-/// The metadata chunk's text, and the axes with the labels it holds.
+/// Returns the text of the metadata chunk, and the axes with the labels it holds.
 pub(super) fn metadata_of(
     header: &Header,
     container: &Container<'_>,

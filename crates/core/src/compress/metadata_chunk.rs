@@ -1,18 +1,18 @@
-//! The chunk of the metadata: which one it is, written and read.
+//! Chunk kind of the metadata, and its reading and writing.
 
 use crate::codec::{Chunk, ChunkKind, CodecError, TYPICAL, read_provenance, read_text, write_provenance, write_text};
 use crate::domain::Axis;
 
-/// The largest metadata text, in bytes.
+/// Largest metadata text, in bytes.
 pub(super) const MAX_METADATA: usize = 1 << 24;
 
-/// The chunk that holds the metadata of a measurement on these axes.
+/// Kind of the chunk that holds the metadata of a measurement on these axes.
 pub(super) fn metadata_kind(axes: &[Axis]) -> ChunkKind {
     let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     if on_grid { ChunkKind::Provenance } else { ChunkKind::Metadata }
 }
 
-/// The metadata of a measurement on `axes` as its chunk.
+/// Writes the metadata of a measurement on `axes` as its chunk.
 pub(super) fn metadata_chunk(axes: &[Axis], text: &str) -> (ChunkKind, Vec<u8>) {
     match metadata_kind(axes) {
         ChunkKind::Provenance => (ChunkKind::Provenance, write_provenance(text)),
@@ -20,7 +20,7 @@ pub(super) fn metadata_chunk(axes: &[Axis], text: &str) -> (ChunkKind, Vec<u8>) 
     }
 }
 
-/// The text of such a chunk.
+/// Reads the text of a metadata chunk.
 pub(super) fn read_metadata(chunk: &Chunk<'_>) -> Result<String, CodecError> {
     match chunk.kind {
         ChunkKind::Provenance => read_provenance(&mut chunk.reader(), MAX_METADATA),

@@ -1,10 +1,11 @@
-//! Measurements → compressed materials to a promised error, measured on the decoded bytes.
+//! Compresses measurements into materials that keep a promised error, measured on the decoded bytes.
 //!
-//! * `rd`: sign and logarithm of every sample, orthonormal Haar on triangles and a wavelet along wavelength, one uniform
-//!   step for all normalised coefficients, adaptive range coding; optionally a second layer that bounds every sample.
-//! * `conventional`, `generic`, `adaptive`: the paper's policies (\[CPB06\] section 4.2): linear domain, bio-Haar, thresholds on L2-normalised
-//!   coefficients, the kept ones exact.
-//! * `lossless`: every bit of every sample, and of the numbers that a file states beside one factor.
+//! * `rd`: codes sign and logarithm of every sample. Triangles take an orthonormal Haar transform and wavelengths a
+//!   wavelet. One uniform step quantises all normalised coefficients, and an adaptive range coder writes them. An
+//!   optional second layer bounds the error of every sample.
+//! * `conventional`, `generic`, `adaptive`: the paper's policies (\[CPB06\] section 4.2): linear domain, bio-Haar,
+//!   thresholds on L2-normalised coefficients, kept coefficients stored exactly.
+//! * `lossless`: every bit of every sample, and of the numbers that a file states beside one common factor.
 
 mod between;
 mod classes;
@@ -81,7 +82,7 @@ use crate::domain::{Measurement, Progress};
 use effort::Tally;
 use spectral_basis::SpectralBasis;
 
-/// Whether `bytes` start as a material does.
+/// Returns true if `bytes` start with the magic number of a material.
 pub fn is_material(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC)
 }
@@ -95,8 +96,8 @@ pub fn compress(
     compress_numbers(measurement, None, settings, progress)
 }
 
-/// Like [`compress`], of a measurement whose file states `numbers` and one factor for all of them: lossless keeps the
-/// numbers, where the factor makes just these samples of them.
+/// Like [`compress`], for a measurement whose file states `numbers` and one common factor. Lossless compression stores
+/// those numbers if number × factor reproduces every sample.
 pub fn compress_numbers(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,

@@ -1,27 +1,31 @@
-//! How noisy a measurement is: what neither neighbouring directions nor neighbouring wavelengths predict.
+//! Estimates the noise of a measurement: the part that neither neighbouring directions nor neighbouring wavelengths
+//! predict.
 //!
 //! # Method
 //! Logarithms of positive samples are cut into small blocks along two axes: 16 triangles that share a grandparent, and
-//! 8 to 15 neighbours on a line. On each axis an orthonormal basis of the block starts with the polynomials at the samples' own
-//! positions (triangles: in the tangent plane), degree by degree to 3; what completes it is blind to every cubic. Noise
-//! that is independent from sample to sample has the same standard deviation σ in every coefficient of the tensor product
-//! of two such bases; a smooth signal, or one that is a product of two factors, dies away with the degree of either. So
+//! 8 to 15 neighbours on a line. On each axis an orthonormal basis of the block starts with polynomials of degree 0 to
+//! 3 at the samples' own positions (triangles: in the tangent plane). The remaining basis vectors are orthogonal to
+//! every cubic. Noise that is independent from sample to sample has the same standard deviation σ in every coefficient
+//! of the tensor product of two such bases. The coefficients of a smooth signal, or of a product of two factors, fall
+//! with the degree on either axis. Therefore:
 //!
-//! * the median magnitude over all coefficients of degree > 3 on both axes, divided by 0.6745, is σ, and lobes, edges and
-//!   lines in a minority of blocks do not move it (Donoho & Johnstone 1994, section 4.1: the same median over the finest
-//!   wavelet details; here they are blind to cubics, and to what is smooth along one axis only);
-//! * the coefficients of degree 3 on one of the axes tell whether it *is* noise: equal magnitudes say yes, and where they
-//!   are κ = 2.5 times as large the signal explains everything. In between, the part that decays so fast is taken off.
-//!   κ is below what kinks of linear interpolation reach (2.8), smooth lobes have 5 and more. The estimate errs low.
-//! * the mean over the block's spectral samples, seen in coefficients of degree > 3 in direction, gives in the same way the
-//!   noise that whole stretches of a spectrum have in common: gain errors of one direction. Here, and where there is no second
-//!   axis, only the quarter of the blocks that bends least (in degree 2) is asked. κ is 1.5 wherever only one axis has order.
+//! * The median magnitude of all coefficients of degree > 3 on both axes, divided by 0.6745, is σ. Lobes, edges and
+//!   lines in a minority of blocks do not move it. (Donoho & Johnstone 1994, section 4.1, take this median over the
+//!   finest wavelet details. Here the coefficients ignore cubics, and anything that is smooth along one axis only.)
+//! * The coefficients of degree 3 on one of the axes test whether this is noise. Equal magnitudes confirm noise; if
+//!   they are κ = 2.5 times as large, the signal explains everything. In between, the part attributable to a signal of
+//!   this decay is subtracted. κ is below the ratio of kinks in linear interpolation (2.8); smooth lobes have 5 and
+//!   more. The estimate errs low.
+//! * The mean over the block's spectral samples, in coefficients of degree > 3 in direction, gives in the same way the
+//!   noise that whole stretches of a spectrum share: gain errors of one direction. Here, and without a second axis,
+//!   only the quarter of the blocks with the least curvature (degree 2) is used. κ is 1.5 wherever only one axis has
+//!   order.
 //!
-//! A grid of angles counts as two lines, its polar angles and its azimuths. Axes without order (indices, colours, meshes too
-//! coarse for cubics) only lose their mean. Nothing is estimated where no axis has neighbours, for single spectra (one line
-//! cannot tell noise from lines), or from few coefficients.
+//! A grid of angles counts as two lines, its polar angles and its azimuths. Axes without order (indices, colours,
+//! meshes too coarse for cubics) only lose their mean. There is no estimate without neighbours on any axis, for single
+//! spectra (one line cannot distinguish noise from spectral lines), or from few coefficients.
 //!
-//! At most [`MAX_BLOCKS`] blocks are looked at, the same ones every time: time and memory are bounded.
+//! At most [`MAX_BLOCKS`] blocks are used, always the same ones: time and memory are bounded.
 
 use super::figures::two_digits_up;
 use super::logarithm::logarithms;
@@ -35,25 +39,25 @@ use std::sync::{Arc, OnceLock};
 
 mod basis;
 
-/// The noise of a measurement. All numbers are standard deviations of a sample's logarithm, hence relative: 0.01 is 1 %.
+/// Noise of a measurement. All standard deviations are those of a sample's logarithm, hence relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Noise that is independent from sample to sample, of a typical (median) sample. 0 where none was found.
+    /// Noise that is independent from sample to sample, of a typical (median) sample. 0 if none was found.
     pub relative: f64,
-    /// The standard error of `relative`, with what may be signal instead.
+    /// Standard error of `relative`, including the part that may be signal instead.
     pub uncertainty: f64,
-    /// Noise that neighbouring spectral samples have in common (a direction's gain error); 0 where none was found or
-    /// there is no spectral axis.
+    /// Noise that neighbouring spectral samples share (a direction's gain error); 0 if none was found or there is no
+    /// spectral axis.
     pub common: f64,
-    /// How many coefficients `relative` is the median of.
+    /// Number of coefficients whose median gives `relative`.
     pub coefficients: u64,
 }
 
 impl Noise {
-    /// What someone who asks for `target` should know: whether it lies below the noise, what that costs, and what to ask for
+    /// Returns a warning if `target` lies below the noise: the cost in bytes, and the smallest error worth asking for
     /// instead.
     pub fn warning(&self, target: Target) -> Option<String> {
-        // Of a million normal deviates the largest has 5 σ; below 3 σ so many exceed the bound that each costs bits.
+        // The largest of a million normal deviates is 5 σ. Below 3 σ so many exceed the bound that each costs bits.
         let (name, wanted, cliff, enough) = match target {
             Target::ErL2(wanted) => ("er_l2", wanted, 1.0, 1.05),
             Target::MaxRelativeError(wanted) => ("max_relative_error", wanted, 3.0, 5.0),
@@ -80,32 +84,32 @@ impl Noise {
     }
 }
 
-/// Blocks that are looked at.
+/// Upper bound on the number of blocks used; raising it costs time and memory.
 const MAX_BLOCKS: usize = 2048;
-/// Rounds of as many candidates, where blocks have zeros and masks.
+/// Upper bound on the rounds of [`MAX_BLOCKS`] candidates each; later rounds replace blocks lost to zeros and masks.
 const ROUNDS: usize = 6;
-/// Coefficients below which nothing is said: a standard error of 12 %.
+/// Smallest number of coefficients for an estimate: a standard error of 12 %.
 const FEWEST: usize = 96;
-/// How fast a signal decays at least from degree 3 to the degrees above.
+/// Assumed ratio of a signal's coefficients of degree 3 to those of higher degrees, at least. Raising it attributes
+/// more to noise.
 const DECAY: f64 = 2.5;
-/// The same where only one axis has neighbours to tell by: rough signals decay as slowly there.
+/// Like [`DECAY`], when only one axis has order: rough signals decay as slowly there.
 const DECAY_ALONE: f64 = 1.5;
-/// One block in so many is quiet enough to be asked about one axis alone.
+/// The quietest 1/`QUIETEST` of the blocks give the single-axis estimate.
 const QUIETEST: usize = 4;
-/// So many are asked at least.
+/// Lower bound on the number of these blocks.
 const FEWEST_QUIET: usize = 64;
-/// The median magnitude of a standard normal deviate.
+/// Median magnitude of a standard normal deviate.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
-/// The standard error of that estimate from one deviate, relative to σ.
+/// Standard error of the median-based σ from one deviate, relative to σ.
 const ERROR_OF_MEDIAN: f64 = 1.166;
-/// Below this only the rounding of f32 samples is seen.
+/// Noise below this is only the rounding of f32 samples, and is reported as 0.
 const ROUNDING: f64 = 2e-7;
 
 /// Estimates the noise of `measurement` from its positive samples of at least `floor` (absolute; 0 for all of them).
 ///
-/// `None` where nothing can be said or there is no more than the rounding of f32: then any target is reachable without
-/// spending bytes on noise, as far as anyone can tell. Up to a few per cent of scattered zeros and masks are borne, and
-/// any number of contiguous ones.
+/// `None` if there is too little data, or no noise beyond the rounding of f32. Then no target is known to spend bytes
+/// on noise. Tolerates up to a few per cent of scattered zeros and masks, and any number of contiguous ones.
 pub fn estimate(measurement: &Measurement, floor: f32) -> Option<Noise> {
     let axes = lines(measurement.tensor.axes());
     let samples = measurement.tensor.samples();
@@ -115,12 +119,12 @@ pub fn estimate(measurement: &Measurement, floor: f32) -> Option<Noise> {
         let ordered = !matches!(columns.place, Place::Unordered);
         on_two_axes(blocks(Some(columns)), if ordered { DECAY } else { DECAY_ALONE })
     });
-    // Scattered masks leave no block whole on two axes; triangles alone may do.
+    // Scattered masks may leave no complete block on two axes, but some on triangles alone.
     let alone = || if matches!(rows.place, Place::Plane(_)) { on_triangles_alone(blocks(None)) } else { None };
     both.or_else(alone).filter(|noise| noise.relative > 0.0 || noise.common > 0.0)
 }
 
-/// The axes, with grids of angles as two lines.
+/// Replaces grids of angles by two lines each: polar angles and azimuths.
 fn lines(axes: &[Axis]) -> Vec<Axis> {
     let line = |angles: &[f64]| Axis::Elevation(angles.to_vec());
     let of_axis = |axis: &Axis| match axis {
@@ -133,18 +137,18 @@ fn lines(axes: &[Axis]) -> Vec<Axis> {
     axes.iter().flat_map(of_axis).collect()
 }
 
-/// How one axis is cut into blocks.
+/// Division of one axis into blocks.
 struct Fit {
     axis: usize,
     place: Place,
-    /// Where each block starts; one longer than there are blocks.
+    /// First entry of each block, and the end of the last.
     starts: Vec<usize>,
     spectral: bool,
-    /// The bases of whole blocks, made once.
+    /// Bases of unmasked blocks, computed once.
     whole: Vec<OnceLock<Option<Arc<Basis>>>>,
 }
 
-/// The axis that predicts best, and the next one. `None` where no axis has neighbours.
+/// Returns the axis that predicts best, and the next one. `None` if no axis has neighbours.
 fn fits(axes: &[Axis]) -> Option<(Fit, Option<Fit>)> {
     let mut ranked: Vec<(u8, Fit)> = axes.iter().enumerate().rev().filter_map(|(i, axis)| fit(i, axis)).collect();
     // The last mesh is the outgoing one; an incoming one comes after wavelengths.
@@ -157,7 +161,7 @@ fn fits(axes: &[Axis]) -> Option<(Fit, Option<Fit>)> {
     Some((first, ranked.next()))
 }
 
-/// How well axes predict, best first.
+/// Rank of an axis as a predictor of its samples, best first.
 const OUTGOING: u8 = 0;
 const WAVELENGTH: u8 = 1;
 const INCOMING: u8 = 2;
@@ -183,21 +187,22 @@ fn fit(axis: usize, what: &Axis) -> Option<(u8, Fit)> {
     (len >= 2).then(|| (rank, Fit { axis, place, starts, spectral: what.is_spectral(), whole }))
 }
 
-/// Coefficients of a block by degree: `high` above 3, `third` 3, on the first and the second axis.
+/// Coefficients of a block by degree (`high` above 3, `third` 3) on the first and the second axis.
 struct Block {
     high_high: Vec<f64>,
     third_high: Vec<f64>,
     high_third: Vec<f64>,
-    /// On the first axis alone, of means over the spectral samples of the block (without a second axis, of its samples).
+    /// Coefficients on the first axis alone, of means over the block's spectral samples (without a second axis, of its
+    /// samples).
     high_mean: Vec<f64>,
     third_mean: Vec<f64>,
-    /// The energy of degree 2 in these means. Under noise it says nothing of higher degrees, under signal much.
+    /// Energy of degree 2 in these means. Under noise it is unrelated to higher degrees; under signal it predicts them.
     second_mean: f64,
-    /// 1 / the samples in a mean.
+    /// 1 / number of samples in a mean.
     inverse_width: f64,
 }
 
-/// The noise in blocks on two axes.
+/// Estimates the noise from blocks on two axes.
 fn on_two_axes(mut blocks: Vec<Block>, decay: f64) -> Option<Noise> {
     let mut high_high: Vec<f64> = blocks.iter().flat_map(|block| &block.high_high).copied().collect();
     let all = deviation(&mut high_high)?;
@@ -207,20 +212,21 @@ fn on_two_axes(mut blocks: Vec<Block>, decay: f64) -> Option<Noise> {
     let lower = lower(|block| &block.third_high).max(lower(|block| &block.high_third)).max(all);
     let relative = without_signal(all * all, lower * lower, decay).sqrt();
     let common = on_one_axis(&mut blocks, all * all).map_or(0.0, |common| common.0);
-    // The mean of a block's samples scatters by a third of `all`: below half of it little is certain.
+    // The mean of a block's samples scatters by a third of `all`; values below half of it are uncertain.
     let common = if common < all / 2.0 { 0.0 } else { common };
     Some(noise(relative, all, high_high.len(), common))
 }
 
-/// The noise in blocks without a second axis.
+/// Estimates the noise from blocks without a second axis.
 fn on_triangles_alone(mut blocks: Vec<Block>) -> Option<Noise> {
     let (relative, all, coefficients) = on_one_axis(&mut blocks, 0.0)?;
     Some(noise(relative, all, coefficients, 0.0))
 }
 
-/// The noise that means have beyond the `own` variance of the samples in them; what they scatter in all; coefficients.
+/// Estimates the noise of the means beyond the variance `own` of their samples. Returns it with the total deviation of
+/// the means and the number of coefficients.
 ///
-/// One axis explains little, so only the quietest blocks are asked, and their signal is taken to decay slowly.
+/// One axis explains little. Only the quietest blocks are used, and their signal is assumed to decay slowly.
 fn on_one_axis(blocks: &mut Vec<Block>, own: f64) -> Option<(f64, f64, usize)> {
     blocks.retain(|block| !block.third_mean.is_empty());
     blocks.sort_by(|a, b| a.second_mean.total_cmp(&b.second_mean));
@@ -232,12 +238,12 @@ fn on_one_axis(blocks: &mut Vec<Block>, own: f64) -> Option<(f64, f64, usize)> {
     };
     let ((high, n), (third, _)) = (of(|block| &block.high_mean)?, of(|block| &block.third_mean)?);
     let common = without_signal(high * high - own, third * third - own, DECAY_ALONE);
-    // The difference of two squares is nothing before it stands out of their errors.
+    // A difference of two variances counts as 0 until it exceeds their errors.
     let least = if own > 0.0 { 8.0 * ERROR_OF_MEDIAN * high * high / (n as f64).sqrt() } else { 0.0 };
     Some((if common < least { 0.0 } else { common.sqrt() }, high, n))
 }
 
-/// `relative` of `coefficients` that scatter by `all`.
+/// Assembles the report of a noise `relative` from `coefficients` coefficients whose total deviation is `all`.
 fn noise(relative: f64, all: f64, coefficients: usize, common: f64) -> Noise {
     let unless_rounding = |noise: f64| if noise < ROUNDING { 0.0 } else { noise };
     let statistical = ERROR_OF_MEDIAN * all / (coefficients as f64).sqrt();
@@ -249,12 +255,13 @@ fn noise(relative: f64, all: f64, coefficients: usize, common: f64) -> Noise {
     }
 }
 
-/// The variance of noise in `high`, if the signal's is at least `decay`² times as large in `third`.
+/// Variance of the noise in `high`, assuming that the signal's variance is `decay`² times as large in `third`.
 fn without_signal(high: f64, third: f64, decay: f64) -> f64 {
     (high - (third - high).max(0.0) / (decay * decay - 1.0)).max(0.0)
 }
 
-/// The standard deviation of normal deviates that most of `values` are; `None` if there are too few.
+/// Standard deviation of the normal distribution that most of `values` follow, from their median; `None` if there are
+/// too few.
 fn deviation(values: &mut [f64]) -> Option<f64> {
     if values.len() < FEWEST {
         return None;
@@ -267,7 +274,7 @@ fn deviation(values: &mut [f64]) -> Option<f64> {
     Some(*median / MEDIAN_OF_NORMAL)
 }
 
-/// The coefficients of up to [`MAX_BLOCKS`] blocks without zeros and masks, spread over the tensor.
+/// Computes the coefficients of up to [`MAX_BLOCKS`] blocks without zeros and masks, spread over the tensor.
 fn gather(axes: &[Axis], samples: &[f32], floor: f32, rows: &Fit, columns: Option<&Fit>) -> Vec<Block> {
     let strides = strides(axes);
     let fitted = |axis| axis == rows.axis || columns.is_some_and(|c| c.axis == axis);
@@ -277,7 +284,7 @@ fn gather(axes: &[Axis], samples: &[f32], floor: f32, rows: &Fit, columns: Optio
     let total = others.iter().map(|&axis| axes[axis].len()).product::<usize>() * row_blocks * column_blocks;
     let stride = scattering_stride(total);
     let coefficients_of = |k: usize| {
-        // A candidate's number is small and the stride below the limit on samples: their product fits.
+        // A candidate's number is small and the stride is below the limit on samples, so their product fits.
         let mut place = (k as u64 * stride as u64 % total as u64) as usize;
         let column_block = place % column_blocks;
         place /= column_blocks;
@@ -298,7 +305,7 @@ fn gather(axes: &[Axis], samples: &[f32], floor: f32, rows: &Fit, columns: Optio
         if candidates.is_empty() || found.len() >= MAX_BLOCKS {
             break;
         }
-        // Collected in order: the result does not depend on threads.
+        // Collected in order: the result does not depend on the number of threads.
         let blocks: Vec<Option<Block>> = candidates.into_par_iter().map(coefficients_of).collect();
         found.extend(blocks.into_iter().flatten());
     }
@@ -313,7 +320,7 @@ fn strides(axes: &[Axis]) -> Vec<usize> {
     strides
 }
 
-/// A step that visits `0..total` once, far from where it was before: coprime, near the golden section.
+/// Returns a stride that visits `0..total` once in distant jumps: coprime to `total`, near the golden section.
 fn scattering_stride(total: usize) -> usize {
     let gcd = |mut a: usize, mut b: usize| {
         while b != 0 {
@@ -325,7 +332,7 @@ fn scattering_stride(total: usize) -> usize {
     (golden.max(1)..=total).find(|&stride| gcd(stride, total) == 1).unwrap_or(1)
 }
 
-/// One block's extent on one axis; without a fit, a single entry.
+/// Extent of a block on one axis; without a fit, a single entry.
 struct Line<'a> {
     fit: Option<&'a Fit>,
     block: usize,
@@ -356,7 +363,7 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
         logs.extend(columns.iter().map(|&c| f64::from(sample(r, c))));
     }
     logarithms(&mut logs);
-    // Lines of `width`, one after another.
+    // Result: one line of `width` values per vector.
     let transformed = |vectors: &[Vec<f64>]| {
         let mut lines = vec![0.0; vectors.len() * width];
         for (vector, sums) in vectors.iter().zip(lines.chunks_exact_mut(width)) {
@@ -392,12 +399,12 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
     })
 }
 
-/// Drops the row or column with the largest part of unusable samples until every sample left is usable.
+/// Drops the row or column with the largest fraction of unusable samples until all remaining samples are usable.
 fn keep_whole(rows: &mut Vec<usize>, columns: &mut Vec<usize>, usable: impl Fn(usize, usize) -> bool) {
     let worst = |lines: &[usize], across: &[usize], usable: &dyn Fn(usize, usize) -> bool| {
         let bad = |line: usize| across.iter().filter(|&&other| !usable(line, other)).count();
         let counts = lines.iter().enumerate().map(|(i, &line)| (bad(line), i));
-        // Of equals the first.
+        // The first of equals.
         counts.max_by_key(|&(bad, i)| (bad, std::cmp::Reverse(i))).unwrap_or((0, 0))
     };
     loop {

@@ -1,11 +1,11 @@
-//! Parts of a file before they are put together: the header, and the chunks between it and the metadata.
+//! Parts of a file before assembly: the header, and the chunks between it and the metadata.
 
 use super::header::Header;
 use super::lobe_chunk;
 use super::metadata_chunk::metadata_chunk;
 use crate::codec::{ChunkKind, write_container};
 
-/// The chunks between header and metadata, and what the header says about them.
+/// Chunks between header and metadata, with the matching header.
 pub(super) struct Parts {
     pub(super) header: Header,
     pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
@@ -17,7 +17,7 @@ impl Parts {
     }
 }
 
-/// The file of `parts` with the errors its header holds now.
+/// Assembles the file of `parts` with the errors its header currently holds.
 pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let kind = if parts.header.grid_levels { ChunkKind::Grid } else { ChunkKind::Pyramid };
     let pyramid_length = parts.chunk(kind).map_or(0, <[u8]>::len);

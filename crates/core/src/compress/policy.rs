@@ -1,19 +1,19 @@
-//! Policies: the ways to choose and code coefficients.
+//! Policies: ways to choose and code coefficients.
 
-/// Policies: ways to choose coefficients and to code them.
+/// Way to choose coefficients and to code them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Policy {
     /// Rate–distortion: log domain, one uniform step.
     #[default]
     Rd,
-    /// The paper's: one threshold on normalised coefficients, kept ones exact.
+    /// The paper's conventional policy: one threshold on normalised coefficients, kept coefficients exact.
     Conventional,
-    /// Every bit; the only policy of [`Target::Lossless`](super::Target::Lossless).
+    /// Every bit is kept; the only policy of [`Target::Lossless`](super::Target::Lossless).
     Lossless,
-    /// The paper's: one threshold a space, whole functions dropped.
+    /// The paper's generic policy: one threshold for each space, whole functions dropped.
     Generic,
-    /// The paper's: the same with ε√d inside a function of range d.
+    /// The paper's adaptive policy: like `Generic`, with the threshold ε√d inside a function of range d.
     Adaptive,
 }
 crate::domain::named!(Policy, "policy", { Rd = "rd", Conventional = "conventional", Lossless = "lossless", Generic = "generic", Adaptive = "adaptive" });

@@ -1,4 +1,4 @@
-//! Promises: which can be made of a measurement, and the last gate that a file passes before it is handed out.
+//! Checks which promises can be made for a measurement, and that a finished file keeps its promise.
 
 use super::compressed::Compressed;
 use super::decode::decode;
@@ -18,7 +18,7 @@ use super::unreachable_error::UnreachableError;
 use crate::domain::Measurement;
 use crate::domain::colour::{ColourReport, SpectraColours};
 
-/// Refuses a promise that cannot be made of `measurement` in this way.
+/// Rejects settings whose promise this measurement or policy cannot keep.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), SettingError> {
     let policy = settings.policy;
     if settings.target == Target::Auto && policy != Policy::Rd {
@@ -68,7 +68,7 @@ fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> R
     Ok(())
 }
 
-/// Refuses random access where blocks cannot be coded by themselves.
+/// Rejects random access where blocks cannot be coded independently.
 pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings) -> Result<(), SettingError> {
     let axes = measurement.tensor.axes();
     let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
@@ -88,7 +88,7 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
     Err(SettingError::RandomAccess(found))
 }
 
-/// The target that the errors themselves must keep for the errors that a header states, rounded up, to keep `target`.
+/// Tightens `target` so that its error, once rounded up in the header, still meets the original target.
 pub(super) fn stateable(target: Target) -> Result<Target, UnreachableError> {
     let option = target.bound().map_or("the error", |bound| bound.name);
     let kept = |error: f64| match rounded_down(error) {
@@ -101,19 +101,19 @@ pub(super) fn stateable(target: Target) -> Result<Target, UnreachableError> {
         Target::MaxRelativeError(error) => Target::MaxRelativeError(kept(error)?),
         Target::MaxAbsoluteError(error) => Target::MaxAbsoluteError(kept(error)?),
         Target::RelativeRmse(error) => Target::RelativeRmse(kept(error)?),
-        // A header states no colours.
+        // A header states no colour differences.
         Target::DeltaE(_) | Target::Ratio(_) | Target::Bytes(_) | Target::Step(_) | Target::Auto | Target::Lossless => {
             target
         }
     })
 }
 
-/// The colours that `target` promises to keep.
+/// Colours of the measurement's spectra under the illuminant of `target`.
 pub(crate) fn colours_of(measurement: &Measurement, target: DeltaE) -> Result<SpectraColours, SettingError> {
     Ok(SpectraColours::of(measurement, target.illuminant)?)
 }
 
-/// The colours of the decoded file, where they are promised.
+/// Measures the colour differences of the decoded file; `None` if the target does not bound colours.
 pub(crate) fn colour(
     measurement: &Measurement,
     target: Target,
@@ -124,7 +124,7 @@ pub(crate) fn colour(
     Ok(Some(colours_of(measurement, wanted)?.differences(decoded.measurement.tensor.samples())))
 }
 
-/// The last gate: a file that misses its target is never handed out.
+/// Rejects a file that misses its target, before it is returned to the caller.
 pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> Result<(), UnreachableError> {
     let errors = &compressed.summary.errors;
     let missed = |option: &'static str, wanted: f64, found: f64| {
@@ -167,8 +167,8 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
     Ok(())
 }
 
-/// Warning where a file falls short of a wanted ratio: samples per kept coefficient, or bytes of the float32 tensor per byte
-/// of the file. `None` for other targets, and where both reach it.
+/// Returns a warning if a file falls short of a wanted ratio: samples per kept coefficient, or bytes of the float32
+/// tensor per byte of the file. `None` for other targets, and if both ratios are reached.
 pub fn shortfall(target: Target, samples: u64, compressed: &Compressed) -> Option<String> {
     let Target::Ratio(wanted) = target else { return None };
     let kept = compressed.summary.kept_coefficients?;

@@ -1,9 +1,9 @@
-//! Which bases compete along wavelength.
+//! Selects the spectral bases that compete.
 //!
-//! At a wanted ratio or size every wavelet competes: by its coefficients, or (policy conventional) by its error with as many
-//! of them, on the whole of small measurements and on a sample of spectra of large ones; the best few are then tried on
-//! the whole.
-//! At a wanted error the three that serve nearly all data compete.
+//! At a wanted ratio or size every wavelet is ranked. The score is the energy lost by its coefficients, or, for policy
+//! conventional, the error with the wanted number of coefficients. Small measurements are ranked on all samples, large
+//! ones on a sample of spectra; the best few are then tried on all samples. At a wanted error only the three bases that
+//! serve nearly all data compete.
 
 use super::effort::Tally;
 use super::error::CompressError;
@@ -21,26 +21,26 @@ use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::{LineBasis, Plan, SphereBasis, Weights};
 use rayon::prelude::*;
 
-/// Wavelengths up to which the data's own basis is tried without being asked for.
+/// Largest number of wavelengths for which `auto` tries the data's own basis.
 const MOST_FOR_KLT: usize = 4096;
-/// Spectra from which a basis of their own is worth its bytes.
+/// Smallest number of spectra for which the data's own basis is worth its bytes.
 const LEAST_FOR_KLT: usize = 32;
-/// Samples up to which every basis is tried on the whole.
+/// Largest number of samples for which every basis is tried on all of them.
 const SMALL: usize = 1 << 13;
-/// Bases that are tried on the whole of a large measurement. Raising it costs a search each.
+/// Number of bases tried on all samples of a large measurement. Raising it costs one search each.
 const FINALISTS: usize = 4;
-/// Bases that are tried on the whole of a small one: once each for a ratio, once each and a few searched for a size. Raising
-/// them costs trials: a size takes at most four times those of an error.
+/// Number of bases tried on all samples of a small measurement for a wanted size; a few of them are searched. Raising
+/// it costs trials: a size takes at most four times those of an error.
 const SMALL_FINALISTS: usize = 11;
 const SMALL_FINALISTS_OF_A_RATIO: usize = 42;
-/// The same where a count takes a trial of each space's thresholds.
+/// Like `SMALL_FINALISTS_OF_A_RATIO`, for policies with a threshold for each space, which take more trials for a count.
 const SPACES_FINALISTS_OF_A_RATIO: usize = 24;
-/// Bytes of a small file that are no coefficients: magic, header and checksums.
+/// Bytes of a small file besides its coefficients: magic, header and checksums.
 const HEADER: usize = 44;
-/// Bytes of a coefficient that is kept exactly, with its place.
+/// Bytes of an exactly kept coefficient, its position included.
 const BYTES_OF_A_FLOAT: f64 = 4.5;
 
-/// The bases to try along wavelength.
+/// Returns the spectral bases to try.
 pub(crate) fn candidates(
     measurement: &Measurement,
     settings: &Settings,
@@ -57,10 +57,10 @@ pub(crate) fn candidates(
     let spectra = measurement.tensor.len() / wavelengths;
     let own = settings.policy == Policy::Rd && wavelengths <= MOST_FOR_KLT && spectra >= LEAST_FOR_KLT;
     let wavelets = match settings.target {
-        // Nothing is tried that seldom wins.
+        // Bases that seldom win are not tried.
         Target::Step(_) if own => Vec::new(),
         Target::Step(_) => vec![LineBasis::BIOR44],
-        // Kept exactly, coefficients are counted without a search: every basis is tried.
+        // Exactly kept coefficients are counted without a search, so every basis is tried.
         Target::Ratio(_) if settings.policy == Policy::Conventional && measurement.tensor.len() <= SMALL => {
             LineBasis::distinct().collect()
         }
@@ -78,7 +78,7 @@ pub(crate) fn candidates(
     Ok(own.then_some(SpectralBasis::Klt).into_iter().chain(wavelets).collect())
 }
 
-/// The bases of least error, on the whole or on a sample of spectra.
+/// Returns the bases of least error, ranked on all samples or on a sample of spectra.
 fn finalists(
     measurement: &Measurement,
     settings: &Settings,
@@ -88,10 +88,11 @@ fn finalists(
 ) -> Result<Vec<LineBasis>, CompressError> {
     let small = measurement.tensor.len() <= SMALL;
     let sample = if small { measurement.clone() } else { sample_of(measurement, wavelengths)? };
-    // Along wavelength alone there is less to gain than along all axes together.
+    // A sample of spectra has less redundancy than the whole tensor, so the ratio is limited.
     let ratio = if small { ratio.max(1.0) } else { ratio.clamp(2.0, (wavelengths as f64 / 4.0).max(2.0)) };
     let bases = LineBasis::distinct().collect::<Vec<_>>();
-    // A trial of each is less than the search of an error where one threshold is sought; thresholds of each space cost more.
+    // With a single threshold, one trial of each basis is cheaper than a search for an error; thresholds of each space
+    // cost more.
     let mut tried: Vec<(f64, LineBasis)> = if settings.policy == Policy::Conventional {
         let settings = Settings { target: Target::Ratio(ratio), ..settings.clone() };
         let error = |basis: LineBasis| {
@@ -122,7 +123,7 @@ fn finalists(
     Ok(best)
 }
 
-/// Spectra of a large measurement, evenly chosen: [`SMALL`] samples or a few more.
+/// Evenly spaced spectra of a large measurement: [`SMALL`] samples or a few more.
 fn sample_of(measurement: &Measurement, wavelengths: usize) -> Result<Measurement, CompressError> {
     let spectra: Vec<&[f32]> = measurement.tensor.samples().chunks_exact(wavelengths).collect();
     let stride = spectra.len().div_ceil((SMALL / wavelengths).max(1));
@@ -133,7 +134,7 @@ fn sample_of(measurement: &Measurement, wavelengths: usize) -> Result<Measuremen
     Ok(Measurement { tensor, ..measurement.clone() })
 }
 
-/// Logarithms of the magnitudes of samples, smooth where there are none.
+/// Logarithms of the samples' magnitudes, filled smoothly at zero and masked samples.
 fn logarithms(measurement: &Measurement) -> Vec<f32> {
     let values = Values::Logarithms;
     let of = |&s: &f32| values.wanted(s, values.class_of(s, 0.0), 0.0) as f32;
@@ -142,7 +143,7 @@ fn logarithms(measurement: &Measurement) -> Vec<f32> {
     logs
 }
 
-/// Energy that logarithms lose where one coefficient is kept for `ratio` of them; nothing is coded or reconstructed for it.
+/// Energy lost by the logarithms when 1/`ratio` of the coefficients are kept; nothing is coded or reconstructed.
 fn lost_logarithms(measurement: &Measurement, logs: &[f32], basis: LineBasis, ratio: f64) -> Option<f64> {
     let axes = measurement.tensor.axes();
     let sphere = SphereBasis::Orthonormal(Weights::Count);

@@ -1,4 +1,4 @@
-//! Refusals of a target, made from what was known where they arose.
+//! Builds the errors of unreachable targets from the values at hand where they arise.
 
 use super::error::CompressError;
 use super::header::Header;
@@ -9,7 +9,7 @@ use super::unreachable_error::UnreachableError;
 use crate::codec::CodecError;
 use crate::domain::Measurement;
 
-/// An error that a basis does not come down to, however small the step, of logarithms or (`linear`) of the samples.
+/// Error that a basis does not reach however small the step, with logarithms or (`linear`) samples coded.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,
@@ -18,12 +18,12 @@ pub(super) fn cannot_follow(
     UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear }.into()
 }
 
-/// A bound on every sample that is below what float32 resolves.
+/// Bound on every sample that float32 cannot resolve.
 pub(super) fn below_rounding(target: Target, measurement: &Measurement) -> CompressError {
     UnreachableError::BelowRounding { target, largest: largest_magnitude(measurement) }.into()
 }
 
-/// A size below the smallest file, or a ratio above the fewest coefficients.
+/// Size below the smallest file, or ratio above the fewest coefficients.
 pub(super) fn too_large(
     target: Target,
     least: f64,
@@ -33,25 +33,25 @@ pub(super) fn too_large(
     UnreachableError::TooLarge { target, least, samples, basis: basis.name(), has_metadata }.into()
 }
 
-/// A sample that decodes beyond what float32 holds.
+/// Sample that decodes beyond float32.
 pub(super) fn beyond_float32(header: &Header, index: usize, sample: f32) -> CompressError {
     let basis = basis_of(&header.axes, &header.transforms, header.klt);
     UnreachableError::SampleOverflow { policy: header.policy, basis, index, sample }.into()
 }
 
-/// A file that does not come back, whatever its size.
+/// File that its own decoder rejects, whatever its size.
 pub(super) fn undecodable(header: &Header, reason: CodecError) -> CompressError {
     let basis = basis_of(&header.axes, &header.transforms, header.klt);
     UnreachableError::Undecodable { policy: header.policy, basis, reason }.into()
 }
 
-/// The linear transform of a policy of the paper, out of range.
+/// Samples that exceed float32 in the linear transform of one of the paper's policies.
 pub(super) fn transform_overflows(policy: Policy, basis: SpectralBasis, measurement: &Measurement) -> CompressError {
     let largest = largest_magnitude(measurement);
     UnreachableError::TransformOverflow { policy, basis: basis.name(), largest }.into()
 }
 
-/// The refusal that came closest to what was asked for.
+/// Returns the refusal that came closest to the requested target.
 pub(super) fn nothing_reaches(refused: Vec<(f64, UnreachableError)>) -> CompressError {
     let closest = refused.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
     closest.map_or(UnreachableError::NoBasis, |(_, error)| error).into()

@@ -1,11 +1,11 @@
-//! From the trees of a plan to the coding order: coarse to fine, each row and lane with its neighbours already coded.
+//! Coding order of a transform plan's trees: coarse to fine, each row and lane after its neighbours.
 
 use crate::codec::{Class, NONE, Rows};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 
-/// Lanes of a row: the length of the last axis; of a grid of angles that of its last line, so that the row above is the polar
-/// angle before.
+/// Number of lanes in a row: the length of the last axis. For a grid of angles it is one line of the grid, so that the
+/// row above is the previous polar angle.
 pub(crate) fn lanes(axes: &[Axis]) -> usize {
     match axes.last() {
         Some(Axis::Grid(grid)) => match grid.shape() {
@@ -16,10 +16,10 @@ pub(crate) fn lanes(axes: &[Axis]) -> usize {
     }
 }
 
-/// The coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.
+/// Coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.
 ///
-/// Where `classes` are given, triangles without a live sample in any row and lane are dead: nothing is coded below a node
-/// with fewer than two live children, because what fills the dead ones has no details there.
+/// With `classes`, triangles without a live sample in any row and lane are dead. No detail is coded below a node with
+/// fewer than two live children, because the filled values have none there.
 pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>) -> Rows {
     let Some(last) = axes.len().checked_sub(1) else { return Rows::natural(1, 1) };
     let of = |axis| {
@@ -47,7 +47,7 @@ pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>
     rows
 }
 
-/// Which entries of `axis` have a sample to code.
+/// Marks the entries of `axis` that have a nonzero, unmasked sample.
 pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
     let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
     let n = axes[axis].len();
@@ -59,8 +59,8 @@ pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec
     live
 }
 
-/// Which indices of a tree of so many base triangles hold a coefficient: the smooth part, and the details of nodes with two
-/// live children.
+/// Marks the indices of a tree with `bases` base triangles that carry a coefficient: the smooth part, and details of
+/// nodes with two or more live children.
 fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     let mut coded = vec![true; live.len()];
     let mut live = live.to_vec();
@@ -79,7 +79,7 @@ fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     coded
 }
 
-/// Sets what is not coded to 0, as the decoder has it.
+/// Sets uncoded values to 0, as the decoder does.
 pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
     let lanes = rows.lane_neighbours.len();
     if rows.order.len() * rows.lane_order.len() == values.len() {
@@ -101,7 +101,7 @@ pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
 struct AxisNeighbours {
     order: Vec<u32>,
     parent: Vec<u32>,
-    /// The predecessor in coding order at the same level.
+    /// Predecessor in coding order at the same level.
     before: Vec<u32>,
 }
 
@@ -181,7 +181,8 @@ mod tests {
     fn nothing_is_coded_below_dead_nodes() {
         let mesh = Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, 2).unwrap());
         let plan = Plan::new(std::slice::from_ref(&mesh), &[AxisTransform::Sphere(SphereBasis::BioHaar)]).unwrap();
-        // One live leaf in the first octant, two under different nodes of the second, all of the third, none of the fourth.
+        // The first octant has one live leaf, the second two under different nodes, the third only live ones, the
+        // fourth none.
         let live = |i: usize| i == 5 || i == 16 || i == 20 || (32..48).contains(&i);
         let classes: Vec<Class> = (0..64).map(|i| if live(i) { Class::Positive } else { Class::Masked }).collect();
         let mut coded = coding_order(&[mesh], &plan, Some(&classes)).lane_order;

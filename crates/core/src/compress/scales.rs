@@ -1,23 +1,23 @@
-//! The uniform quantiser: one step for all coefficients, each normalised by the norm of its synthesis function.
+//! Uniform quantiser: one step for all coefficients, each normalised by the norm of its synthesis function.
 
 use crate::domain::Axis;
 use crate::transform::{Plan, Weights};
 use rayon::prelude::*;
 
-/// Coefficients within half a step and this much more become 0.
+/// Widening of the zero bin, in steps: coefficients within 0.5 + this become 0. Raising it drops more coefficients.
 const DEAD_ZONE: f32 = 0.12;
-/// Other coefficients decode this much closer to 0, where their density is higher.
+/// Shift of decoded magnitudes towards 0, in steps, because small coefficients are more frequent within a bin.
 const RECONSTRUCTION_OFFSET: f32 = 0.03;
-/// Quantised magnitudes stay below this.
+/// Upper bound on quantised magnitudes.
 pub(crate) const LARGEST: f32 = (1 << 30) as f32;
 
-/// The norms of synthesis functions, by row and by lane: a coefficient times both is in units of the error it makes.
+/// Norms of synthesis functions, by row and by lane. A coefficient times both norms is in units of the error it makes.
 pub(crate) struct Scales {
     rows: Vec<Scale>,
     lanes: Vec<Scale>,
 }
 
-/// A norm and its inverse, so that the inner loops do not divide.
+/// Norm and its inverse, so that the inner loops do not divide.
 #[derive(Clone, Copy)]
 struct Scale {
     norm: f32,
@@ -44,7 +44,7 @@ impl Scales {
         Self { rows: single(rows), lanes: single(lanes) }
     }
 
-    /// One row of `lanes` coefficients that all weigh the same.
+    /// Returns the scales of one row of `lanes` coefficients with equal weight.
     pub(crate) fn uniform(lanes: usize) -> Self {
         let one = Scale { norm: 1.0, inverse: 1.0 };
         Self { rows: vec![one], lanes: vec![one; lanes] }
@@ -65,40 +65,40 @@ impl Scales {
         });
     }
 
-    /// Integers of coefficients.
+    /// Quantises coefficients to integers.
     pub(crate) fn quantise(&self, step: f32, coefficients: &[f32], quantised: &mut [i32]) {
         let inverse = 1.0 / step;
         self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, inverse));
     }
 
-    /// Coefficients of quantised integers.
+    /// Decodes quantised integers to coefficients.
     pub(crate) fn dequantise(&self, step: f32, quantised: &[i32], coefficients: &mut [f32]) {
         self.for_each(quantised, coefficients, |&q, scale, c| *c = dequantise(q, scale, step));
     }
 
-    /// What a decoder will have instead of `coefficients`.
+    /// Quantises and dequantises `coefficients`, to the values that a decoder gets.
     pub(crate) fn requantise(&self, step: f32, coefficients: &[f32], decoded: &mut [f32]) {
         let inverse = 1.0 / step;
         self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, inverse), scale, step));
     }
 
-    /// Coefficients whose normalised magnitude reaches `threshold`, 0 for the others.
+    /// Keeps coefficients whose normalised magnitude reaches `threshold`, and sets the others to 0.
     pub(crate) fn threshold(&self, threshold: f32, coefficients: &[f32], kept: &mut [f32]) {
         self.for_each(coefficients, kept, |&c, scale, k| *k = if c.abs() * scale.norm >= threshold { c } else { 0.0 });
     }
 
-    /// How many coefficients have a normalised magnitude of at least `threshold` and are not 0.
+    /// Counts the nonzero coefficients whose normalised magnitude is at least `threshold`.
     pub(crate) fn count_above(&self, threshold: f32, coefficients: &[f32]) -> u64 {
         self.count(coefficients, |c, scale| c != 0.0 && c.abs() * scale.norm >= threshold)
     }
 
-    /// How many coefficients are not 0 at `step`.
+    /// Counts the coefficients that are not quantised to 0 at `step`.
     pub(crate) fn count_kept(&self, step: f32, coefficients: &[f32]) -> u64 {
         let inverse = 1.0 / step;
         self.count(coefficients, |c, scale| quantise(c, scale, inverse) != 0)
     }
 
-    /// The normalised magnitude that `count` coefficients reach, 0 where there are no more of them.
+    /// Returns the threshold that exactly `count` coefficients reach (without ties); 0 if there are no more of them.
     pub(crate) fn threshold_of_count(&self, count: usize, coefficients: &[f32]) -> f32 {
         let mut magnitudes = vec![0.0; coefficients.len()];
         self.for_each(coefficients, &mut magnitudes, |&c, scale, m| *m = c.abs() * scale.norm);
@@ -108,8 +108,8 @@ impl Scales {
         *magnitudes.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1
     }
 
-    /// The energy that coefficients lose where `count` of them are kept, quantised with the step that keeps so many: the
-    /// squared error of the samples, as far as the basis is orthonormal.
+    /// Energy lost when `count` coefficients are kept, quantised with the step that keeps this number. For an
+    /// orthonormal basis this is the squared error of the samples.
     pub(crate) fn lost(&self, count: usize, coefficients: &[f32]) -> f64 {
         let least = self.threshold_of_count(count, coefficients);
         let step = (least / (0.5 + DEAD_ZONE)).clamp(f32::MIN_POSITIVE, f32::MAX);
@@ -134,13 +134,13 @@ fn quantise(coefficient: f32, scale: Scale, inverse_step: f32) -> i32 {
     integer_of(coefficient * scale.norm * inverse_step)
 }
 
-/// The integer of a coefficient in steps.
+/// Quantises a coefficient given in steps.
 pub(crate) fn integer_of(x: f32) -> i32 {
     let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
-/// The steps that an integer decodes to.
+/// Decodes an integer to a coefficient in steps.
 pub(crate) fn steps_of(quantised: i32) -> f32 {
     quantised as f32 - quantised.signum() as f32 * RECONSTRUCTION_OFFSET
 }

@@ -1,7 +1,8 @@
-//! Searches for the parameter of a promise: the coarsest one that keeps an error, the finest one that fits a size.
+//! One-parameter searches: the coarsest value that keeps an error, the finest value that fits a size.
 
-/// Searches on a logarithmic scale for the largest parameter for which `keeps` answers yes, starting at `start`; `None` if
-/// none down to `start / 2^40` does. The answer was itself tried: where `keeps` is not monotone, it is the largest tried.
+/// Searches on a logarithmic scale, from `start`, for the largest parameter that `keeps` accepts. `None` if none down
+/// to `start / 2^40` is accepted. The returned value was itself tried; if `keeps` is not monotone, it is the largest
+/// accepted trial.
 pub(crate) fn largest<E>(
     start: f64,
     refinements: u32,
@@ -38,30 +39,30 @@ pub(crate) fn largest<E>(
     Ok(Some(low))
 }
 
-/// Steps to try where rounding misleads a search by halves: powers of two from `start` down, then `finest`. They are the same
-/// for any start, so that an error which one search found is found by another that asks for a little more.
+/// Steps to try where rounding misleads a search by halving: powers of two from `start` down, then `finest`. The powers
+/// do not depend on `start`, so that searches with slightly different targets find each other's results.
 pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64> {
-    /// The most powers: more than rounding spans.
+    /// Upper bound on the number of powers; more than the range that rounding affects.
     const MOST: usize = 12;
     let first = libm::exp2(libm::floor(libm::log2(start.max(finest))));
     let powers = std::iter::successors(Some(first), |step| Some(0.5 * step));
     powers.take_while(move |&step| step > finest).take(MOST).chain([finest])
 }
 
-/// Watches an error while a step is halved: what has not fallen twice in a row never will. Once says little where the error is
-/// near to that of rounding.
+/// Watches an error while a step is halved, and gives up after two halvings in a row without a fall. One halving is too
+/// little evidence where the error is close to rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
-    /// The last step, and the smallest error so far.
+    /// Last step, and the smallest error up to now.
     last: Option<(f64, f64)>,
     stood: u32,
 }
 
 impl Falling {
-    /// Halvings in a row that may leave the error as it was before the search ends.
+    /// Halvings in a row without a smaller error after which the search ends.
     const MOST: u32 = 2;
 
-    /// Whether `error` at `step` still falls with the step.
+    /// Returns true while the error may still fall as the step shrinks.
     pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
         let least = self.last.map_or(f64::INFINITY, |(_, least)| least);
         if self.last.is_some_and(|(before, _)| step <= 0.51 * before) {
@@ -72,23 +73,23 @@ impl Falling {
     }
 }
 
-/// A step or threshold on the lattice of f32 numbers with 8 significant bits, the steps that a header can hold: 128 of them
-/// to a doubling, in the order of the numbers.
+/// Step or threshold on the lattice of f32 numbers with 8 significant bits, the steps that a header can hold. There are
+/// 128 notches to a doubling, in ascending order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Notch(u32);
 
 impl Notch {
-    /// The smallest normal f32.
+    /// Smallest normal f32.
     pub(crate) const FINEST: Self = Self(f32::MIN_POSITIVE.to_bits() >> 16);
-    /// The largest finite number on the lattice.
+    /// Largest finite number on the lattice.
     pub(crate) const COARSEST: Self = Self(f32::MAX.to_bits() >> 16);
 
-    /// The largest notch at or below `value`, within the lattice.
+    /// Returns the largest notch at or below `value`, clamped to the lattice.
     pub(crate) fn below(value: f32) -> Self {
         Self(value.clamp(f32::MIN_POSITIVE, f32::MAX).to_bits() >> 16)
     }
 
-    /// The number at this notch.
+    /// Step of this notch.
     pub(crate) fn value(self) -> f32 {
         f32::from_bits(self.0 << 16)
     }
@@ -98,7 +99,7 @@ impl Notch {
         (f64::from(self.0) - f64::from(other.0)) / DOUBLING
     }
 
-    /// The notch `by` places coarser, or finer if negative, within the lattice.
+    /// Returns the notch `by` places coarser (finer if negative), clamped to the lattice.
     pub(crate) fn moved(self, by: f64) -> Self {
         let moved = (f64::from(self.0) + by).clamp(f64::from(Self::FINEST.0), f64::from(Self::COARSEST.0));
         Self(moved as u32)
@@ -107,34 +108,34 @@ impl Notch {
 
 /// Notches to a doubling of the step.
 pub(crate) const DOUBLING: f64 = 128.0;
-/// Sizes of at least this part of what is allowed end a search of [`Until::Close`]: the rest buys less than a step on the
-/// lattice does.
+/// Fraction of the allowed size that ends a search of [`Until::Close`]; the remainder buys less than one notch.
 const CLOSE: f64 = 0.998;
-/// Notches between the two sides that end a search of [`Until::Near`].
+/// Distance in notches between the two sides that ends a search of [`Until::Near`].
 pub(crate) const NEAR: f64 = 4.0;
-/// Sizes from which a search may end so. Smaller ones stand still over many steps, of which the finest is wanted.
+/// Smallest allowed size (bytes or coefficients) for which [`CLOSE`] ends a search. Below it a size stays equal over
+/// many steps, and the finest of them is wanted.
 const LARGE: f64 = 1000.0;
-/// Fall of the logarithm of the size per doubling of the step (in octaves), before two sizes tell it.
+/// Assumed size octaves per step octave until two sizes give the slope.
 const USUAL_SLOPE: f64 = 0.8;
 /// Largest move of the step in one trial before both sides of the answer are known, in notches: a factor of 256.
 const FARTHEST: f64 = 8.0 * DOUBLING;
 
-/// When a search has found enough.
+/// Condition that ends a search for the finest fitting step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
-    /// The step is within 2 % of the answer, or as in `Close`: to compare bases with each other.
+    /// The step is within 2 % of the answer, or [`Until::Close`] holds: for comparing bases with each other.
     Near,
-    /// The size is large and nearly the one allowed, or the next finer notch does not fit.
+    /// The size is large and nearly the allowed one, or the next finer notch does not fit.
     Close,
-    /// The next finer notch does not fit: for sizes that cost nothing to tell, or that must not be missed.
+    /// The next finer notch does not fit: for sizes that are cheap to compute, or must not be missed.
     Exact,
 }
 
-/// Finds the finest notch, from `finest` on, whose size is at most `most`, where sizes fall as steps grow; `None` if even the coarsest does
-/// not fit. The notch returned was itself tried.
+/// Finds the finest notch, not below `finest`, whose size is at most `most`, assuming that sizes fall as steps grow.
+/// `None` if even the coarsest does not fit. The returned notch was itself tried.
 ///
-/// Sizes are nearly powers of the step, so the next trial is where a straight line through the logarithms of the last
-/// ones meets `most`: a handful of trials instead of one for each bit of the answer.
+/// Sizes are nearly powers of the step. The next trial is therefore where a straight line through the logarithms of the
+/// last sizes meets `most`. A search takes a handful of trials instead of one for each bit of the answer.
 pub(crate) fn finest_fitting<E>(
     (start, finest): (Notch, Notch),
     (most, until): (f64, Until),
@@ -155,7 +156,7 @@ pub(crate) fn finest_fitting<E>(
             && before != at
         {
             let fall = (then - here.1) / at.octaves_from(before);
-            // A plateau or a rise says nothing of the way: take larger strides.
+            // A plateau or a rise gives no slope: take larger strides.
             slope = if fall.is_finite() && fall > 0.0 { fall.clamp(0.1, 4.0) } else { (slope / 2.0).max(0.05) };
             same_side += 1;
         } else {
@@ -168,7 +169,7 @@ pub(crate) fn finest_fitting<E>(
             return Ok(fitted.then_some(at));
         }
         let Some(&(end, size_there)) = other.as_ref() else {
-            // Towards the size that is wanted, and a little beyond it, so that the other side is known next.
+            // Aim a little beyond the wanted size, so that the next trial brackets the answer.
             let way = (here.1 - wanted) / slope * DOUBLING;
             let beyond = 4.0 * libm::exp2(f64::from(same_side.min(8)));
             let way = if fitted { way.min(0.0) - beyond } else { way.max(0.0) + beyond };
@@ -179,7 +180,7 @@ pub(crate) fn finest_fitting<E>(
         if width <= if until == Until::Near { NEAR } else { 1.0 } {
             return Ok(fits.map(|(at, _)| at));
         }
-        // Between the two: by a straight line, in the middle where one side stays for long.
+        // Interpolate linearly between the two sides; bisect if one side has not moved for several trials.
         let part = if same_side % 3 == 2 { 0.5 } else { (here.1 - wanted) / (here.1 - size_there) };
         let part = if part.is_finite() { part.clamp(0.05, 0.95) } else { 0.5 };
         let inner = libm::round(part * width).clamp(1.0, width - 1.0);
@@ -193,7 +194,7 @@ mod tests {
     use super::*;
     use std::convert::Infallible;
 
-    /// The notch that a search finds for sizes `size_of(step)`, and the trials it took.
+    /// Returns the notch that a search finds for sizes `size_of(step)`, and the number of trials.
     fn fitted(start: f32, most: f64, size_of: impl Fn(f64) -> f64) -> (Option<Notch>, u32) {
         let mut trials = 0;
         let size = |at: Notch| {
@@ -230,7 +231,7 @@ mod tests {
         assert_eq!(fitted(0.05, 10.0, |_| 11.0).0, None);
         assert_eq!(fitted(0.05, 10.0, |_| 9.0).0, Some(Notch::FINEST));
         assert_eq!(fitted(0.05, 10.0, |_| f64::INFINITY).0, None);
-        // Steps of a staircase, and sizes that go up and down a little.
+        // A step function, and sizes that fluctuate slightly.
         let (found, _) = fitted(0.05, 10.0, |step| if step < 0.3 { 12.0 } else { 7.0 });
         assert!(found.is_some_and(|at| at.value() >= 0.3 && at.moved(-1.0).value() < 0.3));
         let rough = |step: f64| 100.0 / step * (1.0 + 0.02 * (step * 1e4).sin());

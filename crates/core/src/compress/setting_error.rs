@@ -1,4 +1,4 @@
-//! Reasons why settings are refused, before any file is made.
+//! Reasons why settings are rejected, before any file is made.
 
 use super::policy::Policy;
 use crate::domain::colour::ColourError;
@@ -9,29 +9,29 @@ use crate::transform::{KltError, LineBasis, PlanError};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingError {
-    /// A number out of its range.
+    /// Number outside its range.
     #[error("{option} is {found}, expected {expected}")]
     Range {
         /// Name of the option.
         option: &'static str,
-        /// The number.
+        /// Number found.
         found: f64,
-        /// The range, in words.
+        /// Expected range, in words.
         expected: &'static str,
     },
     /// Policy lossless with a target that allows errors.
     #[error("policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target")]
     LosslessTarget,
-    /// A name that no basis has.
+    /// Unknown basis name.
     #[error(
         "unknown basis `{found}`, expected auto, klt, identity or one of {}",
         LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ")
     )]
     UnknownBasis {
-        /// The name.
+        /// Name found.
         found: String,
     },
-    /// An option of policy `rd` with another policy.
+    /// Option that only policy `rd` has, with another policy.
     #[error("{}", option.refusal(*policy))]
     NeedsRd {
         /// The option.
@@ -39,7 +39,7 @@ pub enum SettingError {
         /// The policy found.
         policy: Policy,
     },
-    /// A bound on the error of albedos that nothing can keep, or that is kept without it.
+    /// Bound on the error of albedos that cannot be kept, or that the target already implies.
     #[error("albedo_error: {0}")]
     Albedo(AlbedoConflict),
     /// Random access where blocks cannot be coded separately.
@@ -48,19 +48,19 @@ pub enum SettingError {
          index in front of the outgoing directions"
     )]
     RandomAccess(RandomAccessConflict),
-    /// Straight lines between directions that are not stated at angles.
+    /// Straight lines between directions that are not on a grid of angles.
     #[error(
         "straight lines between stated directions: the measurement has no outgoing grid of angles; keep the interpolation \
          cubic, or the directions on the grid of the file (domain grid)"
     )]
     StraightLines,
-    /// An interpolation between incidences that the measurement cannot have.
+    /// Interpolation between incidences that the measurement cannot have.
     #[error(
         "interpolation between incidences: divisors and the direction back to the source are for BRDFs of several incoming \
          directions, cubics for measurements of such; leave it at its default"
     )]
     Between,
-    /// A lobe that the measurement cannot have beside it.
+    /// Lobe that the measurement cannot have.
     #[error(
         "lobe beside the cells: found a measurement without place for it, expected a BRDF of incoming directions over \
          triangles of the upper hemisphere with one colour of the lobe for each sample of a spectrum, and incoming azimuths where \
@@ -76,10 +76,10 @@ pub enum SettingError {
         /// Length in bytes, with the labels of index axes.
         found: usize,
     },
-    /// Spectra without colours, whose difference is bounded.
+    /// Bound on colour differences for spectra without colours.
     #[error("delta_e: {0}")]
     Colour(#[from] ColourError),
-    /// A measurement without noise that can be estimated.
+    /// Measurement whose noise cannot be estimated.
     #[error(
         "er_l2 auto: the noise of this measurement cannot be estimated: that takes at least about a hundred samples with \
          neighbours in direction or wavelength, and noise above the rounding of float32; give an explicit error, for example \
@@ -92,25 +92,25 @@ pub enum SettingError {
     /// Transforms that do not fit the axes.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// Principal components that cannot be found.
+    /// Principal components that cannot be computed.
     #[error("basis klt: {0}")]
     Klt(#[from] KltError),
-    /// A symmetry that the domain of the directions does not have.
+    /// Symmetry that the domain of the directions does not have.
     #[error("a symmetry of another domain")]
     Symmetry,
-    /// A model of appearance on axes that it is not made for.
+    /// Model of appearance on axes that it does not support.
     #[error("a model that makes no sense here")]
     Model,
-    /// A target that bounds no error, where one is to be kept.
+    /// Target that bounds no error where an error bound is needed.
     #[error("this target bounds no error")]
     Unbounded,
     /// The lossless target with a policy that allows errors.
     #[error("the rd policy is not lossless")]
     NotLossless,
-    /// A sample of the spectra, to rank bases on, that is not a measurement.
+    /// Spectra, sampled for ranking bases, that do not form a measurement.
     #[error("a sample of the spectra does not make a measurement: {0}")]
     Sample(TensorError),
-    /// Samples that do not make a tensor.
+    /// Samples that do not form a tensor.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
@@ -121,13 +121,13 @@ pub enum SettingError {
 pub enum RdOption {
     /// The data's own spectral basis.
     Klt,
-    /// The target that stops at the noise.
+    /// Target that stops at the noise.
     Auto,
     /// A step of the quantiser.
     Step,
     /// A bound on colour differences.
     DeltaE,
-    /// Another target.
+    /// Target that the policy cannot aim at.
     Target,
 }
 
@@ -147,35 +147,35 @@ impl RdOption {
     }
 }
 
-/// Conflicts of a bound on the error of albedos with the rest.
+/// Conflicts of a bound on the error of albedos with other settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AlbedoConflict {
-    /// A policy or target that corrects nothing.
+    /// Policy or target without light corrections.
     #[error("only policy rd with an error to keep corrects light; use that, or leave albedo_error out")]
     Uncorrected,
-    /// A target that bounds the light already.
+    /// Target that already bounds the light.
     #[error(
         "a bound on every sample, or in the unit of the samples, bounds the light already; leave albedo_error out, or ask \
          for er_l2 or er_l1"
     )]
     Bounded,
-    /// No outgoing directions.
+    /// Axes without outgoing directions.
     #[error("the axes have no directions to add light over; leave albedo_error out")]
     NoDirections,
 }
 
-/// Conflicts of random access with the rest.
+/// Conflicts of random access with other settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RandomAccessConflict {
-    /// A policy without blocks.
+    /// Policy without independent blocks.
     #[error("policy {0}")]
     Policy(Policy),
-    /// A basis that is not the data's own.
+    /// Basis other than the data's own.
     #[error("basis {0}")]
     Basis(String),
-    /// A target whose corrections are coded for all samples together.
+    /// Target whose corrections are coded for all samples together.
     #[error("a target that bounds every sample, whose corrections are coded for the whole")]
     EverySample,
     /// Axes without blocks.

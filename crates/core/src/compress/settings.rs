@@ -1,4 +1,4 @@
-//! Settings of a compression, and what is wrong with them whatever the measurement.
+//! Settings of a compression, and the checks that do not need the measurement.
 
 use super::between::Between;
 use super::policy::Policy;
@@ -7,38 +7,42 @@ use super::spectral_basis::SpectralBasis;
 use super::target::Target;
 use crate::domain::{Lobe, Measurement};
 
-/// Everything that decides the bytes, beside the measurement.
+/// Everything besides the measurement that determines the bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// The promise.
+    /// Promised error, size or ratio.
     pub target: Target,
-    /// The policy.
+    /// Coding policy.
     pub policy: Policy,
-    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of [`LineBasis::all`](crate::transform::LineBasis::all)), or `auto`.
+    /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of
+    /// [`LineBasis::all`](crate::transform::LineBasis::all)), or `auto`.
     pub basis: String,
-    /// Samples below `floor ×` the maximum leave the relative errors and are kept within that absolutely.
+    /// Floor as a fraction of the largest sample. Smaller samples are excluded from relative errors, and their absolute
+    /// error stays below the floor.
     pub floor: Option<f64>,
-    /// The largest relative error of the light of any block and wavelength (directional albedo, flux), policy `rd`.
+    /// Upper bound on the relative error of the light (directional albedo, flux) of any block and wavelength; policy
+    /// `rd` only.
     pub albedo_error: Option<f64>,
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
-    /// Whether [`decode_block`](super::decode_block) decodes the slice of one incoming direction without the rest.
-    /// Policy `rd` on the data's own basis (`auto` is `klt` then), something before the outgoing triangles, no target
-    /// that bounds every sample; the file has no coarser levels.
+    /// True if [`decode_block`](super::decode_block) can decode the slice of one incoming direction without the rest.
+    /// Needs policy `rd`, the data's own basis (`auto` then means `klt`), an axis before the outgoing directions, and
+    /// no target that bounds every sample. The file then has no coarser levels.
     pub random_access: bool,
-    /// Share of straight lines between stated directions, in 255ths: 0 for cubics of logarithms, 255 for straight lines alone.
-    /// With any, the last directions have to be a grid of angles. `evaluate::straight_lines_for_flux` finds the share that
-    /// keeps the flux of a luminaire.
+    /// Share of straight lines between stated directions, in 255ths: 0 for cubics of logarithms, 255 for straight lines
+    /// alone. A nonzero share needs a grid of angles as the last directions. `evaluate::straight_lines_for_flux` finds
+    /// the share that keeps the flux of a luminaire.
     pub straight_lines: u8,
-    /// Interpolation between incidences; `evaluate::interpolation_between` finds the one that predicts them best.
+    /// Interpolation between incidences; `evaluate::interpolation_between` finds the one that predicts the measured
+    /// incidences best.
     pub between: Between,
-    /// Lobe beside the cells of a BRDF, which the measurement is without: what is evaluated is the sum of both. Errors and
-    /// levels are those of the cells.
+    /// Lobe beside the cells of a BRDF, already subtracted from the measurement; evaluation adds it back. Errors and
+    /// levels are those of the cells alone.
     pub lobe: Option<Lobe>,
 }
 
 impl Default for Settings {
-    /// er(L2) 1 %, policy `rd`, any basis, nothing else asked for.
+    /// er(L2) of 1 %, policy `rd`, any basis, no further options.
     fn default() -> Self {
         Self {
             target: Target::ErL2(0.01),
@@ -55,7 +59,7 @@ impl Default for Settings {
     }
 }
 
-/// Refuses settings that are out of range or contradict each other.
+/// Rejects settings that are out of range or contradict each other.
 pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     settings.target.check()?;
     if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
@@ -82,7 +86,7 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     Ok(())
 }
 
-/// The floor in the unit of a sample, as it is stored; 0 without a floor.
+/// Floor in the unit of a sample, as the file stores it; 0 without a floor.
 pub(super) fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
     let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
     settings.floor.map_or(0.0, |floor| (floor * maximum()) as f32)

@@ -1,21 +1,21 @@
-//! Spectral bases: what happens along wavelength, by name and as a transform.
+//! Spectral bases by name, and as a transform of the wavelength axis.
 
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, LineBasis, SphereBasis};
 
-/// What happens along wavelength.
+/// Transform along the wavelength axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SpectralBasis {
     /// A wavelet.
     Line(LineBasis),
-    /// Nothing.
+    /// No transform.
     Identity,
     /// The data's own principal components, stored with the material (policy `rd`).
     Klt,
 }
 
 impl SpectralBasis {
-    /// Its name in settings and reports.
+    /// Name of the basis in settings and reports.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Line(basis) => basis.name(),
@@ -24,7 +24,7 @@ impl SpectralBasis {
         }
     }
 
-    /// The transform of an axis, triangles in `sphere`.
+    /// Transform of an axis; triangles take `sphere`.
     pub(super) fn transform_of(self, axis: &Axis, sphere: SphereBasis) -> AxisTransform {
         match axis {
             Axis::Triangles(_) => AxisTransform::Sphere(sphere),
@@ -38,7 +38,7 @@ impl SpectralBasis {
         }
     }
 
-    /// The basis of a name; `None` for `auto` and for names unknown.
+    /// Basis with this name; `None` for `auto` and for unknown names.
     pub(super) fn named(name: &str) -> Option<Self> {
         match name {
             "klt" => Some(Self::Klt),
@@ -48,7 +48,7 @@ impl SpectralBasis {
     }
 }
 
-/// The name of the basis on the wavelength axis.
+/// Name of the basis on the wavelength axis, `none` without such an axis.
 pub(super) fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
     match on_wavelength {

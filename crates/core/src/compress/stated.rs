@@ -1,13 +1,13 @@
-//! Errors as a header states them: floats of 24 bits, rounded so that a promise is never overstated.
+//! Errors as a header states them: 24-bit floats, rounded so that a promise is never overstated.
 
 use crate::codec::{CodecError, Reader, Writer};
 
-/// Bits of an f32 that a stated error leaves out.
+/// Low bits of an f32 that a stated error omits.
 const STATED_SHIFT: u32 = 8;
-/// The largest error that can be stated.
+/// Largest error that can be stated, as f32 bits.
 const LARGEST_STATED: u32 = 0x7F7F_FF00;
 
-/// The smallest number that a header can state and that is not below `error`.
+/// Returns the smallest statable number that is not below `error`.
 pub(super) fn rounded_up(error: f64) -> f32 {
     let nearest = error.min(f64::from(f32::MAX)) as f32;
     let above = if f64::from(nearest) < error { nearest.next_up() } else { nearest };
@@ -15,8 +15,8 @@ pub(super) fn rounded_up(error: f64) -> f32 {
     f32::from_bits(((above.to_bits() + left_out) & !left_out).min(LARGEST_STATED))
 }
 
-/// The largest number that a header can state and that is not above `target`: an error rounded up is at most `target`
-/// exactly if the error is at most this.
+/// Returns the largest statable number that is not above `target`. An error rounded up is at most `target` exactly if
+/// the error is at most this number.
 pub(super) fn rounded_down(target: f64) -> f64 {
     let nearest = target.min(f64::from(f32::MAX)) as f32;
     let below = if f64::from(nearest) > target { nearest.next_down() } else { nearest };
@@ -28,7 +28,7 @@ pub(super) fn write_error(w: &mut Writer, error: f64) {
     w.low_bytes(rounded_up(error).to_bits() >> STATED_SHIFT, 3);
 }
 
-/// Reads an error; one that is negative or not finite is refused.
+/// Reads an error; rejects negative and non-finite ones.
 pub(super) fn read_error(r: &mut Reader<'_>, what: &'static str) -> Result<f64, CodecError> {
     let value = f32::from_bits(r.low_bytes(3, what)? << STATED_SHIFT);
     if value >= 0.0 && value.is_finite() {

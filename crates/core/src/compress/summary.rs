@@ -1,42 +1,42 @@
-//! Summary of a material: everything that its header says.
+//! Summary of a material: the content of its header.
 
 use super::between::Between;
 use super::policy::Policy;
 use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
 
-/// What is known of a material from its header.
+/// Properties of a material that are known from its header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// The quantity.
+    /// Measured quantity.
     pub quantity: Quantity,
     /// The unit of a sample.
     pub unit: Unit,
-    /// What a sample on a triangle axis stands for.
+    /// Meaning of a sample on a triangle axis: point value or average over the triangle.
     pub sampling: Sampling,
-    /// The axes.
+    /// Axes, outermost first.
     pub axes: Vec<Axis>,
-    /// The policy.
+    /// Coding policy.
     pub policy: Policy,
-    /// The spectral basis; `none` where there is no wavelength axis.
+    /// Name of the spectral basis; `none` without a wavelength axis.
     pub basis: String,
-    /// Coefficients that are not zero; `None` for lossless.
+    /// Number of nonzero coefficients; `None` for lossless.
     pub kept_coefficients: Option<u64>,
-    /// Quantiser step of normalised coefficients, in natural logarithms or, for targets of absolute errors, in the unit of a
-    /// sample: what [`Target::Step`](super::Target::Step) takes. `None` for policies other than `rd`.
+    /// Quantiser step of normalised coefficients ([`Target::Step`](super::Target::Step)), in natural-log units or, for
+    /// targets of absolute errors, in the unit of a sample. `None` for policies other than `rd`.
     pub step: Option<f64>,
-    /// Absolute floor, 0 if none was declared.
+    /// Absolute floor in the unit of a sample, 0 if none was declared.
     pub floor: f64,
-    /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1, where the last directions are a grid of
-    /// angles.
+    /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1. `None` unless the last
+    /// directions are a grid of angles.
     pub straight_lines: Option<f64>,
     /// Interpolation between incidences.
     pub between: Between,
-    /// Lobe beside the cells: what is evaluated is the sum of both.
+    /// Lobe beside the cells; evaluation adds it to them.
     pub lobe: Option<Lobe>,
-    /// A sample is this times a number of the file that was measured, where both were kept (lossless only); else 1.
+    /// Ratio of a sample to the number stated in the measured file, if both were kept (lossless only); else 1.
     pub factor: f64,
-    /// The errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
+    /// Errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,
-    /// The metadata chunk's text, if there is one.
+    /// Text of the metadata chunk; `None` without one.
     pub metadata: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! What a file can be promised to be, and which figure of an error report each promise bounds.
+//! Promises that a compressed file can make, and the figure of an error report that each one bounds.
 
 use super::setting_error::SettingError;
 use crate::domain::ErrorReport;
@@ -7,75 +7,75 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize as DeriveDeserialize, Serialize, Serializer};
 
-/// What the user is promised.
+/// Promise that the compressed file keeps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, DeriveDeserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields, remote = "Self")]
 pub enum Target {
-    /// er(L1) at most this (0.01 = 1 %): the mean relative error of the samples > 0.
+    /// Upper bound on er(L1), the mean relative error of the samples > 0 (0.01 = 1 %).
     ErL1(f64),
-    /// er(L2) at most this (0.01 = 1 %): the root mean square of the relative error of the samples > 0.
+    /// Upper bound on er(L2), the root mean square of the relative error of the samples > 0 (0.01 = 1 %).
     ErL2(f64),
-    /// The relative error of every sample > 0 at most this.
+    /// Upper bound on the relative error of every sample > 0.
     MaxRelativeError(f64),
-    /// The absolute error of every sample that is not masked at most this, in the unit of the samples.
+    /// Upper bound on the absolute error of every unmasked sample, in the unit of the samples.
     MaxAbsoluteError(f64),
-    /// `√(Σ(s'−s)² / Σs²)` over every sample that is not masked at most this.
+    /// Upper bound on `√(Σ(s'−s)² / Σs²)` over all unmasked samples.
     RelativeRmse(f64),
-    /// The colour of every spectrum kept.
+    /// Upper bound on the colour difference of every spectrum.
     DeltaE(DeltaE),
-    /// At least this many samples per kept coefficient.
+    /// Lower bound on samples per kept coefficient.
     Ratio(f64),
-    /// At most this many bytes, metadata included.
+    /// Upper bound on the file size in bytes, metadata included.
     Bytes(u64),
-    /// No promise: this step of the quantiser, in natural logarithms of the samples, policy `rd`. For experts and for speed:
-    /// nothing is searched; the errors are measured as for any other target. er(L2) is about a tenth of the step, but where
-    /// the data's own basis, which `auto` takes, has too few vectors to follow.
+    /// No error bound: fixes the quantiser step, in natural-log units of the samples; policy `rd`. For experts and for
+    /// speed, as no search is made. Errors are still measured and reported. er(L2) is about a tenth of the step, unless
+    /// the data's own basis (the choice of `auto`) has too few vectors to follow the data.
     Step(f64),
-    /// As near to the truth as the noise of the measurement lets one tell: er(L2) stops where what is left is noise.
-    /// Where a file states larger uncertainties, `wavelume_formats::pipeline` stops at these.
+    /// As accurate as the noise of the measurement allows: er(L2) stops where the remaining error is noise. If a file
+    /// states larger uncertainties, `wavelume_formats::pipeline` stops at those.
     Auto,
-    /// Every bit.
+    /// Every bit is kept.
     Lossless,
 }
 
-/// CIEDE2000 of every scored spectrum at most this, as `domain::colour::SpectraColours` defines it.
+/// Upper bound on CIEDE2000 of every scored spectrum, as `domain::colour::SpectraColours` defines it.
 ///
-/// In JSON a number (the illuminant is then D65), or an object with both.
+/// In JSON a number (the illuminant is then D65), or an object with both fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DeltaE {
-    /// The largest difference allowed; about 1 is just seen.
+    /// Largest colour difference allowed; about 1 is just noticeable.
     pub at_most: f64,
-    /// Under which light, or of which chromaticity the white of an emission is.
+    /// Illuminant of reflection and transmission; for emission, the chromaticity of white.
     pub illuminant: Illuminant,
 }
 
-/// A figure of an error report that is to be at most so much.
+/// Figure of an error report, with its upper bound.
 #[derive(Clone, Copy)]
 pub(crate) struct Bound {
-    /// Its name in requests and reports.
+    /// Name of the figure in requests and reports.
     pub(crate) name: &'static str,
     pub(crate) at_most: f64,
     pub(crate) figure: fn(&ErrorReport) -> f64,
 }
 
 impl Bound {
-    /// Whether `errors` are within it.
+    /// Returns true if `errors` are within the bound.
     pub(crate) fn keeps(&self, errors: &ErrorReport) -> bool {
         (self.figure)(errors) <= self.at_most
     }
 }
 
-/// Relative errors above this say nothing.
+/// Largest relative error that can be requested; larger ones are meaningless. 10 is 1000 %.
 const MOST_RELATIVE: f64 = 10.0;
-/// Steps below this are below what float32 logarithms hold.
+/// Smallest quantiser step; float32 logarithms cannot resolve finer ones.
 pub(crate) const LEAST_STEP: f64 = 1e-6;
-/// Steps of the loosest targets, of whose coefficients one is left.
+/// Largest quantiser step; at the loosest targets it leaves one coefficient.
 const MOST_STEP: f64 = 64.0;
-/// From black to white.
+/// Largest ΔE that can be requested: from black to white.
 const MOST_DELTA_E: f64 = 100.0;
 
 impl Target {
-    /// The figure it bounds; `None` where it bounds none of an error report.
+    /// Returns the figure that the target bounds; `None` if it bounds no figure of an error report.
     pub(crate) fn bound(self) -> Option<Bound> {
         let (name, at_most, figure): (_, _, fn(&ErrorReport) -> f64) = match self {
             Self::ErL1(most) => ("er_l1", most, |e| e.er_l1),
@@ -89,7 +89,7 @@ impl Target {
         Some(Bound { name, at_most, figure })
     }
 
-    /// What is wrong with its number.
+    /// Rejects a target value outside its range.
     pub(crate) fn check(self) -> Result<(), SettingError> {
         let refuse = |option, found, expected| Err(SettingError::Range { option, found, expected });
         match self {

@@ -1,4 +1,4 @@
-//! Promises are kept on synthetic measurements of every shape, by every policy, on the decoded bytes.
+//! Tests that promises are kept on synthetic measurements of every shape, by every policy, on the decoded bytes.
 
 use super::*;
 use crate::domain::{Axis, Domain, ErrorReport, Quantity, Sampling, Silent, Tensor, TriangleMesh, WavelengthGrid};
@@ -22,7 +22,7 @@ pub(super) fn index(count: usize) -> Axis {
     Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
 }
 
-/// A smooth positive function of every axis with a little noise, seeded.
+/// Smooth positive function of every axis, with a little seeded noise.
 pub(super) fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(7);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -97,7 +97,7 @@ pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     }
 }
 
-/// Compresses, decodes, checks what the report says against an independent measurement, and returns it.
+/// Compresses, decodes, checks the report against an independent measurement, and returns the file.
 fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
     let compressed = compress(m, settings, &Silent).unwrap();
     let decoded = decode(&compressed.bytes).unwrap();

@@ -1,8 +1,9 @@
-//! The paper's policies: linear domain, bio-Haar on triangles, thresholds on L2-normalised coefficients, kept ones exact.
+//! The paper's policies: linear domain, bio-Haar on triangles, thresholds on L2-normalised coefficients, kept
+//! coefficients exact.
 //!
-//! \\[CPB06\\] section 4.2. *Conventional* has one threshold, *generic* one a space, *adaptive* ε√d inside a function of range
-//! d; coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of er(L2). The kept coefficients are stored
-//! exactly (float32), so the only error is that of what was dropped.
+//! See \[CPB06\] section 4.2. *Conventional* has one threshold, *generic* one threshold for each space, *adaptive*
+//! ε√d inside a function of range d. Coefficients are ranked by |c|·‖synthesis function‖ in the counting measure of
+//! er(L2). Kept coefficients are stored exactly (float32), so the only error is that of the dropped ones.
 
 use super::classes::classes_chunk;
 use super::compressed::{Compressed, Ranked};
@@ -29,9 +30,9 @@ use crate::codec::{ChunkKind, Class, Rows};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
-/// Bisections of the threshold.
+/// Number of bisections of the threshold; each halves the remaining interval.
 const REFINEMENTS: u32 = 12;
-/// Files of at least this part of the bytes allowed end the search of a count.
+/// Fraction of the allowed bytes at which the search for a count stops.
 const ENOUGH: f64 = 0.99;
 
 /// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given size.
@@ -81,7 +82,7 @@ pub(crate) fn compress(
     best(found, settings.target)
 }
 
-/// The best of files made to the same target, with the ranking of all of them; ties go to the earlier one.
+/// Returns the best of files made to one target, with the ranking of all of them; ties go to the earlier one.
 fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, CompressError> {
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
     found.sort_by(|a, b| {
@@ -141,7 +142,7 @@ impl<'a> Work<'a> {
         Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, basis, floor, tally })
     }
 
-    /// What the target bounds, but for lossless, which no threshold is.
+    /// Bounded figure of the target; `None` for lossless, which thresholds cannot reach.
     fn bound(&self) -> Option<Bound> {
         self.settings.target.bound().filter(|_| self.settings.target != Target::Lossless)
     }
@@ -156,7 +157,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// The largest threshold whose decoded errors are accepted; 0 keeps everything.
+    /// Finds the largest threshold whose decoded errors are accepted; 0 keeps everything.
     fn largest_threshold(
         &self,
         progress: &dyn Progress,
@@ -181,9 +182,9 @@ impl<'a> Work<'a> {
         Ok(largest(self.scale(), REFINEMENTS, keeps)?.map_or(0.0, |threshold| threshold as f32))
     }
 
-    /// The least threshold, hence the least error, that `fits`.
+    /// Finds the least threshold, hence the least error, that `fits` accepts.
     fn least_threshold(&self, progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<f32, CompressError> {
-        // Over the bit patterns of positive floats, which are in the order of the floats.
+        // Bisects the bit patterns of positive floats, which are in the order of the floats.
         let (mut low, mut high) = (0_u32, f32::MAX.to_bits());
         if !fits(f32::MAX) {
             let kept = self.kept(f32::MAX) as f64;
@@ -204,7 +205,7 @@ impl<'a> Work<'a> {
         Ok(f32::from_bits(low))
     }
 
-    /// The least threshold on the lattice of notches whose file has at most `bytes`.
+    /// Finds the least threshold on the lattice of notches whose file has at most `bytes` bytes.
     fn threshold_of_size(&self, progress: &dyn Progress, bytes: u64) -> Result<f32, CompressError> {
         let size = |at: Notch| {
             if progress.is_cancelled() {
@@ -212,7 +213,7 @@ impl<'a> Work<'a> {
             }
             Ok(self.file_size(at.value()) as f64)
         };
-        // A kept coefficient takes some four bytes.
+        // A kept coefficient takes about four bytes.
         let start = self.scales.threshold_of_count((bytes / 4) as usize, &self.coefficients);
         match finest_fitting((Notch::below(start), Notch::FINEST), (bytes as f64, Until::Close), size)? {
             Some(at) => Ok(at.value()),
@@ -220,14 +221,14 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Refusal of bytes that no file has.
+    /// Error for a target smaller than the smallest file.
     fn too_large(&self) -> CompressError {
         let smallest = self.size_of(&self.parts_of(vec![0.0; self.coefficients.len()])) as f64;
         let of = (self.coefficients.len(), self.basis);
         refusal::too_large(self.settings.target, smallest, of, self.settings.metadata.is_some())
     }
 
-    /// A threshold to start from: 1 % of the mean magnitude of a sample.
+    /// Initial threshold: 1 % of the mean magnitude of a sample.
     fn scale(&self) -> f64 {
         let samples = self.measurement.tensor.samples();
         let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|s| f64::from(s.abs())).sum();
@@ -247,11 +248,11 @@ impl<'a> Work<'a> {
         let metadata = metadata_with_labels(self.measurement.tensor.axes(), self.settings.metadata.as_deref());
         let errors = &parts.header.errors;
         let unscored = errors.zero_samples + errors.negative_samples + errors.below_floor_samples > 0;
-        // The decoded file states an error for these, which is not known yet.
+        // The decoded file will state an error for unscored samples, which is not known yet.
         assemble(parts, metadata.as_deref()).len() + if unscored { UNSCORED_BYTES } else { 0 }
     }
 
-    /// What generic thresholds keep.
+    /// Finds the coefficients kept by the thresholds of each space.
     fn find_generic(&self, samples: &[f32], rule: Rule, progress: &dyn Progress) -> Result<Parts, CompressError> {
         let axes = self.measurement.tensor.axes();
         let transform = GenericTransform::new(axes, &self.transforms, samples, true).map_err(SettingError::from)?;
@@ -263,7 +264,7 @@ impl<'a> Work<'a> {
             ErrorReport::measure(original, &masked, f64::from(self.floor))
         };
         let er_l2 = |decoded: &[f32]| if progress.is_cancelled() { f64::INFINITY } else { errors(decoded).er_l2 };
-        // A little is left for what is not coded below dead nodes.
+        // Margin for the coefficients below dead nodes, which are not coded.
         let slack = 1.0 - 1e-6;
         let count = samples.len();
         let search = match self.settings.target {
@@ -292,7 +293,7 @@ impl<'a> Work<'a> {
         if let Target::Ratio(ratio) = self.settings.target
             && search.kept as f64 > count as f64 / ratio
         {
-            // √d is 0 where a function is constant: no threshold drops anything there.
+            // √d is 0 for a constant function: no threshold drops anything there.
             return Err(UnreachableError::ConstantFunctions { ratio, kept: search.kept, count }.into());
         }
         let mut kept = search.coefficients;
@@ -300,7 +301,8 @@ impl<'a> Work<'a> {
         Ok(self.parts_of(kept))
     }
 
-    /// Selection of the largest count of coefficients whose file has at most `bytes`; `None` if no file has.
+    /// Finds the selection with the largest count of coefficients whose file has at most `bytes` bytes; `None` if no
+    /// file is that small.
     fn largest_count(
         &self,
         bytes: u64,
@@ -313,7 +315,7 @@ impl<'a> Work<'a> {
         if none > bytes {
             return None;
         }
-        // Sizes are nearly straight lines over the count: the next one tried is where the line meets the bytes.
+        // Size is nearly linear in the count: the next trial is where the line meets the wanted bytes.
         let (mut low, mut high) = ((0, none), None::<(usize, u64)>);
         let mut best = None;
         let mut middle = ((bytes - none) / 4) as usize;
@@ -341,7 +343,7 @@ impl<'a> Work<'a> {
             middle = match high {
                 Some((at, there)) => {
                     let part = (bytes - low.1) as f64 / (there - low.1) as f64;
-                    // Never so near to an end that little is learnt.
+                    // Stays away from both ends, where a trial narrows the interval too little.
                     low.0 + ((at - low.0) as f64 * part.clamp(0.1, 0.9)) as usize
                 }
                 None => (1.05 * low.0 as f64 * (bytes - none) as f64 / (low.1 - none).max(1) as f64) as usize,
@@ -367,7 +369,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// The samples of all coefficients.
+/// Reconstructs the samples from all coefficients.
 fn all(transform: &GenericTransform) -> Vec<f32> {
     let mut decoded = transform.coefficients().to_vec();
     transform.plan().inverse(&mut decoded);

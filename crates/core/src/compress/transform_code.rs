@@ -1,4 +1,4 @@
-//! Transforms of axes as a header names them, both ways.
+//! Reads and writes the codes of axis transforms in a header.
 
 use crate::codec::{CodecError, Reader, Writer};
 use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
@@ -11,7 +11,7 @@ const FIXED: [(u64, AxisTransform); 4] = [
     (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
 
-/// The code of basis 0 on a line.
+/// Code of basis 0 on a line.
 const FIRST_LINE: u64 = 16;
 
 /// Writes the code of `transform`.
@@ -24,7 +24,7 @@ pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
     }
 }
 
-/// Reads a code; an unknown one is refused.
+/// Reads a transform; rejects unknown codes.
 pub(super) fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
     let code = r.varint("transform")?;
     if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {

@@ -1,4 +1,4 @@
-//! Reasons why no file keeps a promise: the option asked for, what in the data conflicts with it, and what would work.
+//! Reasons why no file keeps a promise: the option, the conflict with the data, and a remedy.
 
 use super::figures::{shown, two_digits_up};
 use super::policy::Policy;
@@ -9,15 +9,15 @@ use crate::codec::CodecError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnreachableError {
-    /// No candidate at all.
+    /// No spectral basis can be tried.
     #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
     NoBasis,
-    /// An error that a basis does not reach, however small the step.
+    /// Error that a basis does not reach, however small the step.
     #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear)))]
     CannotFollow {
         /// Name of the option.
         option: &'static str,
-        /// The error asked for.
+        /// Requested error.
         wanted: f64,
         /// The smallest error found; infinite where float32 overflows.
         closest: f64,
@@ -26,7 +26,7 @@ pub enum UnreachableError {
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
     },
-    /// A bound on every sample that is below what float32 resolves.
+    /// Bound on every sample that float32 cannot resolve.
     #[error("{}", below_rounding(*target, *largest))]
     BelowRounding {
         /// The target.
@@ -34,22 +34,22 @@ pub enum UnreachableError {
         /// The largest magnitude of a sample.
         largest: f64,
     },
-    /// An error below the smallest one that a file can state.
+    /// Error below the smallest one that a file can state.
     #[error(
         "{option} {wanted:e} is below 3.6e-43, the smallest error that a file can state; ask for a larger one, or lossless"
     )]
     BelowStated {
         /// Name of the option.
         option: &'static str,
-        /// The error asked for.
+        /// Requested error.
         wanted: f64,
     },
-    /// A size below that of the smallest file, or a ratio above that of the fewest coefficients.
+    /// Size below that of the smallest file, or ratio above that of the fewest coefficients.
     #[error("{}", too_large(*target, *least, (*samples, basis), *has_metadata))]
     TooLarge {
         /// The target.
         target: Target,
-        /// The least size that is possible: bytes, or coefficients for a ratio.
+        /// Smallest possible size: bytes, or coefficients for a ratio.
         least: f64,
         /// Number of samples.
         samples: usize,
@@ -58,21 +58,21 @@ pub enum UnreachableError {
         /// True if the file has metadata.
         has_metadata: bool,
     },
-    /// A ratio that the adaptive rule does not reach: it keeps all coefficients of constant functions.
+    /// Ratio that the adaptive rule does not reach, because it keeps all coefficients of constant functions.
     #[error(
         "ratio {ratio}: the adaptive rule keeps {kept} of {count} coefficients, those of functions that are constant; ask for \
          ratio {} or less, or for another policy",
         shown((*count as f64 / (*kept).max(1) as f64).floor())
     )]
     ConstantFunctions {
-        /// The ratio asked for.
+        /// Requested ratio.
         ratio: f64,
         /// Number of kept coefficients.
         kept: usize,
         /// Number of coefficients.
         count: usize,
     },
-    /// A figure of the best file found that misses its bound.
+    /// Figure of the best file found that misses its bound.
     #[error("{}", missed(option, (*wanted, *found), basis))]
     Missed {
         /// Name of the option.
@@ -84,18 +84,18 @@ pub enum UnreachableError {
         /// Name of the spectral basis of the file.
         basis: String,
     },
-    /// Samples below the floor that are not kept within it.
+    /// Samples below the floor whose error exceeds it.
     #[error(
         "floor {}: samples below the floor of {} (in the unit of the samples) are to be kept within it, but the error asked for \
          lets one be off by {}; ask for a smaller error, a larger floor, or leave the floor out",
         shown(*wanted), shown(*floor), shown(*found)
     )]
     Floor {
-        /// The floor asked for, as a fraction of the largest sample.
+        /// Requested floor, as a fraction of the largest sample.
         wanted: f64,
         /// The floor in the unit of the samples.
         floor: f64,
-        /// The largest error below it, in the same unit.
+        /// Largest error of a sample below the floor, in the same unit.
         found: f64,
     },
     /// Samples that decode as masked, or masked ones as numbers.
@@ -134,7 +134,7 @@ pub enum UnreachableError {
         /// The sample.
         sample: f32,
     },
-    /// A linear transform of the paper that leaves float32.
+    /// Samples that exceed float32 in one of the paper's linear transforms.
     #[error(
         "policy {policy}, basis {basis}: samples as large as {} leave the range of float32 in the transform; use policy rd, \
          lossless, or store the measurement in a larger unit", shown(*largest)
@@ -147,15 +147,15 @@ pub enum UnreachableError {
         /// The largest magnitude of a sample.
         largest: f64,
     },
-    /// A given coefficient that float32 does not hold.
+    /// Given coefficient that float32 cannot hold.
     #[error("coefficient {index} is {found}, expected a number that an f32 holds")]
     Coefficient {
-        /// Its flat index.
+        /// Flat index of the coefficient.
         index: usize,
-        /// Its value as a float32.
+        /// Value of the coefficient as a float32.
         found: f32,
     },
-    /// A file that its own decoder refuses.
+    /// File that its own decoder rejects.
     #[error(
         "policy {policy}, basis {basis}: no file was written, because its decoder would refuse it ({reason}): the samples leave \
          the range in which this transform works in float32; use lossless, or store the measurement in another unit"
@@ -168,7 +168,7 @@ pub enum UnreachableError {
         /// The decoder's reason.
         reason: CodecError,
     },
-    /// A file whose colours cannot be checked, because it does not decode.
+    /// File that does not decode, so that its colours cannot be checked.
     #[error("delta_e: the file does not decode ({0}); use lossless")]
     Colours(CodecError),
 }
@@ -242,8 +242,8 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
     text
 }
 
-/// The size of a file that has `least` bytes and metadata with a request for `bytes`, once the request is for that size: a longer
-/// number in the metadata, and in what is computed from it.
+/// Size of a file that has `least` bytes and metadata with a request for `bytes`, once the request names that size. The
+/// number in the metadata, and numbers computed from it, may then be longer.
 fn with_longer_request(bytes: u64, least: f64) -> f64 {
     let digits = |number: u64| number.max(1).ilog10();
     least + f64::from(4 + 2 * digits(least as u64).saturating_sub(digits(bytes)))

@@ -1,6 +1,8 @@
-//! What the rate–distortion policy approximates of a sample: the logarithm of its magnitude, or the sample itself.
+//! Value that the rate–distortion policy approximates for each sample: the logarithm of its magnitude, or the sample
+//! itself.
 //!
-//! A relative error is an absolute error of the logarithm; an absolute error is one of the sample, whatever its sign.
+//! A relative error of a sample is an absolute error of its logarithm. Absolute errors need the sample itself, whatever
+//! its sign.
 
 use super::exponential::exponentiate;
 use super::logarithm::logarithms;
@@ -9,10 +11,11 @@ use crate::codec::Class;
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// A positive sample below the floor keeps at least this fraction of it, so that its error stays below the floor.
+/// Fraction of the floor to which smaller positive samples are raised before coding, so that their error stays below
+/// the floor.
 const FLOORED: f64 = 0.7;
 
-/// Whether every sample is above 0, hence none masked.
+/// Returns true if every sample is above 0, so that none is masked.
 pub(crate) fn all_positive(samples: &[f32]) -> bool {
     let block = |samples: &[f32]| {
         wide(
@@ -23,20 +26,20 @@ pub(crate) fn all_positive(samples: &[f32]) -> bool {
     samples.par_chunks(1 << 14).all(block)
 }
 
-/// What is approximated of a sample.
+/// Value that is approximated for each sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Values {
-    /// The natural logarithm of its magnitude; its class says the sign.
+    /// Natural logarithm of the magnitude; the sample's class carries the sign.
     Logarithms,
-    /// The sample, negative ones too if `signed`; otherwise nothing decodes below 0.
+    /// The sample itself. Unless `signed`, decoded values below 0 become 0.
     Samples {
-        /// Whether the measurement has negative samples.
+        /// True if the measurement has negative samples.
         signed: bool,
     },
 }
 
 impl Values {
-    /// What serves `target` best.
+    /// Returns the kind of value that serves `target` best.
     pub(crate) fn of(target: Target, samples: &[f32]) -> Self {
         match target {
             Target::MaxAbsoluteError(_) | Target::RelativeRmse(_) => {
@@ -46,13 +49,13 @@ impl Values {
         }
     }
 
-    /// Whether samples are approximated as they are.
+    /// Returns true if samples are approximated themselves, not as logarithms.
     pub(crate) fn is_linear(self) -> bool {
         matches!(self, Self::Samples { .. })
     }
 
-    /// The class of a sample. Negative samples within the floor become zeros where only magnitudes are approximated: their
-    /// sign is worth no bits, and their error stays below the floor.
+    /// Returns the class of a sample. Negative samples smaller than the floor become zeros where logarithms are coded.
+    /// Their sign is not worth its bits, and the error stays below the floor.
     pub(crate) fn class_of(self, sample: f32, floor: f32) -> Class {
         if sample.is_nan() {
             Class::Masked
@@ -61,7 +64,7 @@ impl Values {
         } else if sample == 0.0 {
             Class::Zero
         } else if self.is_linear() {
-            // It carries its own sign.
+            // The coded value carries its own sign.
             Class::Positive
         } else if -sample < floor {
             Class::Zero
@@ -70,7 +73,7 @@ impl Values {
         }
     }
 
-    /// What is approximated of a sample; NaN where nothing is.
+    /// Returns the value to approximate for a sample; NaN for zero and masked ones.
     pub(crate) fn wanted(self, sample: f32, class: Class, floor: f32) -> f64 {
         match (class, self) {
             (Class::Zero | Class::Masked, _) => f64::NAN,
@@ -79,7 +82,7 @@ impl Values {
         }
     }
 
-    /// The same of many samples.
+    /// Like [`Self::wanted`], for many samples.
     pub(crate) fn wanted_of_all(self, samples: &[f32], classes: &[Class], floor: f32, wanted: &mut [f32]) {
         const BLOCK: usize = 256;
         if self.is_linear() {
@@ -102,14 +105,14 @@ impl Values {
         }
     }
 
-    /// From what was approximated to samples, but for what the classes say.
+    /// Converts approximated values to samples, before the classes are applied.
     pub(crate) fn finish(self, values: &mut [f32]) {
         match self {
             Self::Logarithms => exponentiate(values),
             Self::Samples { signed: true } => {}
             Self::Samples { signed: false } => values.par_chunks_mut(1 << 14).for_each(|values| {
                 for value in values {
-                    // NaN stays, and is refused later.
+                    // NaN passes; it is rejected later.
                     if *value < 0.0 {
                         *value = 0.0;
                     }

@@ -1,12 +1,12 @@
-//! Materials with another metadata chunk: provenance that is known only after the file was measured.
+//! Replaces the metadata chunk of a material, for provenance that is known only after the file was measured.
 
 use super::decode::open;
 use super::metadata::{metadata_of, metadata_with_labels};
 use super::metadata_chunk::{MAX_METADATA, metadata_chunk};
 use crate::codec::{CodecError, write_chunk};
 
-/// The material `bytes` with `metadata`, a JSON object, in place of its own; the labels of its index axes stay. Its samples
-/// and its payload digest stay the same.
+/// Returns the material `bytes` with its metadata replaced by `metadata`, a JSON object; labels of index axes stay.
+/// Samples and payload digest do not change.
 pub fn with_metadata(bytes: &[u8], metadata: &str) -> Result<Vec<u8>, CodecError> {
     let (header, container) = open(bytes)?;
     let (_, axes) = metadata_of(&header, &container)?;

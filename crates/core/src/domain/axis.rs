@@ -1,4 +1,4 @@
-//! The axes of a tensor, and which of them are directions, wavelength or plain indices for a quantity.
+//! Axes of a tensor, and their roles for a quantity: directions, wavelength or plain indices.
 
 use super::direction_grid::DirectionGrid;
 use super::limits::{MAX_AXES, MAX_ENTRIES, MAX_SAMPLES};
@@ -6,12 +6,12 @@ use super::quantity::Quantity;
 use super::triangles::TriangleMesh;
 use super::wavelengths::WavelengthGrid;
 
-/// One axis of a tensor.
+/// Axis of a tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Axis {
-    /// Directions: the triangles of a mesh.
+    /// Directions on the triangles of a mesh.
     Triangles(TriangleMesh),
-    /// Directions: a grid of polar angles and azimuths, `[polar, azimuth]` row-major.
+    /// Directions on a grid of polar angles and azimuths, `[polar, azimuth]` row-major.
     Grid(DirectionGrid),
     /// Incoming elevations of isotropic data: theta in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
     Elevation(Vec<f64>),
@@ -19,50 +19,50 @@ pub enum Axis {
     Wavelength(WavelengthGrid),
     /// Entries without geometry: columns of a table, scan positions.
     Index {
-        /// How many entries.
+        /// Number of entries.
         count: usize,
-        /// Their names; empty, or one each.
+        /// Names of the entries: none, or one per entry.
         labels: Vec<String>,
     },
     /// The three channels red, green, blue of data without wavelengths.
     Rgb,
 }
 
-/// Why axes do not make a tensor of a quantity.
+/// Reasons why axes do not form a tensor of a quantity.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AxisError {
-    /// Too many axes.
+    /// There are too many axes.
     #[error("{found} axes are more than the limit of {MAX_AXES}")]
     TooManyAxes {
-        /// How many there were.
+        /// Number of axes.
         found: usize,
     },
-    /// The product of the lengths is over the limit.
+    /// The product of the lengths exceeds the limit.
     #[error("axes of lengths {shape:?} make more than the limit of {MAX_SAMPLES} samples")]
     TooManySamples {
-        /// The lengths.
+        /// Lengths of the axes.
         shape: Vec<usize>,
     },
-    /// An elevation or index axis is out of its limits.
+    /// An elevation or index axis is invalid.
     #[error("axis {axis}: {reason}")]
     Malformed {
-        /// Its position, from 0.
+        /// Position of the axis, from 0.
         axis: usize,
-        /// What was found and what was expected.
+        /// The value found and the one expected.
         reason: String,
     },
     /// The axes do not fit the quantity.
     #[error("{quantity}: {reason}")]
     Unfit {
-        /// The quantity.
+        /// Quantity of the tensor.
         quantity: Quantity,
-        /// What was found and what was expected.
+        /// The value found and the one expected.
         reason: String,
     },
 }
 
 impl Axis {
-    /// The number of entries along the axis; never 0 on a checked axis.
+    /// Returns the number of entries along the axis; never 0 on a checked axis.
     #[allow(clippy::len_without_is_empty, reason = "a checked axis is never empty")]
     pub fn len(&self) -> usize {
         match self {
@@ -75,17 +75,17 @@ impl Axis {
         }
     }
 
-    /// Whether an entry is a direction.
+    /// Returns true if the entries are directions.
     pub fn is_directional(&self) -> bool {
         matches!(self, Self::Triangles(_) | Self::Grid(_) | Self::Elevation(_))
     }
 
-    /// Whether an entry is a wavelength or colour channel.
+    /// Returns true if the entries are wavelengths or colour channels.
     pub fn is_spectral(&self) -> bool {
         matches!(self, Self::Wavelength(_) | Self::Rgb)
     }
 
-    /// A short form for people: `hemisphere:4`, `380..750 nm (75)`, `12 elevations`.
+    /// Returns a short description for people: `hemisphere:4 (1024 triangles)`, `380..750 nm (75)`, `12 elevations`.
     pub fn describe(&self) -> String {
         match self {
             Self::Triangles(mesh) => format!("{}:{} ({} triangles)", mesh.domain(), mesh.level(), mesh.len()),
@@ -94,7 +94,7 @@ impl Axis {
             Self::Elevation(values) => format!("{} elevations", values.len()),
             Self::Wavelength(grid) => {
                 let (first, last) = grid.range();
-                // Spectrometers list wavelengths to the last bit of an f32; people do not read them.
+                // Spectrometers list wavelengths with all digits of an f32, too many to read.
                 let rounded = |nm: f64| libm::round(nm * 1000.0) / 1000.0;
                 format!("{}..{} nm ({})", rounded(first), rounded(last), grid.len())
             }
@@ -127,13 +127,13 @@ impl Axis {
                 }
                 Ok(())
             }
-            // Checked when they are made.
+            // Checked on construction.
             Self::Triangles(_) | Self::Grid(_) | Self::Wavelength(_) | Self::Rgb => Ok(()),
         }
     }
 }
 
-/// Checks the axes' own limits and returns the product of their lengths.
+/// Checks the limits of each axis and returns the product of the lengths.
 pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
     if axes.len() > MAX_AXES {
         return Err(AxisError::TooManyAxes { found: axes.len() });
@@ -147,23 +147,23 @@ pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
         .ok_or_else(|| AxisError::TooManySamples { shape: axes.iter().map(Axis::len).collect() })
 }
 
-/// Which axis of a tensor plays which role: leading opaque indices, then directions, then the spectral axis.
+/// Roles of the axes of a tensor: leading index axes without geometry, then directions, then the spectral axis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// How many leading axes are opaque indices.
+    /// Number of leading index axes.
     pub indices: usize,
-    /// The axis of `wi`, where there is one.
+    /// Position of the axis of `wi`, if any.
     pub incoming: Option<usize>,
-    /// The axis of `wo`, where there is one.
+    /// Position of the axis of `wo`, if any.
     pub outgoing: Option<usize>,
-    /// The last axis, if it is spectral.
+    /// Position of the last axis, if it is spectral.
     pub spectral: Option<usize>,
 }
 
 impl Layout {
-    /// The roles of `axes` for `quantity`, or why they do not fit: `[index…, incoming, outgoing, spectral]`, where each
-    /// part may be missing. Directional quantities may be all index (scans without geometry); then they have no
-    /// directions to ask for.
+    /// Returns the roles of `axes` for `quantity`, or the reason why they do not fit. The order is
+    /// `[index…, incoming, outgoing, spectral]`, and each part may be missing. Directional quantities may have index
+    /// axes only (scans without geometry); they then have no directions to query.
     pub fn of(quantity: Quantity, axes: &[Axis]) -> Result<Self, AxisError> {
         let unfit = |reason: String| AxisError::Unfit { quantity, reason };
         let indices = axes.iter().take_while(|axis| matches!(axis, Axis::Index { .. })).count();

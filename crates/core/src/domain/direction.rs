@@ -1,10 +1,10 @@
-//! A direction is a unit vector; angles enter and leave it by named conversions only.
+//! Directions as unit vectors, with named conversions from and to angles.
 
 use super::vector::{self, Vector};
 
 const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// A unit vector in the surface or luminaire frame (see [`crate::domain`]).
+/// Unit vector in the surface or luminaire frame (see [`crate::domain`]).
 ///
 /// ```
 /// use wavelume_core::domain::Direction;
@@ -17,86 +17,86 @@ const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 pub struct Direction(Vector);
 
 impl Direction {
-    /// The direction of a vector of any length; `None` if it is zero or not finite.
+    /// Creates the direction of a vector of any length; `None` if it is zero or not finite.
     #[inline]
     pub fn new(x: f64, y: f64, z: f64) -> Option<Self> {
         let length = vector::norm([x, y, z]);
         (length.is_finite() && length > 0.0).then(|| Self(vector::scale([x, y, z], 1.0 / length)))
     }
 
-    /// From `theta` (from `+z`) and `phi` (counter-clockwise from `+x`), in radians.
+    /// Creates a direction from `theta` (from `+z`) and `phi` (counter-clockwise from `+x`), in radians.
     pub fn from_radians(theta: f64, phi: f64) -> Self {
         let (sin_theta, cos_theta) = libm::sincos(theta);
         let (sin_phi, cos_phi) = libm::sincos(phi);
         Self([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta])
     }
 
-    /// From `theta` and `phi` in degrees. Multiples of 90° are exact.
+    /// Creates a direction from `theta` and `phi` in degrees. Multiples of 90° are exact.
     pub fn from_degrees(theta: f64, phi: f64) -> Self {
         let (sin_theta, cos_theta) = sin_cos_degrees(theta);
         let (sin_phi, cos_phi) = sin_cos_degrees(phi);
         Self([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta])
     }
 
-    /// From the photometric angles of a luminaire, in degrees: `gamma` from nadir (`-z`), `c` counter-clockwise seen
-    /// from above, 0 at `+x`.
+    /// Creates a direction from the photometric angles of a luminaire in degrees: `gamma` from nadir (`-z`), `c`
+    /// counter-clockwise seen from above, 0 at `+x`.
     pub fn from_luminaire_degrees(c: f64, gamma: f64) -> Self {
         Self::from_degrees(180.0 - gamma, c)
     }
 
-    /// The direction of a vector that has unit length already, which is not checked.
+    /// Wraps a vector that already has unit length, which is not checked.
     #[inline]
     pub fn from_unit(v: Vector) -> Self {
         Self(v)
     }
 
-    /// The components `[x, y, z]`.
+    /// Returns the components `[x, y, z]`.
     #[inline]
     pub fn xyz(self) -> [f64; 3] {
         self.0
     }
 
-    /// The cosine of the angle from `+z`: the `z` component.
+    /// Returns the cosine of the angle from `+z`: the `z` component.
     #[inline]
     pub fn cos_theta(self) -> f64 {
         self.0[2]
     }
 
-    /// Angle from `+z` in radians, 0..=π.
+    /// Returns the angle from `+z` in radians, 0..=π.
     pub fn theta(self) -> f64 {
-        // atan2 keeps its precision near the poles, where acos loses it.
+        // atan2 is precise near the poles, acos is not.
         libm::atan2(libm::hypot(self.0[0], self.0[1]), self.0[2])
     }
 
-    /// Azimuth from `+x` in radians, 0..2π; 0 at the poles.
+    /// Returns the azimuth from `+x` in radians, 0..2π; 0 at the poles.
     pub fn phi(self) -> f64 {
         let phi = libm::atan2(self.0[1], self.0[0]);
         if phi < 0.0 { phi + std::f64::consts::TAU } else { phi }
     }
 
-    /// Angle from `+z` in degrees, 0..=180.
+    /// Returns the angle from `+z` in degrees, 0..=180.
     pub fn theta_degrees(self) -> f64 {
         self.theta() / RADIANS_PER_DEGREE
     }
 
-    /// Azimuth from `+x` in degrees, 0..360.
+    /// Returns the azimuth from `+x` in degrees, 0..360.
     pub fn phi_degrees(self) -> f64 {
         self.phi() / RADIANS_PER_DEGREE
     }
 
-    /// The inner product with another direction: the cosine of the angle between them.
+    /// Returns the inner product with another direction: the cosine of the angle between them.
     pub fn dot(self, other: Self) -> f64 {
         vector::dot(self.0, other.0)
     }
 
-    /// This direction turned by `phi` radians counter-clockwise about `+z`.
+    /// Returns this direction rotated by `phi` radians counter-clockwise about `+z`.
     #[must_use]
     pub fn rotated_about_z(self, phi: f64) -> Self {
         Self(vector::about_z(self.0, phi))
     }
 }
 
-/// Sine and cosine of an angle in degrees, exact at multiples of 90°.
+/// Returns sine and cosine of an angle in degrees, exact at multiples of 90°.
 fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     let turned = degrees.rem_euclid(360.0);
     match turned {

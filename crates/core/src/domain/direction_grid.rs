@@ -1,8 +1,8 @@
-//! Directions on a grid of polar angles and azimuths, as the instrument stepped through them.
+//! Directions on a grid of polar angles and azimuths, as scanned by the instrument.
 //!
-//! The sphere as the product of two lines (\[CPB06\] section 4 takes an axis of directions as any sequence of them): the
-//! entries are `[polar, azimuth]`, row-major, and every angle is the number that the file states. A [`Frame`] says which
-//! direction a pair of angles is.
+//! The sphere is treated as the product of two lines (\[CPB06\] section 4 allows any sequence of directions as an
+//! axis). Entries are `[polar, azimuth]`, row-major, and every angle is the number in the file. A [`Frame`] defines the
+//! direction of a pair of angles.
 
 use super::direction::Direction;
 use super::limits::{MAX_ENTRIES, MAX_SAMPLES};
@@ -10,27 +10,27 @@ use super::quantity::named;
 use super::vector::Vector;
 use crate::numeric::arctangent::atan2_degrees;
 
-/// Frame in which a pair of angles, in degrees, is a direction.
+/// Coordinate frame that maps a pair of angles, in degrees, to a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Frame {
-    /// Surfaces: the polar angle is theta from `+z`, 0..=180; the azimuth phi turns from `+x` towards `+y`. Behind incoming
-    /// elevations phi is relative to the azimuth of `wi`.
+    /// Surfaces: the polar angle is theta from `+z`, 0..=180; the azimuth phi turns from `+x` towards `+y`. If the
+    /// incoming axis has elevations only, phi is relative to the azimuth of `wi`.
     Surface,
-    /// Photometric type C (LM-63, EULUMDAT): the polar angle is gamma from nadir (`-z`), 0..=180; the azimuth C turns from
-    /// `+x` towards `+y`.
+    /// Photometric type C (LM-63, EULUMDAT): the polar angle is gamma from nadir (`-z`), 0..=180; the azimuth C turns
+    /// from `+x` towards `+y`.
     TypeC,
-    /// Photometric type B: the polar angle is the latitude H about the horizontal axis `-y`, -90..=90, and the azimuth V
-    /// turns from nadir (`-z`) towards `+x`: `(cos H sin V, -sin H, -cos H cos V)`.
+    /// Photometric type B: the polar angle is the latitude H about the horizontal axis `-y`, -90..=90, and the azimuth
+    /// V turns from nadir (`-z`) towards `+x`: `(cos H sin V, -sin H, -cos H cos V)`.
     TypeB,
-    /// Photometric type A: the polar angle is the latitude V about the vertical axis `+z`, -90..=90, and the azimuth H turns
-    /// from `+x` towards `-y`: `(cos V cos H, -cos V sin H, sin V)`.
+    /// Photometric type A: the polar angle is the latitude V about the vertical axis `+z`, -90..=90, and the azimuth H
+    /// turns from `+x` towards `-y`: `(cos V cos H, -cos V sin H, sin V)`.
     TypeA,
 }
 named!(Frame, "frame", { Surface = "surface", TypeC = "type-c", TypeB = "type-b", TypeA = "type-a" });
 
 impl Frame {
-    /// Range of the polar angle in degrees: from pole to pole.
+    /// Returns the range of the polar angle in degrees, from pole to pole.
     pub fn polar_range(self) -> (f64, f64) {
         match self {
             Self::Surface | Self::TypeC => (0.0, 180.0),
@@ -38,7 +38,7 @@ impl Frame {
         }
     }
 
-    /// The direction at a polar angle and an azimuth, in degrees. Multiples of 90° are exact.
+    /// Returns the direction at a polar angle and an azimuth, in degrees. Multiples of 90° are exact.
     pub fn direction(self, polar: f64, azimuth: f64) -> Direction {
         match self {
             Self::Surface => Direction::from_degrees(polar, azimuth),
@@ -54,7 +54,7 @@ impl Frame {
         }
     }
 
-    /// Polar angle and azimuth of a direction in degrees, the azimuth -180..=180; 0 at the poles.
+    /// Returns polar angle and azimuth of a direction in degrees; the azimuth is in -180..=180 and 0 at the poles.
     pub fn angles(self, direction: Direction) -> [f64; 2] {
         let [x, y, z] = self.upright(direction.xyz());
         let across = libm::hypot(x, y);
@@ -66,8 +66,8 @@ impl Frame {
         [polar.to_degrees(), azimuth]
     }
 
-    /// [`Frame::angles`] of a vector of any length that [`Frame::upright`] turned, to the last bits: in few operations,
-    /// and in loops that become vector code.
+    /// Computes [`Frame::angles`] of a vector of any length rotated by [`Frame::upright`], up to the last bits. It
+    /// needs few operations, and loops over it become vector code.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn angles_of_upright(self, [x, y, z]: Vector) -> [f64; 2] {
@@ -78,7 +78,7 @@ impl Frame {
         [atan2_degrees(up, along), azimuth]
     }
 
-    /// The vector turned so that the pole is at `+z` and the azimuth from `+x`: then all frames are alike.
+    /// Rotates the vector so that the pole is at `+z` and the azimuth counts from `+x`, which makes all frames alike.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn upright(self, [x, y, z]: Vector) -> Vector {
@@ -91,28 +91,28 @@ impl Frame {
     }
 }
 
-/// The sine of the distance from a pole below which a direction has no azimuth.
+/// Sine of the angular distance from a pole below which the azimuth of a direction is taken as 0.
 const AT_POLE: f64 = 1e-12;
-/// Degrees by which a direction may miss the end of a range and still lie on it: angles come out of arc functions.
+/// Tolerance in degrees at the ends of a range, for the rounding of arc functions.
 const ROUNDING: f64 = 1e-9;
-/// Largest azimuth that is taken, in degrees.
+/// Largest azimuth accepted, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
-/// Part of the full circle that the azimuths of a grid list, and the symmetry that gives the rest.
+/// Part of the full circle covered by the listed azimuths, and the symmetry that gives the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum AzimuthExtent {
-    /// They go round: the last is followed by the first + 360°.
+    /// Full circle: the last azimuth is followed by the first + 360°.
     Circle,
-    /// They go round, and the file states the first again as the last, 360° later.
+    /// Full circle with the first azimuth repeated as the last one, 360° later.
     Closed,
-    /// They cover the sector from the first to the last; nothing is known outside.
+    /// Sector from the first to the last azimuth; values outside are unknown.
     Sector,
-    /// They lie in 0..=180°; the other half is the mirror image across the plane of azimuth 0 and 180°.
+    /// Azimuths in 0..=180°; the other half is the mirror image across the plane of azimuth 0 and 180°.
     Mirrored,
-    /// They lie in 90..=270°; the other half is the mirror image across the plane of azimuth 90° and 270°.
+    /// Azimuths in 90..=270°; the other half is the mirror image across the plane of azimuth 90° and 270°.
     MirroredAt90,
-    /// They lie in 0..=90°; the other quadrants are mirror images across both planes.
+    /// Azimuths in 0..=90°; the other quadrants are mirror images across both planes.
     Quadrant,
 }
 named!(AzimuthExtent, "extent of azimuths", {
@@ -125,7 +125,7 @@ named!(AzimuthExtent, "extent of azimuths", {
 });
 
 impl AzimuthExtent {
-    /// Range in which the azimuths of a file must lie, in degrees.
+    /// Returns the range in which the azimuths of a file must lie, in degrees.
     fn range(self) -> (f64, f64) {
         match self {
             Self::Circle | Self::Closed | Self::Sector => (-LARGEST_AZIMUTH, LARGEST_AZIMUTH),
@@ -135,24 +135,23 @@ impl AzimuthExtent {
         }
     }
 
-    /// Returns true where the last azimuth is followed by the first.
+    /// Returns true if the last azimuth is followed by the first.
     pub fn is_periodic(self) -> bool {
         matches!(self, Self::Circle | Self::Closed)
     }
 }
 
-/// The azimuths of a grid.
+/// Azimuths of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuths {
-    /// Degrees, strictly increasing.
+    /// Azimuths in degrees, strictly increasing.
     pub angles: Vec<f64>,
     /// Extent of the circle that the angles cover, and the mirror planes that complete it.
     pub extent: AzimuthExtent,
 }
 
 impl Azimuths {
-    /// The azimuth among those that the grid lists, or between two of them, at which the function has the value that it has
-    /// at `azimuth` (degrees).
+    /// Maps `azimuth` (degrees) by the symmetries to the equivalent azimuth in the listed part of the circle.
     pub fn folded(&self, azimuth: f64) -> f64 {
         let around = |azimuth: f64| azimuth - 360.0 * libm::round(azimuth / 360.0);
         match self.extent {
@@ -170,8 +169,8 @@ impl Azimuths {
         }
     }
 
-    /// The range of folded azimuths that they stand for: between an end and a mirror plane no farther than the widest step
-    /// lies nothing that is not between azimuths of the file.
+    /// Returns the range of folded azimuths covered. It extends to a mirror plane that is no farther from an end than
+    /// the widest step, since that gap lies between two azimuths of the file.
     fn covers(&self) -> (f64, f64) {
         let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
         if self.extent.is_periodic() {
@@ -186,13 +185,13 @@ impl Azimuths {
     }
 }
 
-/// The value outside the angles that a grid covers.
+/// Value outside the angles that a grid covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Outside {
-    /// Nothing was measured there: masked.
+    /// Masked, because it was not measured.
     Masked,
-    /// The standard of the format says 0 (LM-63, EULUMDAT).
+    /// 0, as the standards LM-63 and EULUMDAT define.
     Dark,
 }
 named!(Outside, "value outside", { Masked = "masked", Dark = "dark" });
@@ -221,80 +220,81 @@ pub struct DirectionGrid {
     is_polar_mirrored: bool,
 }
 
-/// Why angles are no grid of directions.
+/// Reasons why angles do not form a grid of directions.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DirectionGridError {
-    /// There are no angles of a kind, or too many.
+    /// The number of polar angles or azimuths is 0 or too large.
     #[error("{found} {what} angles, expected 1 to {MAX_ENTRIES}")]
     Count {
         /// `polar` or `azimuth`.
         what: &'static str,
-        /// The number of angles found.
+        /// Number of angles found.
         found: usize,
     },
-    /// The product of the numbers of polar angles and azimuths is over the limit.
+    /// The product of the numbers of polar angles and azimuths exceeds the limit.
     #[error("{polar} polar angles × {azimuths} azimuths are more than the limit of {MAX_SAMPLES}")]
     TooMany {
-        /// The number of polar angles.
+        /// Number of polar angles.
         polar: usize,
-        /// The number of azimuths.
+        /// Number of azimuths.
         azimuths: usize,
     },
-    /// An angle is outside its range, or no number.
+    /// An angle is outside its range or NaN.
     #[error("{what} angle {found}, expected {low} to {high} degrees")]
     Range {
         /// `polar` or `azimuth`.
         what: &'static str,
-        /// The angle found, in degrees.
+        /// Angle found, in degrees.
         found: f64,
-        /// The least angle that is taken, in degrees.
+        /// Smallest angle accepted, in degrees.
         low: f64,
-        /// The largest angle that is taken, in degrees.
+        /// Largest angle accepted, in degrees.
         high: f64,
     },
-    /// Angles do not increase.
+    /// Angles are not strictly increasing.
     #[error("{what} angle {found} after {before}, expected strictly increasing")]
     Order {
         /// `polar` or `azimuth`.
         what: &'static str,
-        /// The angle before, in degrees.
+        /// Preceding angle, in degrees.
         before: f64,
-        /// The angle found after it, in degrees.
+        /// Angle that follows it, in degrees.
         found: f64,
     },
-    /// The azimuths span more or less than their extent says.
+    /// The azimuths do not fit their extent.
     #[error("azimuths from {first} to {last} degrees do not fit the extent `{extent}`")]
     Span {
-        /// The first azimuth, in degrees.
+        /// First azimuth, in degrees.
         first: f64,
-        /// The last azimuth, in degrees.
+        /// Last azimuth, in degrees.
         last: f64,
-        /// The extent stated.
+        /// Stated extent.
         extent: AzimuthExtent,
     },
-    /// The range covered does not hold the polar angles.
+    /// The covered range does not contain all polar angles.
     #[error("polar angles from {first} to {last} degrees cover {low} to {high}, expected a range around them")]
     Covers {
-        /// The first polar angle, in degrees.
+        /// First polar angle, in degrees.
         first: f64,
-        /// The last polar angle, in degrees.
+        /// Last polar angle, in degrees.
         last: f64,
-        /// The least polar angle covered, in degrees.
+        /// Smallest polar angle covered, in degrees.
         low: f64,
-        /// The largest polar angle covered, in degrees.
+        /// Largest polar angle covered, in degrees.
         high: f64,
     },
-    /// Mirrored latitudes start below the equator.
+    /// Mirrored latitudes start below the equator, or the frame has no latitudes.
     #[error("mirrored polar angles start at {found}, expected 0 or more, in a frame of latitudes")]
     Mirrored {
-        /// The first polar angle, in degrees.
+        /// First polar angle, in degrees.
         found: f64,
     },
 }
 
 impl DirectionGrid {
-    /// A grid of polar angles (degrees, strictly increasing, within the frame's range) and azimuths; without azimuths the
-    /// function is rotationally symmetric about the pole. It covers its own angles and is masked beyond them.
+    /// Creates a grid of polar angles (degrees, strictly increasing, within the range of the frame) and azimuths.
+    /// Without azimuths the function is rotationally symmetric about the pole. The grid covers its own angles and is
+    /// masked beyond them.
     pub fn new(frame: Frame, polar: Vec<f64>, azimuths: Option<Azimuths>) -> Result<Self, DirectionGridError> {
         let (low, high) = frame.polar_range();
         check_increasing("polar", &polar, low, high)?;
@@ -319,8 +319,8 @@ impl DirectionGrid {
         Ok(Self { frame, polar, azimuths, covers, covers_azimuths, outside: Outside::Masked, is_polar_mirrored: false })
     }
 
-    /// This grid, standing for polar angles from `low` to `high` degrees: from its first and last polar angle to these ends
-    /// values stay as they are.
+    /// Extends the covered polar angles to `low`..=`high` degrees. Beyond the first and last polar angle the values are
+    /// constant.
     pub fn covering(self, low: f64, high: f64) -> Result<Self, DirectionGridError> {
         let (least, largest) = self.frame.polar_range();
         let (first, last) = (self.polar[0], self.polar[self.polar.len() - 1]);
@@ -330,13 +330,13 @@ impl DirectionGrid {
         Err(DirectionGridError::Covers { first, last, low, high })
     }
 
-    /// This grid, with that value outside what it covers.
+    /// Sets the value outside the covered angles.
     #[must_use]
     pub fn with_outside(self, outside: Outside) -> Self {
         Self { outside, ..self }
     }
 
-    /// This grid of latitudes from 0 on, mirrored across the equator: −H has the value of H.
+    /// Mirrors this grid of latitudes, all 0 or more, across the equator: −H has the value of H.
     pub fn mirrored(self) -> Result<Self, DirectionGridError> {
         if self.frame.polar_range().0 < 0.0 && self.polar[0] >= 0.0 {
             return Ok(Self { is_polar_mirrored: true, ..self });
@@ -344,66 +344,68 @@ impl DirectionGrid {
         Err(DirectionGridError::Mirrored { found: self.polar[0] })
     }
 
-    /// The frame in which a pair of angles is a direction.
+    /// Returns the frame of the angles.
     pub fn frame(&self) -> Frame {
         self.frame
     }
 
-    /// The polar angles in degrees.
+    /// Returns the polar angles in degrees.
     pub fn polar(&self) -> &[f64] {
         &self.polar
     }
 
-    /// The azimuths; `None` where the function is rotationally symmetric about the pole.
+    /// Returns the azimuths; `None` if the function is rotationally symmetric about the pole.
     pub fn azimuths(&self) -> Option<&Azimuths> {
         self.azimuths.as_ref()
     }
 
-    /// The range of polar angles, in degrees, that the grid stands for.
+    /// Returns the range of covered polar angles, in degrees.
     pub fn covers(&self) -> (f64, f64) {
         self.covers
     }
 
-    /// The value outside what the grid covers.
+    /// Returns the value outside the covered angles.
     pub fn outside(&self) -> Outside {
         self.outside
     }
 
-    /// Returns true for latitudes that are mirrored across the equator.
+    /// Returns true if latitudes are mirrored across the equator.
     pub fn is_polar_mirrored(&self) -> bool {
         self.is_polar_mirrored
     }
 
-    /// Entries along the polar angles and along the azimuths; 1 where there are no azimuths.
+    /// Returns the numbers of polar angles and azimuths; the latter is 1 without azimuths.
     pub fn shape(&self) -> [usize; 2] {
         [self.polar.len(), self.azimuths.as_ref().map_or(1, |azimuths| azimuths.angles.len())]
     }
 
-    /// The number of directions.
+    /// Returns the number of directions.
     #[allow(clippy::len_without_is_empty, reason = "a checked grid is never empty")]
     pub fn len(&self) -> usize {
         let [polar, azimuths] = self.shape();
         polar * azimuths
     }
 
-    /// The direction of an entry; without azimuths, that of azimuth 0.
+    /// Returns the direction of an entry; without azimuths, that at azimuth 0.
     ///
     /// # Panics
-    /// If there is no such entry.
+    /// If `entry` is out of range.
     pub fn direction(&self, entry: usize) -> Direction {
         let [_, width] = self.shape();
         let azimuth = self.azimuths.as_ref().map_or(0.0, |azimuths| azimuths.angles[entry % width]);
         self.frame.direction(self.polar[entry / width], azimuth)
     }
 
-    /// Polar angle and azimuth in degrees at which the grid has the value of `direction`, symmetries applied; `None` outside
-    /// what it covers. A pole outside the azimuths covered has the first of these. Beyond the first and last polar angle the
-    /// angle is that end's; below the first of mirrored latitudes it is between that and its mirror image.
+    /// Returns polar angle and azimuth, in degrees and with symmetries applied, at which the grid gives the value of
+    /// `direction`; `None` outside the covered angles.
+    ///
+    /// A pole gets the first azimuth if its own is not covered. Beyond the first and last polar angle the result is the
+    /// nearer of the two. Below the first of mirrored latitudes it lies between that latitude and its mirror image.
     pub fn angles(&self, direction: Direction) -> Option<[f64; 2]> {
         self.held(self.frame.angles(direction))
     }
 
-    /// The same for polar angle and azimuth in the grid's frame.
+    /// Like [`Self::angles`], for polar angle and azimuth in the frame of the grid.
     pub(crate) fn held(&self, [polar, azimuth]: [f64; 2]) -> Option<[f64; 2]> {
         let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
         if !self.covers_polar(polar) {
@@ -423,15 +425,15 @@ impl DirectionGrid {
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
 
-    /// Returns true where a polar angle, which is not negative if latitudes are mirrored, is covered.
+    /// Returns true if a polar angle is covered; it must not be negative if latitudes are mirrored.
     #[inline]
     pub(crate) fn covers_polar(&self, polar: f64) -> bool {
         let (low, high) = self.covers;
         !(polar < low - ROUNDING || polar > high + ROUNDING)
     }
 
-    /// Returns true where no azimuth is outside, so that it need not be folded before it is looked up among those
-    /// listed and their mirror images.
+    /// Returns true if all azimuths are covered. They then need no folding before a lookup among the listed ones and
+    /// their mirror images.
     pub(crate) fn covers_all_azimuths(&self) -> bool {
         let Some(azimuths) = &self.azimuths else { return true };
         let (low, high) = azimuths.extent.range();
@@ -439,13 +441,13 @@ impl DirectionGrid {
         is_whole && self.covers_azimuths.0 <= low && self.covers_azimuths.1 >= high
     }
 
-    /// The entry nearest to a direction in polar angle and in azimuth; `None` outside what the grid covers.
+    /// Returns the entry nearest to a direction in polar angle and azimuth; `None` outside the covered angles.
     pub fn nearest(&self, direction: Direction) -> Option<usize> {
         let [polar, azimuth] = self.angles(direction)?;
         let row = nearest(&self.polar, polar);
         let Some(azimuths) = &self.azimuths else { return Some(row) };
         let (angles, last) = (&azimuths.angles, azimuths.angles.len() - 1);
-        // Past the last azimuth of a circle the first one may be nearer.
+        // Beyond the last azimuth of a circle the first one may be nearer.
         let wraps = azimuths.extent == AzimuthExtent::Circle
             && azimuth > angles[last]
             && angles[0] + 360.0 - azimuth < azimuth - angles[last];
@@ -453,7 +455,7 @@ impl DirectionGrid {
         Some(row * angles.len() + column)
     }
 
-    /// A short form for people: `grid of 17 × 37 (polar 0..90, azimuth 0..360)`.
+    /// Returns a short description for people: `grid of 17 × 37 (polar 0..90, azimuth 0..360)`.
     pub fn describe(&self) -> String {
         let ends = |angles: &[f64]| format!("{}..{}", angles[0], angles[angles.len() - 1]);
         let polar = ends(&self.polar);
@@ -467,7 +469,7 @@ impl DirectionGrid {
     }
 }
 
-/// The number of the angle nearest to `angle`; the earlier of two that are equally near.
+/// Returns the index of the angle nearest to `angle`; of two equally near ones the earlier.
 fn nearest(angles: &[f64], angle: f64) -> usize {
     let after = angles.partition_point(|&a| a < angle).min(angles.len() - 1);
     let before = after.saturating_sub(1);
@@ -557,7 +559,7 @@ mod tests {
                 }
             }
         }
-        // The last azimuth of a closed circle is the first again.
+        // The last azimuth of a closed circle repeats the first.
         let closed = Some(azimuths(&[0.0, 120.0, 240.0, 360.0], AzimuthExtent::Closed));
         let grid = DirectionGrid::new(Frame::TypeC, vec![0.0, 45.0], closed).unwrap();
         assert_eq!(grid.nearest(grid.direction(7)), Some(4));
@@ -588,7 +590,7 @@ mod tests {
         let sector = Some(azimuths(&[0.0, 40.0], AzimuthExtent::Sector));
         let sector = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], sector).unwrap();
         assert_eq!((sector.nearest(at(50.0, 20.0)), sector.nearest(at(50.0, 41.0))), (Some(2), None));
-        // A pole has no azimuth that could be outside.
+        // A pole is inside whatever azimuths are covered.
         for angles in [&[10.0, 40.0][..], &[300.0]] {
             let aside = Some(azimuths(angles, AzimuthExtent::Sector));
             let aside = DirectionGrid::new(Frame::Surface, vec![0.0, 60.0], aside).unwrap();

@@ -1,44 +1,46 @@
-//! The errors between two tensors, as the paper defines them and everything they leave out (\[CPB06\] section 5).
+//! Errors between two tensors: the measures of the paper (\[CPB06\] section 5), and absolute errors of the samples
+//! those exclude.
 
 use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// The errors of decoded samples `s'` against the original `s`, in f64 between the two f32 arrays.
+/// Errors of decoded samples `s'` against the original `s`, computed in f64 from f32 samples.
 ///
-/// Relative errors enter only where `s > 0` (and `s ≥ floor`, where a floor was declared): `er_l1 = mean |s'−s|/s`,
-/// `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Everything left out is counted and bounded absolutely.
+/// Relative errors are defined for scored samples: those with `s > 0` (and `s ≥ floor`, if a floor was declared).
+/// `er_l1 = mean |s'−s|/s` and `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Other samples are counted, and
+/// their absolute error is reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorReport {
-    /// All samples, masked ones included.
+    /// Number of samples, including masked ones.
     pub samples: u64,
-    /// Mean relative error over the scored samples, 0 if there are none.
+    /// Mean relative error over the scored samples; 0 if there are none.
     pub er_l1: f64,
     /// Root mean square of the relative error over the scored samples.
     pub er_l2: f64,
-    /// The largest relative error of a scored sample.
+    /// Largest relative error of a scored sample.
     pub max_relative_error: f64,
-    /// `√(Σ(s'−s)² / Σs²)` over every sample that is not masked.
+    /// Relative root mean square error `√(Σ(s'−s)² / Σs²)` over all unmasked samples.
     pub relative_rmse: f64,
-    /// The largest |s'−s| over every sample that is not masked.
+    /// Largest |s'−s| over all unmasked samples.
     pub max_absolute_error: f64,
-    /// Samples that enter the relative errors.
+    /// Number of samples that enter the relative errors.
     pub scored_samples: u64,
-    /// Samples that are exactly 0.
+    /// Number of samples that are exactly 0.
     pub zero_samples: u64,
-    /// Samples below 0.
+    /// Number of samples below 0.
     pub negative_samples: u64,
-    /// Positive samples below the declared floor.
+    /// Number of positive samples below the declared floor.
     pub below_floor_samples: u64,
-    /// Samples that are masked in the original.
+    /// Number of samples masked in the original.
     pub masked_samples: u64,
-    /// The largest |s'−s| where `s ≤ 0` or `s` is below the floor.
+    /// Largest |s'−s| over the unmasked samples that are not scored: `s ≤ 0`, or below the floor.
     pub max_absolute_error_unscored: f64,
-    /// Samples masked in one of the two only; 0 unless something is broken.
+    /// Number of samples masked in only one of the two; other values than 0 indicate a defect.
     pub mask_mismatches: u64,
 }
 
-/// Sums over one block; blocks are added in order, so that the result does not depend on threads.
+/// Sums over one block. Blocks are added in order, so that the result does not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     relative: f64,
@@ -61,7 +63,7 @@ impl ErrorReport {
         accumulator.finish()
     }
 
-    /// That of `original` against itself.
+    /// Returns the report of `original` against itself.
     pub(crate) fn without_errors(original: &[f32], floor: f64) -> Self {
         let mut total = Sums::default();
         let blocks: Vec<ErrorReport> = original.par_chunks(BLOCK).map(|samples| counts(samples, floor)).collect();
@@ -72,9 +74,9 @@ impl ErrorReport {
     }
 }
 
-/// An [`ErrorReport`] in the making, for samples that come in pieces.
+/// Accumulator of an [`ErrorReport`] for samples that come in pieces.
 ///
-/// Sums are added in the order of the pieces: the same pieces give the same bits on any number of threads.
+/// Sums are added in the order of the pieces, so equal pieces give identical bits on any number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ErrorAccumulator(Sums);
 
@@ -92,7 +94,7 @@ impl ErrorAccumulator {
         }
     }
 
-    /// The report over everything added.
+    /// Returns the report over all samples added.
     pub fn finish(self) -> ErrorReport {
         let total = self.0;
         let mut report = total.report;
@@ -132,7 +134,7 @@ impl Sums {
     }
 }
 
-/// How many samples there are of each kind.
+/// Counts the samples of each kind.
 fn counts(samples: &[f32], floor: f64) -> ErrorReport {
     let all = samples.len() as u64;
     let positive = wide(
@@ -166,7 +168,7 @@ fn counts(samples: &[f32], floor: f64) -> ErrorReport {
     }
 }
 
-/// Samples whose errors are found together, and then added one after the other.
+/// Number of samples whose errors are computed in parallel (SIMD) before they are added in order.
 const TOGETHER: usize = 64;
 
 fn sums(original: &[f32], decoded: &[f32], floor: f64) -> Sums {
@@ -193,7 +195,7 @@ fn sums(original: &[f32], decoded: &[f32], floor: f64) -> Sums {
 }
 
 impl Sums {
-    /// Adds samples that all enter the relative errors.
+    /// Adds samples that are all scored.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn add_scored(&mut self, original: &[f32], decoded: &[f32]) {
@@ -225,7 +227,7 @@ impl Sums {
         report.max_relative_error = relative.into_iter().fold(report.max_relative_error, larger);
     }
 
-    /// Adds any samples.
+    /// Adds samples of any kind.
     fn add_any(&mut self, original: &[f32], decoded: &[f32], floor: f64) {
         let sums = self;
         let r = &mut sums.report;

@@ -1,21 +1,21 @@
-//! The triangles of a mesh on the integer lattice of the octahedron: exact neighbours and symmetries.
+//! Triangles of a mesh on the integer lattice of the octahedron: exact neighbours and symmetries.
 //!
-//! At level L every vertex is an integer point with |x| + |y| + |z| = 2^L, and a triangle is known by the sum of its three.
-//! Nothing here depends on rounding, so that a file can rely on it.
+//! At level L every vertex is an integer point with |x| + |y| + |z| = 2^L, and the sum of its three vertices identifies
+//! a triangle. All arithmetic is exact, so that file formats can depend on it.
 
 use super::triangles::{Domain, TriangleMesh};
 
-/// A lattice point.
+/// Lattice point.
 type Point = [i32; 3];
 
-/// The triangles around a triangle at most: three vertices of valence six.
+/// Largest number of neighbours of a triangle: its three vertices have valence six.
 pub(crate) const MOST_NEIGHBOURS: usize = 12;
 
-/// The octants of the octahedron: z, then the two other axes in the order of the mesh.
+/// Upper octants of the octahedron: the two axes beside z, in the order of the mesh.
 const OCTANTS: [[Point; 2]; 4] =
     [[[1, 0, 0], [0, 1, 0]], [[0, 1, 0], [-1, 0, 0]], [[-1, 0, 0], [0, -1, 0]], [[0, -1, 0], [1, 0, 0]]];
 
-/// A symmetry of the octahedron: a signed exchange of coordinates.
+/// Symmetry of the octahedron: a signed permutation of coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Symmetry {
     /// Coordinate k of the image is coordinate `from[k]` …
@@ -25,11 +25,11 @@ pub struct Symmetry {
 }
 
 impl Symmetry {
-    /// The identity.
+    /// Identity.
     pub const IDENTITY: Self = Self { from: [0, 1, 2], negated: [false; 3] };
 
-    /// The symmetries of a domain, in a fixed order whose numbers files hold, the identity first: the 8 that keep z on a
-    /// hemisphere, then the other 40 of the sphere.
+    /// Returns the symmetries of a domain: the 8 that preserve z (a hemisphere has these only), then the other 40 of
+    /// the sphere. The order is fixed, with the identity first, because files refer to symmetries by number.
     pub fn of(domain: Domain) -> Vec<Self> {
         let exchanges = [[0, 1, 2], [1, 0, 2], [0, 2, 1], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         let all = exchanges.iter().flat_map(|&from| {
@@ -43,7 +43,7 @@ impl Symmetry {
         ordered
     }
 
-    /// The image of a point.
+    /// Returns the image of a point.
     pub fn apply(self, point: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|k| {
             let value = point[usize::from(self.from[k])];
@@ -51,7 +51,7 @@ impl Symmetry {
         })
     }
 
-    /// First `other`, then this.
+    /// Returns the composition that applies `other` first, then `self`.
     #[must_use]
     pub fn after(self, other: Self) -> Self {
         let from = self.from.map(|k| other.from[usize::from(k)]);
@@ -59,7 +59,7 @@ impl Symmetry {
         Self { from, negated }
     }
 
-    /// Which triangle of `mesh` each one is moved to; `None` if the symmetry leaves the mesh's domain.
+    /// Returns the image of each triangle of `mesh`; `None` if the symmetry does not preserve the domain of the mesh.
     pub fn permutation(self, mesh: TriangleMesh) -> Option<Vec<u32>> {
         if !Self::of(mesh.domain()).contains(&self) {
             return None;
@@ -69,7 +69,7 @@ impl Symmetry {
     }
 }
 
-/// The triangles that share a vertex with each one, itself left out, in ascending order.
+/// Neighbours of all triangles: those that share a vertex, without the triangle itself, in ascending order.
 #[derive(Clone, Debug)]
 pub(crate) struct Neighbours {
     of: Vec<[u32; MOST_NEIGHBOURS]>,
@@ -77,7 +77,7 @@ pub(crate) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Those of every triangle of `mesh`.
+    /// Finds the neighbours of every triangle of `mesh`.
     pub(crate) fn new(mesh: TriangleMesh) -> Self {
         let size = 1_i32 << mesh.level();
         let side = 2 * size as usize + 1;
@@ -110,12 +110,12 @@ impl Neighbours {
         neighbours
     }
 
-    /// Those of triangle `i`.
+    /// Returns the neighbours of triangle `i`.
     pub(crate) fn around(&self, i: usize) -> &[u32] {
         &self.of[i][..usize::from(self.count[i])]
     }
 
-    /// Those of triangle `i`, filled up with `i` itself.
+    /// Returns the neighbours of triangle `i`, padded with `i` itself.
     pub(crate) fn padded(&self, i: usize) -> &[u32; MOST_NEIGHBOURS] {
         &self.of[i]
     }
@@ -133,7 +133,7 @@ fn middle(a: Point, b: Point) -> Point {
     std::array::from_fn(|k| i32::midpoint(a[k], b[k]))
 }
 
-/// The triangles of a mesh in index order.
+/// Returns the triangles of a mesh in index order.
 fn triangles(mesh: TriangleMesh) -> impl Iterator<Item = [Point; 3]> {
     let level = u32::from(mesh.level());
     (0..mesh.len()).map(move |index| {
@@ -156,7 +156,7 @@ fn triangles(mesh: TriangleMesh) -> impl Iterator<Item = [Point; 3]> {
     })
 }
 
-/// The triangle whose vertices add up to `sum`.
+/// Returns the index of the triangle with this sum of its vertices.
 fn index_of(domain: Domain, level: u32, [x, y, z]: Point) -> u32 {
     let octant = match (x > 0, y > 0) {
         (true, true) => 0,
@@ -166,7 +166,7 @@ fn index_of(domain: Domain, level: u32, [x, y, z]: Point) -> u32 {
     };
     let mut index = if domain == Domain::Sphere && z < 0 { octant + 4 } else { octant };
     let (first, second) = if octant % 2 == 0 { (x, y) } else { (y, x) };
-    // Barycentric coordinates; their total never changes.
+    // Barycentric coordinates; their total stays constant.
     let mut b = [z.abs(), first.abs(), second.abs()];
     let total = b[0] + b[1] + b[2];
     for _ in 0..level {

@@ -1,16 +1,17 @@
-//! What a measurement is: directions, wavelengths, triangles, axes, quantities, tensors, colours, and the errors between two.
+//! Data model of measurements: directions, wavelengths, triangles, axes, quantities, tensors, colours, and errors
+//! between two measurements.
 //!
-//! # Conventions (the one place)
-//! * **Surface frame**: right handed, `+z` the outward normal, `+x` the sample's reference direction. `wi` points to the
-//!   source, `wo` to the detector, both away from the surface; transmission has `wo.z < 0`. `theta` from `+z`, `phi`
-//!   counter-clockwise from `+x`.
-//! * **Luminaire frame**: `-z` is nadir (gamma 0), `+x` the C0 half-plane, so theta = 180° − gamma.
+//! # Conventions
+//! * **Surface frame**: right-handed, `+z` is the outward normal, `+x` the reference direction of the sample. `wi`
+//!   points to the source, `wo` to the detector, both away from the surface; transmission has `wo.z < 0`. `theta`
+//!   counts from `+z`, `phi` counter-clockwise from `+x`.
+//! * **Luminaire frame**: `-z` is nadir (gamma 0), `+x` lies in the C0 half-plane, so theta = 180° − gamma.
 //! * **Values**: BSDF in sr⁻¹ *without* the cosine; phase functions integrate to 1 over the sphere; intensity in its
-//!   declared unit; wavelengths in nm, strictly increasing. Missing is masked (NaN in memory), never 0.
+//!   declared unit; wavelengths in nm, strictly increasing. Missing samples are masked (NaN in memory), never 0.
 //! * **Axes** in order `[incoming, outgoing, wavelength]`, row-major, wavelength contiguous; `f32` samples, `f64` for
 //!   geometry and accumulation.
-//! * **Bits**: where they matter (all geometry here) elementary functions come from the pure Rust `libm`, so that the
-//!   same input gives the same bytes on every machine.
+//! * **Reproducibility**: where bits matter (all geometry here), elementary functions come from the pure Rust `libm`,
+//!   so that equal input gives equal bytes on every machine.
 
 mod axis;
 pub mod colour;

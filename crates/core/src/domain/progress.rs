@@ -1,21 +1,21 @@
-//! How long work tells its caller how far it is, and hears that it should stop.
+//! Progress reporting and cancellation of long-running work.
 
-/// The caller's end of long work: it hears progress and may ask for a stop.
+/// Callback of the caller of long-running work, which receives progress and can cancel.
 pub trait Progress: Sync {
-    /// The work is `fraction` (0..=1) done.
+    /// Receives the fraction (0..=1) of the work that is done.
     fn report(&self, fraction: f64);
-    /// Whether the caller wants the work to stop; polled between steps.
+    /// Returns true if the work should stop; polled between steps.
     fn is_cancelled(&self) -> bool {
         false
     }
-    /// `Err(Cancelled)` once the caller wants the work to stop, after reporting `fraction`.
+    /// Reports `fraction`, then returns `Err(Cancelled)` if the work should stop.
     fn step(&self, fraction: f64) -> Result<(), Cancelled> {
         self.report(fraction);
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
     }
 }
 
-/// Nobody is listening.
+/// Progress callback that discards reports and never cancels.
 #[derive(Clone, Copy, Debug)]
 pub struct Silent;
 
@@ -23,7 +23,7 @@ impl Progress for Silent {
     fn report(&self, _fraction: f64) {}
 }
 
-/// The caller asked the work to stop.
+/// Error of work that its caller cancelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("cancelled")]
 pub struct Cancelled;

@@ -1,27 +1,28 @@
-//! Which radiometric quantity a tensor holds, in which unit, and what one sample stands for.
+//! Radiometric quantity and unit of a tensor, and the meaning of one sample.
 
-/// A name that is not in a closed list, with what was expected.
+/// Error for a name that is not in a closed list.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} `{found}`, expected one of {expected}")]
 pub struct UnknownName {
-    /// What the name should have named.
+    /// Kind of object that the name should refer to.
     pub what: &'static str,
-    /// The name found.
+    /// Unknown name.
     pub found: String,
-    /// The names known, comma separated.
+    /// Known names, comma separated.
     pub expected: String,
 }
 
-/// Gives a fieldless enum its stable names: `Display`, `FromStr`, serde as text, a wire code, and the whole list.
+/// Implements stable names for a fieldless enum: `Display`, `FromStr`, serde as text, a wire code, and the list of all
+/// values.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named {
     ($type:ident, $what:literal, { $($variant:ident = $name:literal),+ $(,)? }) => {
         impl $type {
-            /// Every value, in the order of its wire code.
+            /// All values, in the order of their wire codes.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// The stable name used in files, on the command line and over HTTP.
+            /// Returns the stable name used in files, on the command line and over HTTP.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => $name),+ }
             }
@@ -71,23 +72,23 @@ macro_rules! named {
 #[doc(hidden)]
 pub use crate::named;
 
-/// The radiometric quantity of a tensor (PAPER.md's signatures: zero, one or two directions and a wavelength).
+/// Radiometric quantity of a tensor: a function of zero, one or two directions and wavelength.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Quantity {
-    /// A spectral power distribution, illuminant or any other function of wavelength.
+    /// Spectral power distribution, illuminant or any other function of wavelength.
     Spectrum,
-    /// A reflectance or transmittance, 0..1: of wavelength, or of incoming direction and wavelength.
+    /// Reflectance or transmittance, 0..1: a function of wavelength, or of incoming direction and wavelength.
     Reflectance,
-    /// An emission distribution: intensity by outgoing direction (and wavelength).
+    /// Emission distribution: intensity by outgoing direction (and wavelength).
     Edf,
-    /// A reflection distribution `f(wi, wo, lambda)` in sr⁻¹, without the cosine.
+    /// Reflection distribution `f(wi, wo, lambda)` in sr⁻¹, without the cosine.
     Brdf,
-    /// A transmission distribution in sr⁻¹, without the cosine; `wo` on the lower hemisphere.
+    /// Transmission distribution in sr⁻¹, without the cosine; `wo` is on the lower hemisphere.
     Btdf,
-    /// Reflection and transmission together; `wo` on the whole sphere.
+    /// Reflection and transmission together; `wo` is on the whole sphere.
     Bsdf,
-    /// A phase function `p(wi, wo)` that integrates to 1 over the sphere.
+    /// Phase function `p(wi, wo)`, which integrates to 1 over the sphere.
     Phase,
 }
 named!(Quantity, "quantity", {
@@ -101,12 +102,12 @@ named!(Quantity, "quantity", {
 });
 
 impl Quantity {
-    /// Whether the rendering equation multiplies this quantity by |cos θ| of the outgoing direction.
+    /// Returns true if the rendering equation multiplies this quantity by |cos θ| of the outgoing direction.
     pub fn has_cosine(self) -> bool {
         matches!(self, Self::Brdf | Self::Btdf | Self::Bsdf)
     }
 
-    /// How many directions the quantity is a function of, at most.
+    /// Returns the largest number of directions of which the quantity is a function.
     pub fn directions(self) -> usize {
         match self {
             Self::Spectrum => 0,
@@ -115,7 +116,7 @@ impl Quantity {
         }
     }
 
-    /// The unit assumed where a source states none.
+    /// Returns the unit assumed if a source states none.
     pub fn default_unit(self) -> Unit {
         match self {
             Self::Reflectance => Unit::One,
@@ -125,19 +126,19 @@ impl Quantity {
     }
 }
 
-/// The unit of a sample.
+/// Unit of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Unit {
-    /// Only ratios mean something.
+    /// Relative values: only ratios are meaningful.
     Relative,
-    /// A pure number.
+    /// Dimensionless number.
     One,
     /// sr⁻¹.
     PerSteradian,
-    /// Luminous intensity.
+    /// cd: luminous intensity.
     Candela,
-    /// Luminous intensity per 1000 lamp lumens.
+    /// cd/klm: luminous intensity per 1000 lamp lumens.
     CandelaPerKilolumen,
     /// W·sr⁻¹.
     WattPerSteradian,
@@ -176,7 +177,8 @@ named!(Unit, "unit", {
 });
 
 impl Unit {
-    /// The spectral density of this intensity, once a spectrum is attached; `None` for photometric and pure units.
+    /// Returns the unit of the spectral density of this intensity, used once a spectrum is attached; `None` for
+    /// photometric and dimensionless units.
     pub fn per_nanometre(self) -> Option<Self> {
         match self {
             Self::WattPerSteradian => Some(Self::WattPerSteradianNanometre),
@@ -189,14 +191,14 @@ impl Unit {
     }
 }
 
-/// What one sample on a triangle axis stands for.
+/// Meaning of one sample on a triangle axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Sampling {
-    /// The average over the cell (every projected measurement).
+    /// Average over the cell, as for all projected measurements.
     #[default]
     Average,
-    /// The value at the triangle's centroid.
+    /// Value at the centroid of the triangle.
     Point,
 }
 named!(Sampling, "sampling", { Average = "average", Point = "point" });

@@ -1,49 +1,50 @@
-//! Flat tensors of samples with a mask, and the measurement that says what they are.
+//! Flat tensors of samples with a mask, and measurements: tensors with quantity, unit and sampling.
 
 use super::axis::{Axis, AxisError, Layout, check_axes};
 use super::quantity::{Quantity, Sampling, Unit};
 use std::sync::Arc;
 
-/// Samples on axes: row-major, last axis contiguous, `f32`; a masked (unmeasured) sample is NaN, nothing else is.
-/// A clone shares the samples.
+/// Samples on axes: `f32`, row-major, last axis contiguous. NaN always means masked (unmeasured). Clones share the
+/// samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     axes: Vec<Axis>,
     samples: Arc<Vec<f32>>,
 }
 
-/// Why axes and samples do not make a tensor.
+/// Reasons why axes and samples do not form a tensor.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TensorError {
-    /// The axes are out of their limits or unfit.
+    /// The axes exceed their limits or do not fit together.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The number of samples is not the product of the axes' lengths.
+    /// The number of samples is not the product of the lengths of the axes.
     #[error("{found} samples on axes of lengths {shape:?}, expected {expected}")]
     Count {
-        /// Samples found.
+        /// Number of samples found.
         found: usize,
-        /// The product.
+        /// Product of the lengths.
         expected: usize,
-        /// The lengths.
+        /// Lengths of the axes.
         shape: Vec<usize>,
     },
     /// A sample is infinite.
     #[error("sample {index} is infinite, expected a finite number or NaN for a masked one")]
     Infinite {
-        /// Its flat index.
+        /// Flat index of the sample.
         index: usize,
     },
 }
 
-/// The first of `values` that is so. All are looked at first: a search that ends early cannot take several at a time.
+/// Returns the index of the first of `values` for which `is_so` is true. A pass over all values comes first, because a
+/// loop without early exit can be vectorised.
 pub fn first_where(values: &[f32], is_so: impl Fn(f32) -> bool) -> Option<usize> {
     let any = values.iter().fold(false, |any, &value| any | is_so(value));
     if any { values.iter().position(|&value| is_so(value)) } else { None }
 }
 
 impl Tensor {
-    /// Checks axes, count and finiteness. NaN marks masked samples.
+    /// Creates a tensor after checking axes, number of samples and finiteness. NaN marks masked samples.
     pub fn new(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Self, TensorError> {
         let expected = check_axes(&axes)?;
         if samples.len() != expected {
@@ -56,38 +57,38 @@ impl Tensor {
         Ok(Self { axes, samples: Arc::new(samples) })
     }
 
-    /// The axes, outermost first.
+    /// Returns the axes, outermost first.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// The lengths of the axes.
+    /// Returns the lengths of the axes.
     pub fn shape(&self) -> Vec<usize> {
         self.axes.iter().map(Axis::len).collect()
     }
 
-    /// All samples, row-major; NaN = masked.
+    /// Returns all samples, row-major; NaN = masked.
     pub fn samples(&self) -> &[f32] {
         &self.samples
     }
 
-    /// The samples alone; copied only if another tensor shares them.
+    /// Returns the samples, which are copied only if another tensor shares them.
     pub fn into_samples(self) -> Vec<f32> {
         Arc::unwrap_or_clone(self.samples)
     }
 
-    /// How many samples there are; at least 1.
+    /// Returns the number of samples; at least 1.
     #[allow(clippy::len_without_is_empty, reason = "a tensor is never empty")]
     pub fn len(&self) -> usize {
         self.samples.len()
     }
 
-    /// How many samples are masked.
+    /// Returns the number of masked samples.
     pub fn masked(&self) -> usize {
         self.samples.iter().filter(|s| s.is_nan()).count()
     }
 
-    /// The smallest and the largest sample that is not masked.
+    /// Returns the smallest and the largest unmasked sample; `None` if all are masked.
     pub fn range(&self) -> Option<(f32, f32)> {
         self.samples.iter().filter(|s| !s.is_nan()).fold(None, |range, &s| match range {
             None => Some((s, s)),
@@ -96,27 +97,27 @@ impl Tensor {
     }
 }
 
-/// A tensor and what it is: the input of compression, and what decoding gives back.
+/// Tensor with its quantity, unit and sampling: the input of compression and the result of decoding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
-    /// The radiometric quantity.
+    /// Radiometric quantity.
     pub quantity: Quantity,
-    /// The unit of a sample.
+    /// Unit of a sample.
     pub unit: Unit,
-    /// What a sample on a triangle axis stands for.
+    /// Meaning of a sample on a triangle axis.
     pub sampling: Sampling,
-    /// The samples.
+    /// Samples and axes.
     pub tensor: Tensor,
 }
 
 impl Measurement {
-    /// Checks that the axes fit the quantity.
+    /// Creates a measurement after checking that the axes fit the quantity.
     pub fn new(quantity: Quantity, unit: Unit, sampling: Sampling, tensor: Tensor) -> Result<Self, AxisError> {
         Layout::of(quantity, tensor.axes())?;
         Ok(Self { quantity, unit, sampling, tensor })
     }
 
-    /// The roles of the axes.
+    /// Returns the roles of the axes.
     pub fn layout(&self) -> Result<Layout, AxisError> {
         Layout::of(self.quantity, self.tensor.axes())
     }

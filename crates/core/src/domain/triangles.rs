@@ -1,35 +1,37 @@
-//! The sphere as triangles: an octahedron whose faces are split in four to a level, their index, geometry and points.
+//! Triangulation of the sphere: an octahedron whose faces are split in four per level, with indices, geometry and
+//! sample points.
 //!
-//! Base octants 0..3 = (z; x, y), (z; y, −x), (z; −x, −y), (z; −y, x); 4..7 the same with −z. Triangle (v0, v1, v2) has
-//! children 0: (v0, m01, m02), 1: (m01, v1, m12), 2: (m02, m12, v2), 3: (m12, m02, m01), midpoints pushed onto the
-//! sphere. Index = base·4^L + c₁·4^(L−1) + … + `c_L`. (Schröder & Sweldens 1995, section 2; \[CPB06\] section 4.1.)
+//! Base octants 0..3 are (z; x, y), (z; y, −x), (z; −x, −y), (z; −y, x); octants 4..7 have −z instead. Triangle (v0,
+//! v1, v2) has children 0: (v0, m01, m02), 1: (m01, v1, m12), 2: (m02, m12, v2), 3: (m12, m02, m01), with midpoints
+//! projected onto the sphere. Index = base·4^L + c₁·4^(L−1) + … + `c_L`. (Schröder & Sweldens 1995, section 2;
+//! \[CPB06\] section 4.1.)
 
 use super::direction::Direction;
 use super::limits::MAX_LEVEL;
 use super::quantity::named;
 use super::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 
-/// Which part of the sphere a mesh covers.
+/// Part of the sphere covered by a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Domain {
-    /// `z ≥ 0`: bases 0–3.
+    /// Upper hemisphere, `z ≥ 0`: bases 0–3.
     Hemisphere,
-    /// `z ≤ 0`: bases 4–7, stored from 0.
+    /// Lower hemisphere, `z ≤ 0`: bases 4–7, numbered from 0.
     Lower,
-    /// Everything: bases 0–7.
+    /// Whole sphere: bases 0–7.
     Sphere,
 }
 named!(Domain, "triangle domain", { Hemisphere = "hemisphere", Lower = "lower", Sphere = "sphere" });
 
-/// The triangles of one domain at one level; cheap to copy, geometry is computed on demand.
+/// Triangles of one domain at one level. Cheap to copy; the geometry is computed on demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TriangleMesh {
     domain: Domain,
     level: u8,
 }
 
-/// The vertices of a spherical triangle, unit vectors.
+/// Vertices of a spherical triangle, as unit vectors.
 pub type Vertices = [Vector; 3];
 
 const POLE_UP: Vector = [0.0, 0.0, 1.0];
@@ -50,33 +52,33 @@ const BASES: [Vertices; 8] = [
 ];
 
 impl TriangleMesh {
-    /// The mesh of `domain` at `level`; `None` above [`MAX_LEVEL`].
+    /// Creates the mesh of `domain` at `level`; `None` above [`MAX_LEVEL`].
     pub fn new(domain: Domain, level: u8) -> Option<Self> {
         (level <= MAX_LEVEL).then_some(Self { domain, level })
     }
 
-    /// The part of the sphere covered.
+    /// Returns the part of the sphere covered.
     pub fn domain(self) -> Domain {
         self.domain
     }
 
-    /// The subdivision level.
+    /// Returns the subdivision level.
     pub fn level(self) -> u8 {
         self.level
     }
 
-    /// The base triangles: 8 on the sphere, 4 on a hemisphere.
+    /// Returns the number of base triangles: 8 on the sphere, 4 on a hemisphere.
     pub fn bases(self) -> usize {
         if self.domain == Domain::Sphere { 8 } else { 4 }
     }
 
-    /// How many triangles there are: `bases · 4^level`.
+    /// Returns the number of triangles, `bases · 4^level`.
     #[allow(clippy::len_without_is_empty, reason = "a mesh is never empty")]
     pub fn len(self) -> usize {
         self.bases() << (2 * u32::from(self.level))
     }
 
-    /// The mesh one level coarser, whose triangle `i / 4` is the parent of `i`; `None` at level 0.
+    /// Returns the mesh one level coarser, whose triangle `i / 4` is the parent of `i`; `None` at level 0.
     pub fn coarser(self) -> Option<Self> {
         Some(Self { domain: self.domain, level: self.level.checked_sub(1)? })
     }
@@ -85,7 +87,7 @@ impl TriangleMesh {
         BASES[if self.domain == Domain::Lower { base + 4 } else { base }]
     }
 
-    /// The vertices of triangle `index`.
+    /// Returns the vertices of triangle `index`.
     ///
     /// # Panics
     /// If `index >= len()`.
@@ -98,7 +100,7 @@ impl TriangleMesh {
         triangle
     }
 
-    /// The vertices of every triangle, in index order.
+    /// Returns the vertices of all triangles, in index order.
     pub fn all_vertices(self) -> Vec<Vertices> {
         let mut triangles: Vec<Vertices> = (0..self.bases()).map(|base| self.base_vertices(base)).collect();
         for _ in 0..self.level {
@@ -107,27 +109,28 @@ impl TriangleMesh {
         triangles
     }
 
-    /// The normalised mean of the vertices of triangle `index`.
+    /// Returns the normalised mean of the vertices of triangle `index`.
     pub fn centroid(self, index: usize) -> Direction {
         centroid(self.vertices(index))
     }
 
-    /// The solid angle of triangle `index` in sr.
+    /// Returns the solid angle of triangle `index` in sr.
     pub fn solid_angle(self, index: usize) -> f64 {
         solid_angle(self.vertices(index))
     }
 
-    /// The solid angles of all triangles in sr, in index order.
+    /// Returns the solid angles of all triangles in sr, in index order.
     pub fn solid_angles(self) -> Vec<f64> {
         self.all_vertices().into_iter().map(solid_angle).collect()
     }
 
-    /// The integral of |cos θ| over triangle `index` in sr, exact.
+    /// Returns the integral of |cos θ| over triangle `index` in sr, in closed form.
     pub fn projected_solid_angle(self, index: usize) -> f64 {
         projected_solid_angle(self.vertices(index))
     }
 
-    /// The triangle that holds `direction`; `None` outside the domain. A direction on an edge belongs to exactly one.
+    /// Returns the triangle that contains `direction`; `None` outside the domain. A direction on an edge belongs to
+    /// exactly one triangle.
     pub fn locate(self, direction: Direction) -> Option<usize> {
         let d = direction.xyz();
         let outside = match self.domain {
@@ -156,8 +159,8 @@ impl TriangleMesh {
         Some(index)
     }
 
-    /// The point of triangle `index` that the unit square's `(u, v)` maps to, uniform in solid angle
-    /// (Arvo 1995, *Stratified sampling of spherical triangles*).
+    /// Maps `(u, v)` of the unit square to a point of triangle `index`, uniformly in solid angle (Arvo 1995,
+    /// *Stratified sampling of spherical triangles*).
     pub fn uniform_point(self, index: usize, u: f64, v: f64) -> Direction {
         uniform_point(self.vertices(index), u, v)
     }
@@ -167,7 +170,7 @@ fn midpoint(a: Vector, b: Vector) -> Vector {
     unit(add(a, b))
 }
 
-/// Child `which` (0..4) of a triangle, as the module says.
+/// Returns child `which` (0..4) of a triangle, in the order defined in the module description.
 pub fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
     let (m01, m12, m02) = (midpoint(v0, v1), midpoint(v1, v2), midpoint(v0, v2));
     match which {
@@ -178,7 +181,8 @@ pub fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
     }
 }
 
-/// Which child holds `d`, known to lie in the triangle: a corner if `d` is strictly beyond the edge that cuts it off.
+/// Returns the child that contains `d`, which lies in the triangle: a corner child if `d` is strictly beyond the edge
+/// that separates it from the centre.
 fn child_holding([v0, v1, v2]: Vertices, d: Vector) -> usize {
     let (m01, m12, m02) = (midpoint(v0, v1), midpoint(v1, v2), midpoint(v0, v2));
     let beyond = |a: Vector, b: Vector, corner: Vector| {
@@ -196,18 +200,19 @@ fn child_holding([v0, v1, v2]: Vertices, d: Vector) -> usize {
     }
 }
 
-/// The normalised mean of the vertices.
+/// Returns the normalised mean of the vertices.
 pub fn centroid([a, b, c]: Vertices) -> Direction {
     Direction::from_unit(unit(add(add(a, b), c)))
 }
 
-/// Van Oosterom & Strackee 1983, equation 8.
+/// Returns the solid angle of a spherical triangle in sr (Van Oosterom & Strackee 1983, equation 8).
 pub fn solid_angle([a, b, c]: Vertices) -> f64 {
     let triple = dot(a, cross(b, c)).abs();
     2.0 * libm::atan2(triple, 1.0 + dot(a, b) + dot(b, c) + dot(c, a))
 }
 
-/// Lambert's formula: half the sum over the edges of their angle times the z of the edge plane's normal.
+/// Returns the integral of |cos θ| over a spherical triangle in sr, by Lambert's formula: half the sum over the edges
+/// of their angle times the z of the normal of the edge plane.
 pub(crate) fn projected_solid_angle(vertices: Vertices) -> f64 {
     let mut sum = 0.0;
     for k in 0..3 {
@@ -261,7 +266,7 @@ mod tests {
         Domain::ALL.iter().flat_map(|&domain| (0..=5).map(move |level| mesh(domain, level)))
     }
 
-    /// A low-discrepancy sequence on the unit square.
+    /// Returns a low-discrepancy sequence on the unit square.
     fn square_points(n: usize) -> impl Iterator<Item = (f64, f64)> {
         (0..n).map(|i| ((0.5 + i as f64 * 0.754_877_666_246_693) % 1.0, (0.5 + i as f64 * 0.569_840_290_998_053) % 1.0))
     }
@@ -356,7 +361,7 @@ mod tests {
 
     #[test]
     fn the_order_is_that_of_the_design() {
-        // Child 0 of a base keeps the pole, child 3 is the centre.
+        // Child 0 of a base contains the pole, child 3 is the central one.
         let m = mesh(Domain::Hemisphere, 1);
         assert_eq!(m.vertices(0)[0], [0.0, 0.0, 1.0]);
         let centre = m.centroid(3).xyz();

@@ -1,66 +1,66 @@
-//! The few operations on 3-vectors that geometry needs.
+//! Operations on 3-vectors.
 
-/// `[x, y, z]`.
+/// Vector `[x, y, z]`.
 pub type Vector = [f64; 3];
 
-/// The inner product.
+/// Returns the inner product `a · b`.
 #[inline]
 pub fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The vector product `a × b`.
+/// Returns the cross product `a × b`.
 #[inline]
 pub fn cross(a: Vector, b: Vector) -> Vector {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The sum.
+/// Returns the sum `a + b`.
 #[inline]
 pub fn add(a: Vector, b: Vector) -> Vector {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// The difference `a − b`.
+/// Returns the difference `a − b`.
 #[inline]
 pub fn sub(a: Vector, b: Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// `a` times the number `s`.
+/// Returns `a` times the number `s`.
 #[inline]
 pub fn scale(a: Vector, s: f64) -> Vector {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
-/// The length.
+/// Returns the Euclidean length.
 #[inline]
 pub fn norm(a: Vector) -> f64 {
-    // Rounded correctly on every machine, as the other operations here.
+    // Correctly rounded on every machine, like the other operations here.
     dot(a, a).sqrt()
 }
 
-/// `a` turned about +z by the angle with this cosine and sine.
+/// Rotates `a` about +z by the angle with this cosine and sine.
 #[inline]
 pub fn turned(a: Vector, [cos, sin]: [f64; 2]) -> Vector {
     [cos * a[0] - sin * a[1], sin * a[0] + cos * a[1], a[2]]
 }
 
-/// `a` turned about +z by `angle` radians, counter-clockwise seen from its tip.
+/// Rotates `a` about +z by `angle` radians, counter-clockwise seen from the tip of +z.
 #[inline]
 pub fn about_z(a: Vector, angle: f64) -> Vector {
     let (sin, cos) = libm::sincos(angle);
     turned(a, [cos, sin])
 }
 
-/// `a` turned about +y by `angle` radians: from +z towards +x.
+/// Rotates a vector about +y by `angle` radians, from +z towards +x.
 #[inline]
 pub fn about_y([x, y, z]: Vector, angle: f64) -> Vector {
     let (sin, cos) = libm::sincos(angle);
     [cos * x + sin * z, y, cos * z - sin * x]
 }
 
-/// `a` at unit length; `a` must not be zero.
+/// Normalises `a`, which must not be zero, to unit length.
 #[inline]
 pub fn unit(a: Vector) -> Vector {
     scale(a, 1.0 / norm(a))

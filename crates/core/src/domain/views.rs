@@ -1,21 +1,22 @@
-//! Typed views of a flat tensor: the paper's currying `S² → (S² → (ℝ → ℝ))` as slices, at no cost (\[CPB06\] section 4).
+//! Typed views of a flat tensor: the curried functions `S² → (S² → (ℝ → ℝ))` of the paper as slices, without copies
+//! (\[CPB06\] section 4).
 
 use super::tensor::Measurement;
 
-/// A function of wavelength: contiguous samples, in nm order of the tensor's spectral axis.
+/// Function of wavelength: contiguous samples in the order of the spectral axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spectrum<'a> {
     samples: &'a [f32],
 }
 
-/// A function of one direction and wavelength, `[direction, lambda]`.
+/// Function of one direction and wavelength, `[direction, lambda]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflectance<'a> {
     samples: &'a [f32],
     lambdas: usize,
 }
 
-/// A function of two directions and wavelength, `[incoming, outgoing, lambda]`.
+/// Function of two directions and wavelength, `[incoming, outgoing, lambda]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brdf<'a> {
     samples: &'a [f32],
@@ -24,27 +25,27 @@ pub struct Brdf<'a> {
 }
 
 impl<'a> Spectrum<'a> {
-    /// The samples; NaN = masked.
+    /// Returns the samples; NaN = masked.
     pub fn samples(self) -> &'a [f32] {
         self.samples
     }
 }
 
 impl<'a> Reflectance<'a> {
-    /// The spectrum of direction `index`.
+    /// Returns the spectrum of direction `index`.
     ///
     /// # Panics
-    /// If there is no such direction.
+    /// If `index` is out of range.
     pub fn at(self, index: usize) -> Spectrum<'a> {
         Spectrum { samples: &self.samples[index * self.lambdas..][..self.lambdas] }
     }
 }
 
 impl<'a> Brdf<'a> {
-    /// The outgoing distribution of incoming direction `index`.
+    /// Returns the outgoing distribution of incoming direction `index`.
     ///
     /// # Panics
-    /// If there is no such direction.
+    /// If `index` is out of range.
     pub fn at(self, index: usize) -> Reflectance<'a> {
         let row = self.outgoing * self.lambdas;
         Reflectance { samples: &self.samples[index * row..][..row], lambdas: self.lambdas }
@@ -52,7 +53,7 @@ impl<'a> Brdf<'a> {
 }
 
 impl Measurement {
-    /// The tensor as one spectrum, if its last axis is all there is.
+    /// Returns the tensor as one spectrum; `None` if it has more than one axis.
     pub fn as_spectrum(&self) -> Option<Spectrum<'_>> {
         match self.tensor.shape().as_slice() {
             [_] => Some(Spectrum { samples: self.tensor.samples() }),
@@ -60,7 +61,8 @@ impl Measurement {
         }
     }
 
-    /// The tensor as a function of one direction; a monochromatic one has spectra of one sample.
+    /// Returns the tensor as a function of one direction, if it is one; spectra of a monochromatic tensor have one
+    /// sample.
     pub fn as_reflectance(&self) -> Option<Reflectance<'_>> {
         let layout = self.layout().ok()?;
         let directions = usize::from(layout.incoming.is_some()) + usize::from(layout.outgoing.is_some());
@@ -68,7 +70,8 @@ impl Measurement {
             .then(|| Reflectance { samples: self.tensor.samples(), lambdas: self.lambdas() })
     }
 
-    /// The tensor as a function of two directions; a monochromatic one has spectra of one sample.
+    /// Returns the tensor as a function of two directions, if it is one; spectra of a monochromatic tensor have one
+    /// sample.
     pub fn as_brdf(&self) -> Option<Brdf<'_>> {
         let layout = self.layout().ok()?;
         let (_, outgoing) = (layout.incoming?, layout.outgoing?);
@@ -79,7 +82,7 @@ impl Measurement {
         })
     }
 
-    /// Samples per direction: the length of the spectral axis, 1 where there is none.
+    /// Returns the number of samples per direction: the length of the spectral axis, or 1 without one.
     pub fn lambdas(&self) -> usize {
         self.tensor.axes().last().filter(|axis| axis.is_spectral()).map_or(1, super::axis::Axis::len)
     }

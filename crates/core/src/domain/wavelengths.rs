@@ -1,64 +1,64 @@
-//! The wavelength axis: nanometres, strictly increasing, even or uneven.
+//! Wavelength axis: nanometres, strictly increasing, even or uneven.
 
 use super::limits::MAX_WAVELENGTHS;
 use crate::numeric::bracket::Bracket;
 
-/// Strictly increasing, finite, positive wavelengths in nm; even grids are kept as start and step.
+/// Strictly increasing, finite, positive wavelengths in nm; even grids are stored as start and step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WavelengthGrid {
-    /// `start + i * step`.
+    /// Even grid, `start + i * step`.
     Even {
-        /// The first wavelength, nm.
+        /// First wavelength, in nm.
         start: f64,
-        /// The distance between neighbours, nm; positive.
+        /// Distance between neighbours, in nm; positive.
         step: f64,
-        /// How many there are; at least 1.
+        /// Number of wavelengths; at least 1.
         count: usize,
     },
-    /// Listed one by one.
+    /// List of all wavelengths.
     Uneven(Vec<f64>),
 }
 
-/// Why numbers do not make a wavelength grid.
+/// Reasons why numbers do not form a wavelength grid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WavelengthError {
-    /// No wavelength at all.
+    /// There is no wavelength.
     #[error("a wavelength axis needs at least one wavelength")]
     Empty,
-    /// More than the limit.
+    /// There are more wavelengths than the limit.
     #[error("{found} wavelengths are more than the limit of {MAX_WAVELENGTHS}")]
     TooMany {
-        /// How many there were.
+        /// Number of wavelengths.
         found: usize,
     },
-    /// Not positive and finite.
+    /// A wavelength is not positive and finite.
     #[error("wavelength {index} is {value}, expected a positive finite number of nm")]
     NotPositive {
-        /// Its position, from 0.
+        /// Position of the wavelength, from 0.
         index: usize,
-        /// The number found.
+        /// Number found.
         value: f64,
     },
-    /// Not larger than its predecessor.
+    /// A wavelength is not larger than its predecessor.
     #[error("wavelength {index} is {value} nm after {previous} nm, expected a strictly increasing axis")]
     NotIncreasing {
-        /// Its position, from 0.
+        /// Position of the wavelength, from 0.
         index: usize,
-        /// The number found.
+        /// Number found.
         value: f64,
-        /// The number before it.
+        /// Preceding number.
         previous: f64,
     },
-    /// Text that is not START:STOP:STEP.
+    /// The text is not of the form START:STOP:STEP.
     #[error("`{found}` is no wavelength range, expected START:STOP:STEP in nm with START <= STOP and STEP > 0")]
     NotARange {
-        /// The text found.
+        /// Text found.
         found: String,
     },
 }
 
 impl WavelengthGrid {
-    /// `count` wavelengths from `start` by `step` nm.
+    /// Creates `count` wavelengths from `start` in steps of `step`, in nm.
     pub fn even(start: f64, step: f64, count: usize) -> Result<Self, WavelengthError> {
         check_count(count)?;
         if !(start.is_finite() && start > 0.0) {
@@ -72,7 +72,7 @@ impl WavelengthGrid {
         Ok(Self::Even { start, step, count })
     }
 
-    /// The wavelengths listed; recognised as even where every one lies exactly on `start + i * step`.
+    /// Creates a grid from a list; it is recognised as even if every wavelength is exactly `start + i * step`.
     pub fn listed(values: Vec<f64>) -> Result<Self, WavelengthError> {
         check_count(values.len())?;
         for (index, &value) in values.iter().enumerate() {
@@ -89,7 +89,7 @@ impl WavelengthGrid {
         Ok(if even { Self::Even { start, step, count: values.len() } } else { Self::Uneven(values) })
     }
 
-    /// `START:STOP:STEP` in nm, both ends included (`380:750:5` has 75 wavelengths).
+    /// Parses `START:STOP:STEP` in nm, both ends included (`380:750:5` has 75 wavelengths).
     pub fn parse_range(text: &str) -> Result<Self, WavelengthError> {
         let refused = || WavelengthError::NotARange { found: text.to_owned() };
         let parts: Vec<f64> =
@@ -106,7 +106,7 @@ impl WavelengthGrid {
         Self::even(start, step, steps as usize + 1)
     }
 
-    /// How many wavelengths there are; never 0.
+    /// Returns the number of wavelengths; never 0.
     #[allow(clippy::len_without_is_empty, reason = "a grid is never empty")]
     pub fn len(&self) -> usize {
         match self {
@@ -115,10 +115,10 @@ impl WavelengthGrid {
         }
     }
 
-    /// The `index`-th wavelength in nm.
+    /// Returns wavelength `index` in nm.
     ///
     /// # Panics
-    /// If an uneven grid has no such index.
+    /// If `index` is out of range on an uneven grid.
     pub fn at(&self, index: usize) -> f64 {
         match self {
             Self::Even { start, step, .. } => start + index as f64 * step,
@@ -126,18 +126,18 @@ impl WavelengthGrid {
         }
     }
 
-    /// All wavelengths in nm, in order.
+    /// Returns all wavelengths in nm, in order.
     pub fn values(&self) -> Vec<f64> {
         (0..self.len()).map(|i| self.at(i)).collect()
     }
 
-    /// The shortest and the longest wavelength in nm.
+    /// Returns the shortest and the longest wavelength in nm.
     pub fn range(&self) -> (f64, f64) {
         (self.at(0), self.at(self.len() - 1))
     }
 
-    /// Where `lambda` (nm) lies: `(i, t)` stands for `(1 − t)·sample[i] + t·sample[i + 1]`, `t = 0` at the last sample;
-    /// `None` outside the axis.
+    /// Returns the interpolation position `(i, t)` of `lambda` (nm): the value is
+    /// `(1 − t)·sample[i] + t·sample[i + 1]`, with `t = 0` at the last sample. `None` outside the axis.
     #[inline]
     pub fn locate(&self, lambda: f64) -> Option<(usize, f64)> {
         let (first, last) = self.range();
@@ -149,7 +149,7 @@ impl WavelengthGrid {
         Some((below, position - below as f64))
     }
 
-    /// Where `lambda` (nm) lies in samples, linear between them and held at the ends; 0 if it is no number.
+    /// Returns the fractional sample index of `lambda` (nm), clamped to the ends; 0 for NaN.
     #[inline]
     pub(crate) fn position(&self, lambda: f64) -> f64 {
         let last = self.len() - 1;
@@ -157,14 +157,14 @@ impl WavelengthGrid {
             Self::Even { start, step, .. } => ((lambda - start) / step).max(0.0).min(last as f64),
             Self::Uneven(values) => {
                 let Bracket { below, t, .. } = Bracket::held(values, lambda);
-                // Rounding must not carry it to the next sample.
+                // Rounding must not move it to the next sample.
                 below as f64 + t.min(1.0 - f64::EPSILON)
             }
         }
     }
 
-    /// Quadrature weights in nm of the trapezoidal rule: `Σ weight[i]·sample[i]` is the integral over the axis.
-    /// A single wavelength has weight 1.
+    /// Returns the trapezoidal quadrature weights in nm: `Σ weight[i]·sample[i]` is the integral over the axis. A
+    /// single wavelength has weight 1.
     pub fn weights(&self) -> Vec<f64> {
         let n = self.len();
         if n == 1 {

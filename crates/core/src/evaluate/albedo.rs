@@ -1,36 +1,39 @@
-//! The integral over outgoing directions, stored by wavelength for every incoming cell (\[CPB06\] section 6.1.3).
+//! Albedo: the integral over outgoing directions, stored by wavelength for every incoming cell (\[CPB06\] section
+//! 6.1.3).
 
 use super::geometry::Geometry;
 use crate::domain::{Direction, Domain, Measurement, TriangleMesh};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Which outgoing directions an albedo is of, as seen from the incoming direction; one on the horizon is above.
+/// Hemisphere of outgoing directions an albedo integrates over, relative to the incoming direction. A direction on the
+/// horizon counts as above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
-    /// All of them.
+    /// Both hemispheres.
     #[default]
     Both,
-    /// Those on the side of `wi`: reflection.
+    /// Outgoing directions on the side of `wi`: reflection.
     Reflected,
-    /// Those on the other side: transmission.
+    /// Outgoing directions on the side opposite `wi`: transmission.
     Transmitted,
 }
 
-/// Stored integrals, `[cell, lambda]`; NaN where all that is summed is masked.
+/// Stored albedos, `[cell, lambda]`. NaN where every summed sample is masked.
 #[derive(Debug, Default)]
 pub(super) struct Albedos {
-    /// Over the whole outgoing axis; empty without one.
+    /// Integral over the whole outgoing axis; empty if there is no outgoing axis.
     both: Vec<f32>,
-    /// Over its upper and its lower hemisphere, where it has both and the quantity has a cosine; otherwise empty.
+    /// Integrals over the upper and the lower hemisphere. Empty unless the axis covers both and the quantity has a
+    /// cosine.
     halves: [Vec<f32>; 2],
-    /// The side of an outgoing axis that has one.
+    /// Outgoing domain; `None` if there is no outgoing axis of triangles.
     domain: Option<Domain>,
 }
 
 impl Albedos {
-    /// The integrals of a measurement; nothing without an outgoing axis of triangles.
+    /// Integrates a measurement; empty tables without an outgoing axis of triangles.
     pub(super) fn new(measurement: &Measurement, geometry: &Geometry) -> Self {
         let Some(mesh) = geometry.mesh().map(|lookup| lookup.mesh()) else { return Self::default() };
         let lambdas = geometry.lambdas();
@@ -41,7 +44,8 @@ impl Albedos {
         Self { both: table(0..n), halves, domain: Some(mesh.domain()) }
     }
 
-    /// `[cell, lambda]` of one side, where `wi` is above or not; `None` where nothing goes there.
+    /// Returns the table `[cell, lambda]` of one side for an incoming direction above or below the horizon; `None` if
+    /// no light can leave on that side.
     pub(super) fn of(&self, side: Side, is_above: bool) -> Option<&[f32]> {
         let upward = match side {
             Side::Both => return Some(&self.both),
@@ -55,7 +59,7 @@ impl Albedos {
         }
     }
 
-    /// Adds to the integrals over a whole outgoing axis that has one side.
+    /// Applies `add` to the integrals over the whole outgoing axis, if there are any.
     pub(super) fn add(&mut self, add: impl FnOnce(&mut [f32])) {
         if !self.both.is_empty() {
             add(&mut self.both);
@@ -67,12 +71,13 @@ impl Albedos {
     }
 }
 
-/// Whether an incoming direction is above; so is that of data without one.
+/// Returns true if an incoming direction is above the horizon, or if the data have no incoming direction.
 pub(super) fn is_above(wi: Option<Direction>) -> bool {
     wi.is_none_or(|wi| wi.cos_theta() >= 0.0)
 }
 
-/// `[cell, lambda]`, summed over some of the outgoing triangles.
+/// Integrates the outgoing triangles `leaves`: `[cell, lambda]`, weighted by projected solid angle if the quantity has
+/// a cosine.
 fn table(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize, leaves: Range<usize>) -> Vec<f32> {
     let measures: Vec<f64> = if measurement.quantity.has_cosine() {
         leaves.clone().map(|i| mesh.projected_solid_angle(i)).collect()

@@ -1,4 +1,4 @@
-//! The incoming side of a block of places: the entries that hold its directions, and the nodes around them.
+//! The incoming side of a block of places: the axis entries that contain its directions, and the nodes around them.
 
 use super::directions::{Directions, Pairs};
 use super::error::EvaluateError;
@@ -11,23 +11,23 @@ use crate::domain::vector::turned;
 
 /// The incoming side of a block of places.
 pub(super) struct Arrived {
-    /// As unit vectors, at azimuth 0 for isotropic data; +z for quantities without.
+    /// Unit vectors; rotated to azimuth 0 for isotropic data, +z for quantities without an incoming direction.
     wi: Vectors,
-    /// Cosine and sine of the azimuth of isotropic data.
+    /// Cosine and sine of each incoming azimuth; only isotropic data set them.
     turns: [Block; 2],
-    /// The entries of the incoming axis.
+    /// Entry of the incoming axis for each place.
     entries: [u32; BLOCK],
-    /// The nodes.
+    /// Incoming nodes around each direction.
     around: [Around; BLOCK],
 }
 
 impl Arrived {
-    /// Scratch; written before it is read.
+    /// Scratch space; overwritten before it is read.
     pub(super) const NEW: Self =
         Self { wi: UP, turns: [[1.0; BLOCK], [0.0; BLOCK]], entries: [0; BLOCK], around: [Around::NOWHERE; BLOCK] };
 
-    /// Writes the incoming side of up to [`BLOCK`] places: the entries that hold directions where they are asked for, and the
-    /// nodes of a smooth form.
+    /// Writes the incoming side of up to [`BLOCK`] places: the axis entry that contains each direction and, with a
+    /// smooth form, the nodes around it. Isotropic data with a smooth form need no entries and leave them unset.
     pub(super) fn write(
         &mut self,
         geometry: &Geometry,
@@ -46,7 +46,7 @@ impl Arrived {
             smooth.is_none() || !geometry.is_isotropic() || !self.wi[2].iter().all(|&z| z >= 0.0)
         };
         if needs_each {
-            // One by one, which tells what is wrong.
+            // Locates one by one, so that the error names the direction.
             geometry.incoming_entries(Pairs { index: &[], wi, wo: None }, &mut self.entries[..count])?;
         }
         if geometry.is_isotropic() {
@@ -70,31 +70,31 @@ impl Arrived {
         &self.wi
     }
 
-    /// The entry of the incoming axis that holds a place's direction.
+    /// Entry of the incoming axis that contains the direction of place `i`.
     #[inline(always)]
     pub(super) fn entry(&self, i: usize) -> u32 {
         self.entries[i]
     }
 
-    /// The nodes around each direction.
+    /// Nodes around each direction.
     #[inline(always)]
     pub(super) fn around(&self) -> &[Around; BLOCK] {
         &self.around
     }
 
-    /// Turns directions from azimuth 0 of isotropic data to the azimuths of the incoming directions.
+    /// Rotates directions from azimuth 0 of isotropic data to the azimuths of the incoming directions.
     pub(super) fn turn(&self, directions: &mut Vectors) {
         turn_block(directions, &self.turns);
     }
 
-    /// Turns directions back.
+    /// Inverse of [`Arrived::turn`].
     pub(super) fn turn_back(&self, directions: &mut Vectors) {
         let [cos, sin] = self.turns;
         turn_block(directions, &[cos, sin.map(|sin| -sin)]);
     }
 }
 
-/// Turns directions about +z by the angles with these cosines and sines.
+/// Rotates directions about +z by the angles with these cosines and sines.
 fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
     for i in 0..BLOCK {
         let to = turned(vector_of(directions, i), [cos[i], sin[i]]);
@@ -102,5 +102,5 @@ fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
     }
 }
 
-/// The incoming direction of quantities without one.
+/// Incoming direction of quantities that have none: +z.
 const UP: Vectors = [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]];

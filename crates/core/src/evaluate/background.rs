@@ -1,4 +1,4 @@
-//! The defensive part of a sampler: directions drawn without regard to the function, wherever it may be other than 0.
+//! Defensive part of a sampler: directions drawn independently of the function's values, wherever it may be nonzero.
 
 use super::function::Function;
 use super::lookup::MeshLookup;
@@ -7,31 +7,31 @@ use super::warp::{BELOW_ONE, Density, Warps};
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use crate::domain::{Direction, TriangleMesh};
 
-/// The square of a sine below which a direction is a corner of its triangle.
+/// Squared sine of the angle to corner b below which a direction counts as that corner.
 const CORNER: f64 = 1e-24;
 
-/// Intervals between points along an edge of a cell at which light is looked for; more find narrower patches.
+/// Number of intervals along an edge of a cell between probe points for light. More intervals find narrower patches.
 const STEPS: u32 = 24;
-/// The distance of those points from the edge, in intervals.
+/// Distance of those probe points from the edge, in intervals.
 const INSIDE: f64 = 1e-5;
-/// The distance, in radians, of points beside a node, each in another of the patches that meet there.
+/// Distance in radians of probe points from a node; each lies in another of the patches that meet there.
 const BESIDE: f64 = 1e-5;
-/// The ways to those points, in two directions across that are not parallel.
+/// Offsets of those probe points from the node, in units of [`BESIDE`] along two tangents that are not parallel.
 const WAYS: [[f64; 2]; 8] =
     [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
 
-/// Where defensive directions go.
+/// Support of the defensive directions.
 #[derive(Debug)]
 pub(super) enum Background {
-    /// Over the whole outgoing domain, by |cos θ| or uniformly.
+    /// The whole outgoing domain, by |cos θ| or uniformly.
     Whole,
-    /// Uniformly over the cells that hold light, for each entry of the opaque axes: of the piecewise constant form, and of
-    /// the smooth one, which reaches into the cells beside.
+    /// Uniform over the lit cells, for each entry of the opaque axes: those of the piecewise constant form and those of
+    /// the smooth form. The smooth form reaches into neighbouring cells.
     Lit(Vec<[LitCells; 2]>),
 }
 
 impl Background {
-    /// Luminaires keep to their light. What depends on an incoming direction, and what has a cosine, has the whole domain.
+    /// Chooses lit cells for luminaires. Quantities with an incoming direction or a cosine use the whole domain.
     pub(super) fn new(function: &Function, lookup: &MeshLookup) -> Self {
         if function.geometry().has_incoming() || function.geometry().quantity().has_cosine() {
             return Self::Whole;
@@ -48,7 +48,7 @@ impl Background {
         if entries.iter().flatten().all(is_whole) { Self::Whole } else { Self::Lit(entries) }
     }
 
-    /// Whether there is light anywhere in an entry of the opaque axes.
+    /// Returns true if an entry of the opaque axes has any light.
     #[inline]
     pub(super) fn has_any(&self, entry: usize, density: Density) -> bool {
         match self {
@@ -57,7 +57,7 @@ impl Background {
         }
     }
 
-    /// The density in sr⁻¹ at a direction of the domain.
+    /// Density in sr⁻¹ at a direction of the domain.
     #[inline]
     pub(super) fn pdf(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> f64 {
         match self {
@@ -66,7 +66,7 @@ impl Background {
         }
     }
 
-    /// The direction of a point of the unit square.
+    /// Maps a point of the unit square to a direction.
     pub(super) fn draw(&self, warps: &Warps, at: (usize, Density), u: [f64; 2]) -> Option<Direction> {
         match self {
             Self::Whole => Some(warps.draw_background(u)),
@@ -74,7 +74,7 @@ impl Background {
         }
     }
 
-    /// The point that [`Background::draw`] takes to a direction.
+    /// Inverse of [`Background::draw`]: the point of the unit square that maps to `direction`.
     pub(super) fn place(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> Option<[f64; 2]> {
         match self {
             Self::Whole => Some(warps.place_background(direction)),
@@ -90,9 +90,9 @@ impl Background {
     }
 }
 
-/// The cells in which the smooth function may have light, of one entry of the opaque axes. Its patches are not the cells: one that
-/// has a corner on a lit cell is lit as a whole, and may reach across dark cells. Where every sample is kept (no smooth tables),
-/// light reaches all cells that share a corner with a lit one.
+/// Cells in which the smooth function of one entry may have light. Its patches differ from the cells: a patch with a
+/// corner on a lit cell is lit as a whole and may reach across dark cells. Without smooth tables (every sample is
+/// kept), light reaches all cells that share a corner with a lit one.
 fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
     if !has_light.contains(&false) {
         return has_light.to_vec();
@@ -108,7 +108,7 @@ fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light
     let near = beside(has_light);
     let Some(smooth) = smooth else { return near };
     let near = beside(&near);
-    // Points all over a cell, a hair inside.
+    // Points all over a cell, slightly inside its edges.
     let vertices = lookup.mesh().all_vertices();
     let is_lit_at = |leaf: usize, parts: [u32; 3]| {
         let [a, b, c] = vertices[leaf];
@@ -119,7 +119,7 @@ fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light
         is_lit_at(leaf, [1; 3]) || (0..=STEPS).any(|i| (0..=STEPS - i).any(|j| is_lit_at(leaf, [i, j, STEPS - i - j])))
     };
     let mut reached: Vec<bool> = cells.map(|leaf| near[leaf] && is_reached(leaf)).collect();
-    // A corner of a patch may lie in a cell, between those points.
+    // The corner of a patch may lie inside a cell, between those points.
     for node in smooth.outgoing_nodes() {
         let [across, along] = [perpendicular(node, [0.3, 0.5, 0.8]), perpendicular(node, [-0.7, 0.6, 0.1])];
         for [u, v] in WAYS {
@@ -136,12 +136,12 @@ fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {
     &entries[entry][usize::from(density == Density::Linear)]
 }
 
-/// Cells that hold light.
+/// Cells with light, drawn uniformly in solid angle.
 #[derive(Debug)]
 pub(super) struct LitCells {
     is_lit: Vec<bool>,
     leaves: Vec<u32>,
-    /// The solid angle of each leaf and those before it, in parts of that of all.
+    /// Cumulative solid angle up to and including each leaf, normalised to 1.
     ends: Vec<f64>,
     solid_angle: f64,
 }
@@ -180,7 +180,7 @@ impl LitCells {
         Some([start + length * u, v].map(|u| u.clamp(0.0, BELOW_ONE)))
     }
 
-    /// Where the part of leaf `k` begins, and how long it is.
+    /// Start and length of leaf `k` on the unit interval.
     fn interval(&self, k: usize) -> [f64; 2] {
         let start = if k == 0 { 0.0 } else { self.ends[k - 1] };
         [start, self.ends[k] - start]
@@ -191,23 +191,23 @@ impl LitCells {
     }
 }
 
-/// The spherical area of a triangle of unit vectors (Van Oosterom and Strackee 1983, equation 8), with its sign.
+/// Signed area of a spherical triangle of unit vectors, in sr (Van Oosterom and Strackee 1983, equation 8).
 fn area([a, b, c]: [Vector; 3]) -> f64 {
     2.0 * libm::atan2(dot(a, cross(b, c)), 1.0 + dot(a, b) + dot(b, c) + dot(c, a))
 }
 
-/// The point of a spherical triangle for a point of the unit square, uniform in solid angle (Arvo 1995, *Stratified sampling of
-/// spherical triangles*): the first coordinate cuts off an area between the corner a, the corner b and a point of the edge
-/// from a to c; the second is the height on the arc from b to that point.
+/// Maps a point of the unit square to a spherical triangle, uniformly in solid angle (Arvo 1995, *Stratified sampling
+/// of spherical triangles*). The first coordinate cuts off an area between corner a, corner b and a point of the edge
+/// from a to c. The second is the height on the arc from b to that point.
 fn in_triangle([a, b, c]: [Vector; 3], [u, v]: [f64; 2]) -> Vector {
     let whole = area([a, b, c]);
-    // The angle at a, and where the arc from b cuts the edge: tan of the half area is rational in tan of half the arc.
+    // Angle at a, and the cut of the edge by the arc from b: tan of the half area is rational in tan of half the arc.
     let part = u * whole;
     let (x, y) = (perpendicular(a, b), perpendicular(a, c));
     let (cos_b, sin_b) = (dot(a, b), dot(x, b));
     let (cos_angle, sin_angle) = (dot(x, y), dot(a, cross(x, y)));
-    // With t = tan(arc/2): tan(area/2) = t·s·sin A / (1 + t·s·cos A), s = tan(side/2) of the side ab (the area of a triangle by
-    // two sides and the angle between them).
+    // With t = tan(arc/2): tan(area/2) = t·s·sin A / (1 + t·s·cos A), s = tan(side/2) of the side ab (the area of a
+    // triangle from two sides and the angle between them).
     let s = sin_b / (1.0 + cos_b);
     let (sin_part, cos_part) = libm::sincos(0.5 * part);
     let t = sin_part / (s * (sin_angle * cos_part - cos_angle * sin_part));
@@ -218,9 +218,9 @@ fn in_triangle([a, b, c]: [Vector; 3], [u, v]: [f64; 2]) -> Vector {
     unit(add(scale(b, cos), scale(perpendicular(b, cut), sin)))
 }
 
-/// The point of the unit square that [`in_triangle`] takes to a direction of the triangle.
+/// Inverse of [`in_triangle`]: the point of the unit square that maps to the direction `d` of the triangle.
 fn place_in_triangle([a, b, c]: [Vector; 3], d: Vector) -> [f64; 2] {
-    // Where the arc from b through d meets the edge from a to c.
+    // Intersection of the arc from b through d with the edge from a to c.
     let normal = cross(b, d);
     if dot(normal, normal) < CORNER {
         return [0.0; 2];
@@ -232,7 +232,7 @@ fn place_in_triangle([a, b, c]: [Vector; 3], d: Vector) -> [f64; 2] {
     [u, v]
 }
 
-/// The unit vector at a right angle to `a` on the side of `b`.
+/// Unit vector perpendicular to `a` on the side of `b`; zero if they are parallel.
 fn perpendicular(a: Vector, b: Vector) -> Vector {
     let d = sub(b, scale(a, dot(a, b)));
     let length = norm(d);

@@ -1,4 +1,4 @@
-//! Batches, and wavelengths chosen before, against single calls.
+//! Batches, and previously chosen wavelengths, against single calls.
 
 use super::lookup::MeshLookup;
 use super::{
@@ -19,7 +19,7 @@ fn triangles(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-/// Of two planes, with cells that are dark or masked where asked.
+/// Material of two planes, with dark and masked cells if `with_holes`.
 fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Material {
     let lambdas = 17;
     axes.push(Axis::Wavelength(WavelengthGrid::even(400.0, 10.0, lambdas).unwrap()));
@@ -36,7 +36,7 @@ fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Materi
     Material::of(Measurement::new(quantity, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// With values from −1 to 1.
+/// Material with values from −1 to 1.
 fn signed() -> Material {
     let axes = vec![
         triangles(Domain::Hemisphere, 1),
@@ -85,7 +85,7 @@ fn directions(of: &[Vec<f32>; 3]) -> Directions<'_> {
     Directions::new(&of[0], &of[1], &of[2])
 }
 
-/// Incoming and outgoing directions as a material takes them.
+/// Incoming and outgoing directions in the form a material takes.
 struct Asked {
     wi: Option<[Vec<f32>; 3]>,
     wo: [Vec<f32>; 3],
@@ -131,7 +131,7 @@ impl Units {
     }
 }
 
-/// Asks for all of a batch, and for its parts of several lengths, which give the same bits.
+/// Evaluates a whole batch and parts of it of several lengths, which give the same bits.
 fn cut<T: Clone + PartialEq + std::fmt::Debug>(
     nothing: &T,
     pairs: Pairs<'_>,
@@ -163,7 +163,7 @@ const EACH_DENSITY: [(Density, f64); 4] =
 fn blocks_of_unit_vectors_are_single_answers_however_they_are_cut() {
     let mut random = Pcg32::new(7, 2);
     let mut worst = [0.0_f64; 4];
-    // Rounding of signed data is in parts of the largest sample.
+    // Rounding of signed data is relative to the largest sample.
     let materials = materials().into_iter().map(|m| (m, 0.0_f64)).chain([(signed(), 1.0)]);
     for (m, largest) in materials {
         let far = |a: f64, b: f64| {
@@ -366,7 +366,7 @@ fn bad_batches_are_refused() {
     assert!(refusal(below, good.clone()).contains("outside the incoming domain"));
     let short = [vec![0.1], vec![0.0], vec![1.0]];
     assert!(refusal(short, good.clone()).contains("expected 2 of each"));
-    // Lengths whose squares are no f32 are directions all the same.
+    // Lengths whose squares overflow or underflow f32 are valid all the same.
     let long = [vec![1e30, 1e-30], vec![0.0, 0.0], vec![1e30, 1e-30]];
     let pairs = Pairs { index: &[], wi: Some(directions(&good)), wo: Some(directions(&long)) };
     let mut out = vec![0.0; 2 * m.lambdas()];

@@ -1,7 +1,7 @@
 //! Values at many places: a block of places is located, then gathered, then expanded.
 //!
-//! The gathers of different places do not wait for one another, which hides most of the memory's latency where a material
-//! is larger than the caches.
+//! Gathers of different places do not depend on each other, which hides most of the memory latency of materials larger
+//! than the caches.
 
 use super::arrived::Arrived;
 use super::directions::{Directions, Pairs};
@@ -17,17 +17,17 @@ use super::smooth::{SeenBlock, Smooth};
 use super::warp::Draws;
 use rayon::prelude::*;
 
-/// Places that a thread takes at a time.
+/// Number of places a thread takes at a time.
 const SHARE: usize = 4096;
 
-/// A block of places: its incoming side, and where the smooth form looks.
+/// A block of places: its incoming side, and the lookups of the smooth form.
 pub(super) struct Places {
     arrived: Arrived,
     seen: SeenBlock,
 }
 
 impl Places {
-    /// Scratch; written before it is read.
+    /// Scratch space; overwritten before it is read.
     pub(super) const NEW: Self = Self { arrived: Arrived::NEW, seen: SeenBlock::NOTHING };
 
     #[inline(always)]
@@ -42,8 +42,8 @@ impl Places {
 }
 
 impl Function {
-    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Function::spectrum`] gives them;
-    /// no allocation. The first pair that is refused ends it.
+    /// Writes the spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Function::spectrum`]
+    /// gives them. Does not allocate. Stops at the first refused pair.
     pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.geometry().lambdas())?;
         let lambdas = self.geometry().lambdas();
@@ -56,7 +56,7 @@ impl Function {
         })
     }
 
-    /// The rows of planes at `pairs`, block by block, with where each block starts.
+    /// Passes the rows of planes at `pairs` to `work`, block by block, with the start of each block.
     pub(super) fn rows(
         &self,
         planes: &Planes,
@@ -99,7 +99,7 @@ impl Function {
         Ok(())
     }
 
-    /// [`Function::spectra`] on all threads.
+    /// Runs [`Function::spectra`] on all threads.
     pub(super) fn par_spectra(
         &self,
         pairs: Pairs<'_>,
@@ -113,7 +113,7 @@ impl Function {
         })
     }
 
-    /// The rows of the smooth form at asked directions, nothing outside the outgoing domain.
+    /// Rows of the smooth form at given directions; empty rows outside the outgoing domain.
     fn smooth_rows_at(
         &self,
         smooth: &Smooth,
@@ -136,7 +136,7 @@ impl Function {
         Ok(())
     }
 
-    /// The rows of the smooth form at what was drawn, nothing where nothing was.
+    /// Rows of the smooth form at drawn directions; empty rows for failed draws.
     pub(super) fn rows_at_draws(
         &self,
         smooth: &Smooth,
@@ -152,7 +152,7 @@ impl Function {
         }
     }
 
-    /// The rows of the smooth form at the outgoing directions that `places` holds.
+    /// Rows of the smooth form at the outgoing directions in `places`.
     fn smooth_rows(&self, smooth: &Smooth, entry: usize, places: &mut Places, rows: &mut [Mixed]) {
         let Places { arrived, seen } = places;
         seen.wi = *arrived.wi();
@@ -165,7 +165,7 @@ impl Function {
         smooth.at_block(entry, seen, rows);
     }
 
-    /// The rows of the cells in which directions were drawn, nothing where none was.
+    /// Rows of the cells in which directions were drawn; empty rows for failed draws.
     pub(super) fn rows_of_leaves(
         &self,
         planes: &Planes,

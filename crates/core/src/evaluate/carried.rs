@@ -1,4 +1,4 @@
-//! Directions carried from the incoming direction of a node to the one asked for, with their density: one, or a block.
+//! Maps directions from the incoming direction of a node to the queried one, with their density; singly or in blocks.
 
 use super::incoming::{Alignment, NEARLY_BACK, NO_HALF_VECTOR, azimuth};
 use super::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
@@ -6,24 +6,25 @@ use crate::domain::vector::{Vector, add, cross, dot, scale, sub, turned, unit};
 use crate::domain::{Direction, Domain};
 use crate::numeric::wide;
 
-/// The alignment by which directions are carried from a node to the incoming direction asked for, and the outgoing domain.
+/// Alignment that maps directions from a node to the queried incoming direction, and the outgoing domain.
 pub(super) type Carry = (Alignment, Domain);
 
-/// The way of directions from a node, whose incoming direction is `from`, to the incoming direction `to`, and back.
+/// Mapping of directions from a node with incoming direction `from` to the incoming direction `to`, and its inverse.
 pub(super) struct Carried {
     alignment: Alignment,
-    /// The sign of z on the outgoing hemisphere; 0 on the sphere.
+    /// Sign of z on the outgoing hemisphere; 0 on the sphere.
     side: f64,
     from: Vector,
     to: Vector,
-    /// Cosine and sine of the turn about the normal from the azimuth of `to` to that of `from`, where lobes turn with it.
+    /// Cosine and sine of the rotation about the normal from the azimuth of `to` to that of `from`; identity unless
+    /// lobes turn with the azimuth.
     turn: [f64; 2],
-    /// `to` after that turn.
+    /// `to` after that rotation.
     turned: Vector,
 }
 
-/// Where a direction is carried, the solid angle there in parts of that here, and whether it is on the side of the horizon
-/// that counts.
+/// Image of a direction, the ratio of solid angles there to here, and a flag: true if the image exists on the right
+/// side of the horizon.
 struct Way {
     there: Vector,
     solid_angle: f64,
@@ -38,21 +39,21 @@ impl Carried {
         Self { alignment, side, from, to, turn, turned: turned(to, turn) }
     }
 
-    /// Makes the way of those directions that are on the same side of the horizon as the height `z`.
+    /// Mapping of the directions on the same side of the horizon as the height `z`.
     #[inline(always)]
     pub(super) fn over(alignment: Alignment, domain: Domain, z: f64, from: Vector, to: Vector) -> Self {
         let (alignment, side) = side_by(alignment, domain, z);
         Self::new(alignment, side, from, to)
     }
 
-    /// Where the node has what is seen along `wo`.
+    /// Direction under the node that maps to `wo`.
     #[inline(always)]
     fn back(&self, wo: Vector) -> Way {
         match self.alignment {
             Alignment::None => self.way(wo, 1.0, true),
             Alignment::Rotation => self.way(rotated(self.to, self.from, wo), 1.0, true),
-            // Around one half vector a solid angle is 4 |w · h| of its own (Walter et al. 2007, section 4.2); w · h is half of
-            // the square of w + wo.
+            // About one half vector a solid angle is 4 |w · h| times that of the half vector (Walter et al. 2007,
+            // section 4.2); w · h is half the square of w + wo.
             Alignment::HalfVector | Alignment::TurnedHalfVector => {
                 let (scale, h, is_there) = along(self.turned, turned(wo, self.turn), self.from);
                 self.way(sub(h, self.from), scale, is_there)
@@ -60,7 +61,7 @@ impl Carried {
         }
     }
 
-    /// Where what the node has along `wo` is seen.
+    /// Image of the node's direction `wo` under the queried incoming direction.
     #[inline(always)]
     fn out(&self, wo: Vector) -> Way {
         match self.alignment {
@@ -79,8 +80,8 @@ impl Carried {
         Way { there, solid_angle, is_open: is_there & (self.side * there[2] >= 0.0) }
     }
 
-    /// Carries a direction that the node drew; returns where it is then, and true if it stays where it was drawn. It stays if it
-    /// would go below the horizon or nowhere; and, if it `may_stay`, if no direction is carried to where it was drawn.
+    /// Maps a direction drawn at the node; returns its position and true if it stays where it was drawn. It stays if
+    /// its image does not exist or lies below the horizon. If `may_stay`, it also stays if no direction maps to it.
     #[inline(always)]
     pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> (Vector, bool) {
         let way = self.out(wo);
@@ -88,20 +89,20 @@ impl Carried {
         (if stays { wo } else { unit(way.there) }, stays)
     }
 
-    /// The node's direction that is carried to `wo`, the part of its density that comes from there, 0 where none does, and the
-    /// part of that at `wo` itself that stays.
+    /// Returns the node's direction that maps to `wo`, the factor on its density (0 if there is none), and the fraction
+    /// of the node's density at `wo` itself that stays.
     #[inline(always)]
     pub(super) fn origin(&self, wo: Vector) -> (Vector, f64, f64) {
         let back = self.back(wo);
         let there = [0, 1, 2].map(|k| if back.is_open { back.there[k] } else { wo[k] });
-        // That it is carried to `wo`, which is open, is certain; it may also have been kept.
+        // `there` certainly maps to `wo`, which is open; but a draw may also have stayed.
         let carried = if self.back(there).is_open { 1.0 } else { 1.0 - STAYING };
         let part = if back.is_open { back.solid_angle * carried } else { 0.0 };
         let kept = if back.is_open { 0.0 } else { STAYING };
         (there, part, if self.out(wo).is_open { kept } else { 1.0 })
     }
 
-    /// The density at `wo` of directions of the node's density `pdf`.
+    /// Density in sr⁻¹ at `wo`, for directions that the node draws with density `pdf`.
     #[inline(always)]
     pub(super) fn density(&self, wo: Vector, pdf: impl Fn(Direction) -> f64) -> f64 {
         let (there, part, staying) = self.origin(wo);
@@ -110,8 +111,8 @@ impl Carried {
     }
 }
 
-/// The alignment of directions on the same side of the horizon as the height `z`, and the sign of heights there, 0 where there is
-/// no horizon. Over a whole sphere, light that goes through the surface turns, whatever reflected light does.
+/// Alignment of directions on the same side of the horizon as the height `z`, and the sign of heights there (0 if there
+/// is no horizon). On a whole sphere, transmitted light is rotated whatever alignment reflected light has.
 #[inline(always)]
 fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     match domain {
@@ -122,8 +123,8 @@ fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     }
 }
 
-/// Returns the factor of solid angles, 2 (to · h) h for the unit half vector h of `a` and `b`, and whether `to` is on the side
-/// of h. What is returned second, less `to`, is `to` mirrored at h.
+/// Returns the factor of solid angles and the vector 2 (to · h) h, with h the unit half vector of `a` and `b`. The flag
+/// is true if `to` is on the side of h. The vector minus `to` is `to` mirrored at h.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
@@ -134,7 +135,8 @@ fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
     (factor, scale(h, factor), is_there)
 }
 
-/// `d` turned with what turns `from` to `to`; mirrored, where those are nearly opposite and a turn has no axis.
+/// `d` after the rotation that takes `from` to `to`; mirrored where those are nearly opposite and the rotation has no
+/// axis.
 #[inline(always)]
 fn rotated(from: Vector, to: Vector, d: Vector) -> Vector {
     let axis = cross(from, to);
@@ -152,14 +154,14 @@ fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
     [cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b]
 }
 
-/// Where a lobe is carried up from the horizon nothing is carried, and yet the function goes on: this part of what a node has
-/// there stays.
+/// Fraction of the node's density that stays in place where a lobe is lifted from the horizon: no direction maps there,
+/// yet the function is nonzero.
 pub(super) const STAYING: f64 = 0.5;
 
-/// The incoming directions of a block: of one node of each place, and those asked for.
+/// Incoming directions of a block: that of one node for each place, and the queried ones.
 pub(super) struct CarriedBlock {
     alignment: Alignment,
-    /// The sign of z on the outgoing hemisphere; 0 on the sphere.
+    /// Sign of z on the outgoing hemisphere; 0 on the sphere.
     side: f64,
     pub(super) from: Vectors,
     to: Vectors,
@@ -169,13 +171,14 @@ impl CarriedBlock {
     pub(super) const NOWHERE: Self =
         Self { alignment: Alignment::None, side: 0.0, from: [[0.0; BLOCK]; 3], to: [[0.0; BLOCK]; 3] };
 
-    /// For these incoming directions; over a whole sphere directions turn on both sides alike.
+    /// Sets the alignment and the queried incoming directions. On a whole sphere directions are rotated on both sides
+    /// alike.
     pub(super) fn set(&mut self, (alignment, domain): Carry, to: &Vectors) {
         (self.alignment, self.side) = side_by(alignment, domain, 1.0);
         self.to = *to;
     }
 
-    /// [`Carried::drawn`] of all directions; returns which of them stay.
+    /// [`Carried::drawn`] of all directions; returns a flag for each that stays.
     pub(super) fn drawn(&self, directions: &mut Vectors, may_stay: &[bool; BLOCK]) -> [bool; BLOCK] {
         let from = *directions;
         let (moved, stays) = wide(
@@ -200,7 +203,7 @@ impl CarriedBlock {
         stays
     }
 
-    /// [`Carried::origin`] of all directions. What is written is known to no one else, or the loop is no vector code.
+    /// [`Carried::origin`] of all directions. The result is a local value: without aliasing the loop is vectorised.
     pub(super) fn origins(&self, wo: &Vectors) -> Origins {
         wide(
             #[inline(always)]
@@ -223,15 +226,15 @@ impl CarriedBlock {
         )
     }
 
-    /// The way of one place.
+    /// Mapping of place `i`.
     #[inline(always)]
     fn at(&self, alignment: Alignment, i: usize) -> Carried {
         Carried::new(alignment, self.side, vector_of(&self.from, i), vector_of(&self.to, i))
     }
 }
 
-/// Where a block of directions comes from: the nodes' directions that are carried there, the part of their density that comes,
-/// and the part of what the nodes have at the directions themselves that stays.
+/// Origins of a block of directions: the nodes' directions that map there, the factors on their density, and the
+/// fractions of the nodes' density at the directions themselves that stay.
 pub(super) struct Origins {
     pub(super) there: Vectors,
     pub(super) parts: Block,
@@ -242,7 +245,7 @@ impl Origins {
     const NOWHERE: Self = Self { there: [[0.0; BLOCK]; 3], parts: [0.0; BLOCK], staying: [0.0; BLOCK] };
 }
 
-/// `work` with an alignment that its code knows.
+/// Calls `work` with an alignment known at compile time.
 #[inline(always)]
 pub(super) fn known(alignment: Alignment, work: impl FnOnce(Alignment)) {
     match alignment {

@@ -1,6 +1,7 @@
-//! Whether drawn directions are carried from a node to the incoming direction asked for, as the function is, or stay.
+//! Decides if sampled directions follow the alignment from a node to the queried incoming direction, or stay.
 //!
-//! Carrying serves lobes, and spoils what does not move: what leaves less variance between the nodes is taken.
+//! Following suits lobes and harms features that do not move. The choice is the one with less variance between the
+//! nodes.
 
 use super::carried::Carry;
 use super::function::Function;
@@ -13,13 +14,14 @@ use crate::domain::Direction;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Incoming directions at which carrying is compared with staying, and points on a side of the square drawn at each by both.
+/// Number of incoming directions at which the two are compared, and points per side of the square drawn at each by
+/// both.
 const COMPARED: u32 = 8;
 const POINTS: u32 = 12;
-/// Beyond this elevation nothing is compared: the function is hardly light there.
+/// Minimum cosine of the compared incoming directions; the function carries little light below.
 const LOWEST_COSINE: f64 = 0.15;
 
-/// The trees of a function by the mean over wavelengths, their directions carried where that leaves less variance.
+/// Builds the trees of the mean over wavelengths; their directions follow the alignment if that leaves less variance.
 pub(super) fn trees_of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Trees {
     let trees = Trees::of_mean(function, lookup);
     let carry = function.carry().filter(|carry| {
@@ -29,8 +31,8 @@ pub(super) fn trees_of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Tr
     trees.carried_by(carry)
 }
 
-/// The second moments of the weights of a sample, with the trees' directions carried and staying: the mean over some
-/// incoming directions of that over the square of the first moment. Both are estimated from directions of both.
+/// Second moments of the sample weights with directions following and staying. Each is divided by the squared first
+/// moment and summed over incoming directions. Both are estimated from directions drawn by both.
 fn second_moments(trees: &Trees, function: &Function, carry: Carry) -> [f64; 2] {
     let mut sums = [0.0; 2];
     let options = SampleOptions::default();
@@ -64,7 +66,7 @@ fn second_moments(trees: &Trees, function: &Function, carry: Carry) -> [f64; 2] 
     sums
 }
 
-/// Incoming directions between nodes, spread over the domain of the incoming axis.
+/// Incoming directions spread over the domain of the incoming axis, between its nodes.
 fn compared(function: &Function) -> Vec<Direction> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     let directions = (0..COMPARED).map(|k| {

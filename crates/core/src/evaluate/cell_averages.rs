@@ -1,4 +1,4 @@
-//! Samples on a grid of angles as averages over triangles: what directions are drawn from, what is integrated and drawn as pictures.
+//! Averages over triangles of samples on a grid of angles: the basis of sampling, integrals and pictures.
 
 use super::error::EvaluateError;
 use super::geometry::Geometry;
@@ -9,15 +9,15 @@ use crate::domain::{
 };
 use rayon::prelude::*;
 
-/// Levels of the triangles.
+/// Range of triangle levels.
 const COARSEST: u8 = 2;
 const FINEST: u8 = 6;
-/// Samples of the averages at most; more make the triangles coarser.
+/// Maximum number of averages; beyond it the triangles are coarser.
 const MOST_SAMPLES: usize = 1 << 24;
 
 impl Stated {
-    /// The averages over triangles about as far apart as the stated directions: of each triangle by its quarters' centroids.
-    /// Elevations stay, among them that of a list over the scattering angle, of which directions are drawn under light along `+z`.
+    /// Averages over triangles about as wide as the spacing of the stated directions; each averages its quarters'
+    /// centroids. Elevations stay. A list over the scattering angle is sampled under light along `+z`.
     pub(super) fn cell_averages(&self) -> Result<Measurement, EvaluateError> {
         let geometry = self.geometry();
         let layout = geometry.layout();
@@ -53,7 +53,7 @@ impl Stated {
                 for &wo in parts {
                     let place = Place { index: &index, wi: wi[row % wi.len()], wo };
                     match self.spectrum(place, Interpolation::Smooth, &mut value) {
-                        // A triangle may reach beyond the incoming directions that were measured.
+                        // A triangle may reach beyond the measured incoming directions.
                         Err(_) if incoming.is_some() => value.fill(f32::NAN),
                         other => other?,
                     }
@@ -73,7 +73,7 @@ impl Stated {
     }
 }
 
-/// The meshes in place of grids of directions.
+/// Incoming and outgoing meshes that replace grids of directions.
 fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     let layout = geometry.layout();
     let grid = |axis: Option<usize>| match axis.map(|axis| &geometry.axes()[axis]) {
@@ -105,10 +105,10 @@ fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     }
 }
 
-/// The cosine below which a direction lies on the horizon.
+/// Cosine below which a direction lies on the horizon.
 const HORIZON: f64 = 1e-6;
 
-/// The level at which an edge is about as long as the steps of the polar angle.
+/// Level at which an edge is about as long as the median step of the polar angle.
 fn level_of(grid: &DirectionGrid) -> u8 {
     let polar = grid.polar();
     let mut steps: Vec<f64> = polar.array_windows().map(|[a, b]| b - a).collect();
@@ -117,7 +117,7 @@ fn level_of(grid: &DirectionGrid) -> u8 {
     (COARSEST..FINEST).find(|&level| 90.0 / f64::from(1_u32 << level) <= step).unwrap_or(FINEST)
 }
 
-/// The centroids of the four triangles of a triangle.
+/// Centroids of the four children of a triangle.
 fn quarters(mesh: TriangleMesh, triangle: usize) -> Vec<Option<Direction>> {
     let vertices = mesh.vertices(triangle);
     (0..4).map(|k| Some(centroid(child(vertices, k)))).collect()

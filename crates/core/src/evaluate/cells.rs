@@ -1,4 +1,4 @@
-//! What sampling trees are made of: the function in cells, at vertices and under nodes, weighted over wavelengths.
+//! Input of the sampling trees: the function in cells, at vertices and under nodes, weighted over wavelengths.
 
 use super::carried::Carry;
 use super::form::Form;
@@ -9,8 +9,8 @@ use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
 impl Function {
-    /// The inner product of a cell's spectrum with weights; masked samples are left out and the others weigh more; NaN where
-    /// a cell of planes is masked.
+    /// Inner product of a cell's spectrum with weights. Masked samples are skipped and the remaining weights
+    /// renormalised; NaN if a cell of planes is masked.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match self.form() {
             Form::Planes { planes, .. } => wide(
@@ -24,7 +24,7 @@ impl Function {
         }
     }
 
-    /// Whether anything is known and not 0 in a cell.
+    /// Returns true if a cell has an unmasked nonzero sample.
     pub(super) fn is_lit_cell(&self, cell: usize) -> bool {
         match self.form() {
             Form::Planes { planes, .. } => planes.presence(cell) > 0.0,
@@ -32,7 +32,7 @@ impl Function {
         }
     }
 
-    /// Whether some cells are masked.
+    /// Returns true if any cell is masked.
     pub(super) fn has_masked(&self) -> bool {
         match self.form() {
             Form::Planes { planes, .. } => (0..self.geometry().cells()).any(|cell| planes.presence(cell).is_nan()),
@@ -40,8 +40,8 @@ impl Function {
         }
     }
 
-    /// The inner product with weights of the smooth function at a vertex, in the table of `cell` of the axes before the
-    /// outgoing one.
+    /// Inner product with weights of the smooth function at a vertex, in the table of `cell` (the axes before the
+    /// outgoing one).
     pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: Vector, weights: &[f32]) -> f32 {
         let [n_in, n_out, _] = self.geometry().shape();
         let (entry, incoming) = (cell / n_in, cell % n_in);
@@ -60,7 +60,7 @@ impl Function {
         }
     }
 
-    /// The inner product with weights of the smooth function under a node.
+    /// Inner product with weights of the smooth function under an incoming node.
     pub(super) fn node_value(&self, entry: usize, node: usize, d: Vector, weights: &[f32]) -> f32 {
         let Form::Planes { planes, smooth } = self.form() else { return 0.0 };
         let mixed = smooth.under(entry, node, d);
@@ -70,7 +70,7 @@ impl Function {
         )
     }
 
-    /// The alignment of the smooth function and its outgoing domain; `None` where it has no alignment.
+    /// Alignment of the smooth function and its outgoing domain; `None` without an alignment or an incoming direction.
     pub(super) fn carry(&self) -> Option<Carry> {
         let smooth = self.form().smooth()?;
         let domain = self.geometry().mesh()?.mesh().domain();
@@ -78,7 +78,8 @@ impl Function {
             .then_some((smooth.alignment(), domain))
     }
 
-    /// Trees of one entry of the opaque axes: of the entries of the incoming axis, and of nodes between them.
+    /// Number of trees for one entry of the opaque axes: one for each entry of the incoming axis, and for nodes between
+    /// them.
     pub(super) fn trees_of_entry(&self) -> usize {
         let [own, ..] = self.geometry().shape();
         match self.form() {

@@ -1,19 +1,19 @@
-//! Change of a function's shape from one incoming direction to its neighbours, which chooses the alignment.
+//! Change of a function's shape from one incoming direction to its neighbours, which decides the alignment.
 
 use crate::domain::vector::Vector;
 use rayon::prelude::*;
 
-/// Changes of shape below this are none.
+/// Offset added to the deviation before its logarithm is averaged; smaller changes of shape do not matter.
 const NO_CHANGE: f64 = 0.02;
-/// Pairs of neighbouring incoming directions that are compared at most, about.
+/// Approximate maximum number of neighbouring pairs of incoming directions that are compared.
 const MOST_PAIRS: usize = 256;
 
-/// The change of shape over pairs of neighbouring incoming nodes in all entries of the opaque axes: the standard deviation, by the
-/// square of the light, of the logarithm of the ratio. A lobe that stays where it is has a small one, however much its height
-/// changes; one that moves away from under itself has a large one.
+/// Change of shape over pairs of neighbouring incoming nodes, in all entries of the opaque axes. For one pair it is the
+/// standard deviation of the logarithm of the ratio, weighted by squared light. A lobe that the alignment keeps in
+/// place has a small one, however much its height changes. A lobe that moves has a large one.
 ///
-/// `light(entry, node, wo)` is the function, `measure(wo)` the weight of a direction, and `carried(node, other, wo)` says where
-/// what is seen along `wo` under one node is seen under the other, and how much that is worth.
+/// `light(entry, node, wo)` is the function and `measure(wo)` the weight of a direction. `carried(node, other, wo)`
+/// returns the direction under `other` that corresponds to `wo` under `node`, and its weight.
 pub(super) fn change_of_shape(
     (pairs, entries): (&[(usize, usize)], usize),
     directions: &[Vector],
@@ -33,7 +33,7 @@ pub(super) fn change_of_shape(
                 let here = light(entry, node, d);
                 let there = light(entry, other, there);
                 if here > 0.0 && there > 0.0 && worth > 0.5 {
-                    // By the square of the light: lobes decide, not what lies around them.
+                    // Weighted by the square of the light, so that lobes decide rather than their surroundings.
                     let weight = here * here * measure(d);
                     let ratio = libm::log(here / there);
                     sum += weight;
@@ -45,7 +45,7 @@ pub(super) fn change_of_shape(
             if sum > 0.0 { (libm::log(deviation + NO_CHANGE), 1.0) } else { (0.0, 0.0) }
         })
         .collect();
-    // The geometric mean, or pairs at grazing incidence, where the height of lobes changes most, would have all the say.
+    // The geometric mean keeps pairs at grazing incidence, where the height of lobes changes most, from dominating.
     let (logarithms, count) = sums.iter().fold((0.0, 0.0), |sum: (f64, f64), s| (sum.0 + s.0, sum.1 + s.1));
     if count > 0.0 { libm::exp(logarithms / count) - NO_CHANGE } else { 0.0 }
 }

@@ -18,49 +18,49 @@ pub struct Chosen<'a> {
     beyond: Beyond,
     count: usize,
     wavelengths: [f64; FEW],
-    /// What samples are multiplied with: 1, and outside the measured range what `beyond` makes of it.
+    /// Factor on each sample: 1 inside the measured range; outside 1, 0 or NaN according to `beyond`.
     factors: [f32; FEW],
     columns: Option<Columns>,
 }
 
-/// A direction that was drawn, with its weights.
+/// A drawn direction with its weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChosenSample {
-    /// The direction.
+    /// Drawn direction.
     pub direction: Direction,
-    /// Its density in sr⁻¹.
+    /// Density of the direction in sr⁻¹.
     pub pdf: f64,
     /// f · |cos θo| / pdf at the chosen wavelengths, in their order; 0 where f is masked, NaN outside the measured
     /// range under [`Beyond::Masked`].
     pub weights: [f32; Chosen::MOST],
 }
 
-/// Where drawn directions, their densities and weights go: one of each for every point, `weights` as
-/// `[point][wavelength]`. Where nothing is drawn all are 0.
+/// Output buffers for drawn directions, their densities and weights: one entry for each point, `weights` as
+/// `[point][wavelength]`. A failed draw leaves 0 in all of them.
 #[derive(Debug)]
 pub struct Drawings<'a> {
-    /// Towards the reference direction.
+    /// Components towards the reference direction (azimuth 0).
     pub x: &'a mut [f32],
-    /// At a right angle to both.
+    /// Components perpendicular to x and z.
     pub y: &'a mut [f32],
-    /// Along the normal.
+    /// Components along the normal.
     pub z: &'a mut [f32],
-    /// In sr⁻¹.
+    /// Densities in sr⁻¹.
     pub pdf: &'a mut [f32],
-    /// f · |cos θo| / pdf.
+    /// Weights f · |cos θo| / pdf.
     pub weights: &'a mut [f32],
 }
 
 impl Drawings<'_> {
-    /// Coordinates and densities of some of them.
+    /// Coordinates and densities of the points `from..to`.
     fn part(&mut self, from: usize, to: usize) -> [&mut [f32]; 4] {
         [&mut self.x[from..to], &mut self.y[from..to], &mut self.z[from..to], &mut self.pdf[from..to]]
     }
 }
 
 impl Material {
-    /// Chooses up to [`Chosen::MOST`] wavelengths in nm, linear between the samples of spectra, outside the measured range as
-    /// `beyond` says. RGB and monochromatic data are refused: they have no wavelengths.
+    /// Chooses up to [`Chosen::MOST`] wavelengths in nm. Spectra are linear between samples; outside the measured range
+    /// `beyond` applies. Fails for RGB and monochromatic data, which have no wavelengths.
     pub fn choose(&self, wavelengths: &[f64], beyond: Beyond) -> Result<Chosen<'_>, EvaluateError> {
         let Some(grid) = self.geometry().grid() else {
             return unfit(QueryError::NoWavelengths { quantity: self.quantity() });
@@ -71,9 +71,9 @@ impl Material {
         Ok(self.chosen(grid, wavelengths, beyond))
     }
 
-    /// Writes the values at `wavelengths` in nm, any number of them, at `pairs` into `out`, `[pair][wavelength]`, on the calling
-    /// thread; no allocation. A pair that is refused ends it. As near to [`Material::at_wavelengths`] as the
-    /// [rules](super#rules) say of batches.
+    /// Writes the values at `wavelengths` (nm, any number) and `pairs` into `out`, `[pair][wavelength]`, on the calling
+    /// thread. Does not allocate. Stops at the first refused pair. Agrees with [`Material::at_wavelengths`] within the
+    /// tolerance that the [rules](super#rules) give for batches.
     pub fn spectra_at(
         &self,
         pairs: Pairs<'_>,
@@ -127,20 +127,21 @@ impl Material {
 }
 
 impl Chosen<'_> {
-    /// The most wavelengths.
+    /// Maximum number of wavelengths.
     pub const MOST: usize = FEW;
 
-    /// Those that were chosen, in nm.
+    /// Chosen wavelengths in nm.
     pub fn wavelengths(&self) -> &[f64] {
         &self.wavelengths[..self.count]
     }
 
-    /// The values at a place, in the order of the wavelengths; 0 beyond them. As [`Material::at_wavelengths`].
+    /// Returns the values at a place, in the order of the wavelengths and padded with 0, like
+    /// [`Material::at_wavelengths`].
     pub fn at(&self, place: Place<'_>, how: Interpolation) -> Result<[f32; Chosen::MOST], EvaluateError> {
         self.at_known(place, how, None)
     }
 
-    /// The same where the entry of the incoming axis may be known.
+    /// Like [`Chosen::at`], but accepts an already located entry of the incoming axis.
     #[inline]
     fn at_known(
         &self,
@@ -170,7 +171,8 @@ impl Chosen<'_> {
         )
     }
 
-    /// The values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling thread.
+    /// Writes the values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling
+    /// thread.
     pub fn values(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.count)?;
         let Some((function, planes, smooth)) = self.material.planes() else {
@@ -185,7 +187,7 @@ impl Chosen<'_> {
         })
     }
 
-    /// Writes the values of a block of rows of planes, each row's to the beginning of its place in `out`.
+    /// Writes the values of a block of rows of planes, each to the start of its slice in `out`.
     fn write<'b>(&self, rows: &[Mixed], out: impl Iterator<Item = &'b mut [f32]>) {
         let (Some((_, planes, _)), Some(columns)) = (self.material.planes(), &self.columns) else {
             return;
@@ -199,9 +201,9 @@ impl Chosen<'_> {
         }
     }
 
-    /// Draws a direction as [`Material::sample`] does, by the mean over all wavelengths, with the weight of each chosen one:
-    /// f · |cos θo| / pdf (without the cosine for emission and phase functions). A uniform density goes with the piecewise
-    /// constant form, a linear one with the smooth form.
+    /// Draws a direction like [`Material::sample`], by the mean over all wavelengths. The weight of each chosen
+    /// wavelength is f · |cos θo| / pdf, without the cosine for emission and phase functions. A uniform density goes
+    /// with the piecewise constant form, a linear one with the smooth form.
     pub fn sample(
         &self,
         index: &[usize],
@@ -212,7 +214,7 @@ impl Chosen<'_> {
         self.drawn(index, wi, u, options.into())
     }
 
-    /// Not generic: compiled once, here, and not by every crate that draws.
+    /// Not generic: compiled once in this crate rather than in every crate that draws.
     fn drawn(
         &self,
         index: &[usize],
@@ -240,8 +242,9 @@ impl Chosen<'_> {
         Ok(Some(ChosenSample { direction, pdf, weights: self.weights(values, share) }))
     }
 
-    /// [`Chosen::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
-    /// point u of the unit square, on the calling thread; no allocation. What is refused first ends it.
+    /// Runs [`Chosen::sample`] for each incoming direction `wi` and point u of the unit square, on the calling thread.
+    /// `wi` has one direction for each point; `None` for quantities without. Does not allocate. Stops at the first
+    /// refused point.
     pub fn samples(
         &self,
         index: &[usize],
@@ -253,7 +256,7 @@ impl Chosen<'_> {
         self.drawn_all(index, wi, u, options.into(), out)
     }
 
-    /// Not generic either.
+    /// Not generic, for the reason that [`Chosen::drawn`] has.
     fn drawn_all(
         &self,
         index: &[usize],
@@ -314,7 +317,7 @@ impl Chosen<'_> {
         Ok(())
     }
 
-    /// Values times their share; 0 where they are masked, as the density takes them.
+    /// Multiplies values by `share`; masked ones become 0, as the sampling density takes them.
     #[inline]
     fn weights(&self, mut values: [f32; FEW], share: f32) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {
@@ -323,7 +326,7 @@ impl Chosen<'_> {
         values
     }
 
-    /// Values with what is outside the measured range as it was asked for.
+    /// Applies `beyond` to values outside the measured range.
     #[inline]
     fn held(&self, mut values: [f32; FEW]) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {

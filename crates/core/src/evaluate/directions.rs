@@ -1,4 +1,4 @@
-//! Many directions, as arrays of coordinates or as unit vectors, and pairs of them.
+//! Batches of directions, as arrays of coordinates or as unit vectors, and pairs of them.
 
 use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
@@ -7,11 +7,11 @@ use crate::domain::Direction;
 use crate::domain::vector::{norm, scale};
 use crate::numeric::wide;
 
-/// Directions side by side: arrays of Cartesian coordinates, or unit vectors.
+/// Batch of directions: arrays of Cartesian coordinates, or unit vectors.
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
     source: Source<'a>,
-    /// The position of the first one in the batch that this is a part of.
+    /// Position of the first direction in the whole batch, for error messages.
     first: usize,
 }
 
@@ -22,18 +22,18 @@ enum Source<'a> {
 }
 
 impl<'a> Directions<'a> {
-    /// Directions by their coordinates: `x` towards the reference direction, `z` along the normal, `y` at a right angle to
-    /// both. Any length is normalised.
+    /// Directions from coordinates: `x` towards the reference direction, `z` along the normal, `y` perpendicular to
+    /// both. They are normalised.
     pub fn new(x: &'a [f32], y: &'a [f32], z: &'a [f32]) -> Self {
         Self { source: Source::Coordinates([x, y, z]), first: 0 }
     }
 
-    /// Directions that are unit vectors already, which keep all digits.
+    /// Directions given as unit vectors, which keep full f64 precision.
     pub fn of(directions: &'a [Direction]) -> Self {
         Self { source: Source::Units(directions), first: 0 }
     }
 
-    /// How many.
+    /// Number of directions.
     #[allow(clippy::len_without_is_empty, reason = "an empty batch is no special case")]
     pub fn len(&self) -> usize {
         match self.source {
@@ -42,7 +42,7 @@ impl<'a> Directions<'a> {
         }
     }
 
-    /// The arrays of coordinates; `None` where there are unit vectors.
+    /// Arrays of coordinates; `None` for unit vectors.
     #[inline]
     pub(super) fn coordinates(&self) -> Option<[&'a [f32]; 3]> {
         if let Source::Coordinates(arrays) = self.source { Some(arrays) } else { None }
@@ -66,7 +66,7 @@ impl<'a> Directions<'a> {
         Self { source, first: self.first + from }
     }
 
-    /// Writes up to [`BLOCK`] of them as unit vectors, and the last one again in what is left.
+    /// Writes up to [`BLOCK`] directions as unit vectors and pads with the last one.
     pub(super) fn write_block(&self, to: &mut Vectors) -> Result<(), EvaluateError> {
         let arrays = match self.source {
             Source::Coordinates(arrays) => arrays,
@@ -96,7 +96,7 @@ impl<'a> Directions<'a> {
             },
         );
         if is_bad != 0 {
-            // One of them tells what is wrong.
+            // Finds the bad direction, for the error.
             (0..self.len()).try_for_each(|i| self.at(i).map(|_| ()))?;
         }
         Ok(())
@@ -119,14 +119,14 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// Places side by side: the first of `wi` with the first of `wo`, and so on.
+/// Batch of places: the first of `wi` with the first of `wo`, and so on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pairs<'a> {
-    /// One entry for each leading opaque axis, the same for all.
+    /// One entry for each leading opaque axis, shared by all pairs.
     pub index: &'a [usize],
-    /// Incoming directions, for quantities that have them.
+    /// Incoming directions; `None` for quantities without.
     pub wi: Option<Directions<'a>>,
-    /// Outgoing directions, for quantities that have them.
+    /// Outgoing directions; `None` for quantities without.
     pub wo: Option<Directions<'a>>,
 }
 
@@ -146,7 +146,8 @@ impl<'a> Pairs<'a> {
         Self { index: self.index, wi: part(self.wi), wo: part(self.wo) }
     }
 
-    /// How many there are, after a look at their coordinates and at the room for `lambdas` samples each.
+    /// Returns the number of pairs. Fails if the numbers of coordinates disagree or if `room` is not `lambdas` samples
+    /// per pair.
     pub(super) fn check(self, room: usize, lambdas: usize) -> Result<usize, EvaluateError> {
         let count = self.wo.or(self.wi).map_or(1, |directions| directions.len());
         for (argument, directions) in [(Argument::Wi, self.wi), (Argument::Wo, self.wo)] {

@@ -1,27 +1,27 @@
 //! Quadratic elements on the octahedron: from a direction to six nodes and their weights, without search.
 //!
-//! Each octant of directions is a triangle with barycentric coordinates g(|x|), g(|y|), g(|z|) over their sum, where
-//! g(x) = x + 0.15 x³ + 0.42 x⁵ is near the arc of x, so that elements are nearly equal. It is cut into patches of a
-//! regular lattice; each carries a quadratic through its corners and the middles of its edges. Neighbouring patches share
-//! the nodes of their edge, across octants too, so that the whole is continuous.
+//! Each octant of directions is a triangle with barycentric coordinates g(|x|), g(|y|), g(|z|) divided by their sum.
+//! g(x) = x + 0.15 x³ + 0.42 x⁵ approximates the arc of x, so that elements are nearly equal in size. The octant is cut
+//! into patches of a regular lattice. Each patch carries a quadratic through its corners and the midpoints of its
+//! edges. Neighbouring patches share the nodes of their edge, also across octants, so that the function is continuous.
 
 use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
 
-/// From here on two triangles of a mesh share the side of a patch.
+/// Mesh level from which the side of a patch spans two triangles.
 const HALVED_LEVEL: u8 = 6;
-/// Nodes of a patch: three corners, then the middles of the edges 01, 02, 12.
+/// Nodes of a patch: three corners, then the midpoints of the edges 01, 02, 12.
 pub(super) const NODES: usize = 6;
 
-/// Nodes of a patch and their weights, which add up to 1.
+/// Nodes of a patch and their weights, which sum to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     pub(super) nodes: [u32; NODES],
     pub(super) weights: [f32; NODES],
 }
 
-/// The patches of `N` directions, lane by lane.
+/// Patches of `N` directions, lane by lane.
 #[derive(Clone, Debug)]
 pub(super) struct Patches<const N: usize> {
     pub(super) nodes: [[u32; N]; NODES],
@@ -35,7 +35,7 @@ impl<const N: usize> Patches<N> {
         Self { nodes: [[0; N]; NODES], weights: [[0.0; N]; NODES], corners: [[0.0; N]; 3] };
 }
 
-/// The lattice of a domain.
+/// Lattice of patches over a domain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Elements {
     domain: Domain,
@@ -45,7 +45,7 @@ pub(super) struct Elements {
 }
 
 impl Elements {
-    /// As fine as the triangles of `mesh`.
+    /// Lattice as fine as the triangles of `mesh`; half as fine from [`HALVED_LEVEL`] on.
     pub(super) fn new(mesh: TriangleMesh) -> Self {
         let level = if mesh.level() < HALVED_LEVEL { mesh.level() } else { mesh.level() - 1 };
         let patches = 1 << level;
@@ -57,12 +57,12 @@ impl Elements {
         if self.domain == Domain::Sphere { 8 } else { 4 }
     }
 
-    /// How many nodes; those on edges between octants stand once in each.
+    /// Number of nodes; one on an edge between octants counts once in each.
     pub(super) fn len(self) -> usize {
         self.octants() * self.octant as usize
     }
 
-    /// The direction of every node.
+    /// Directions of all nodes.
     pub(super) fn directions(self) -> Vec<Vector> {
         let n = 2 * self.patches;
         let part = |k: u32| f64::from(k) / f64::from(n);
@@ -73,21 +73,21 @@ impl Elements {
                 let down = self.domain == Domain::Lower || which >= 4;
                 let signs = [which & 1 != 0, which & 2 != 0, down];
                 octant.iter().map(move |d| {
-                    // Zero has no sign, so that equal nodes are equal bit for bit.
+                    // Zero stays unsigned, so that equal nodes are equal bit for bit.
                     [0, 1, 2].map(|k| if signs[k] && d[k] != 0.0 { -d[k] } else { d[k] })
                 })
             })
             .collect()
     }
 
-    /// The patch around the direction (x, y, z), which need not be a unit vector; the sign of z matters on a sphere alone.
+    /// Patch around the direction (x, y, z), which need not be a unit vector. The sign of z matters on a sphere only.
     pub(super) fn at(self, d: [f32; 3]) -> Patch {
         let mut patches = Patches::<1>::NOWHERE;
         self.write(d, &mut patches, 0);
         Patch { nodes: patches.nodes.map(|[node]| node), weights: patches.weights.map(|[weight]| weight) }
     }
 
-    /// Writes the patches around one of them or four, from lane `at` on.
+    /// Writes the patches around one direction or four, starting at lane `at`.
     #[inline(always)]
     pub(super) fn write<T: Number, const N: usize>(self, [x, y, z]: [T; 3], to: &mut Patches<N>, at: usize) {
         let (zero, one) = (T::of(0.0), T::of(1.0));
@@ -143,9 +143,10 @@ impl Elements {
     }
 }
 
-/// Keeps what rounding adds to barycentric coordinates from carrying a direction over the far edge of the octant.
+/// Factor just below 1 that keeps rounding of barycentric coordinates from moving a direction over the far edge of the
+/// octant.
 const WITHIN: f32 = 1.0 - 4e-7;
-/// Adding 1.5 · 2²³ rounds a small number to an integer, which is then in the low bits.
+/// 1.5 · 2²³: adding it rounds a small number to an integer in the low bits of the mantissa.
 const ROUND: f32 = 12_582_912.0;
 
 #[inline(always)]
@@ -154,10 +155,10 @@ fn arc<T: Number>(x: T) -> T {
     x * (T::of(1.0) + xx * (T::of(0.15) + T::of(0.42) * xx))
 }
 
-/// The direction of the first octant with these barycentric coordinates.
+/// Direction of the first octant with these barycentric coordinates.
 fn direction(coordinates: Vector) -> Vector {
-    // The sum of squares is convex in the sum of arcs, which is 1.57 on an edge and 1.90 in the centre: Newton's steps from
-    // above fall to the root.
+    // The sum of squares is convex in the sum of arcs, which is 1.57 on an edge and 1.90 in the centre: Newton's method
+    // from above descends to the root.
     let mut sum = 2.0;
     for _ in 0..8 {
         let d = coordinates.map(|a| inverse_arc(a * sum));
@@ -167,7 +168,7 @@ fn direction(coordinates: Vector) -> Vector {
     unit(coordinates.map(|a| inverse_arc(a * sum)))
 }
 
-/// g is convex and at least x: Newton's steps from the right fall to the root.
+/// Inverse of g. g is convex and at least x: Newton's method from the right descends to the root.
 fn inverse_arc(value: f64) -> f64 {
     let mut x = value;
     for _ in 0..7 {
@@ -245,7 +246,7 @@ mod tests {
                     patch.nodes.iter().zip(patch.weights).map(|(&n, w)| values[n as usize] * f64::from(w)).sum();
                 worst = worst.max((found - f(d)).abs());
             }
-            // Third order in the side of a patch.
+            // Error is of third order in the side of a patch.
             let side = std::f64::consts::FRAC_PI_2 / f64::from(elements.patches);
             assert!(worst < 0.8 * side.powi(3) + 1e-5, "{mesh:?}: {worst}");
         }
@@ -256,7 +257,7 @@ mod tests {
         let mut random = Pcg64Mcg::seed_from_u64(2);
         for mesh in meshes().filter(|mesh| mesh.level() < 6) {
             let elements = Elements::new(mesh);
-            // Any values at the nodes, equal where nodes are.
+            // Arbitrary values at the nodes, equal where nodes coincide.
             let hash = |d: &Vector| (d[0] * 12.9 + d[1] * 78.2 + d[2] * 37.7).sin();
             let values: Vec<f64> = elements.directions().iter().map(hash).collect();
             let value = |d: Vector| {

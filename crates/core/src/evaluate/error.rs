@@ -4,7 +4,7 @@ use crate::compress::DecodeError;
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{AxisError, Domain, Quantity, TensorError};
 
-/// Kinds of refusals, to be told apart by a caller: damaged bytes, or a question that the material has no answer to.
+/// Failures to open or query a material: damaged bytes, or a query that does not fit it.
 ///
 /// ```
 /// use wavelume_core::domain::Direction;
@@ -17,13 +17,13 @@ use crate::domain::{AxisError, Domain, Quantity, TensorError};
 /// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
-    /// The bytes are no material.
+    /// The bytes are not a material.
     #[error(transparent)]
     Decode(#[from] DecodeError),
     /// The axes do not fit the quantity.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The samples do not make a tensor.
+    /// The samples do not form a tensor.
     #[error(transparent)]
     Tensor(#[from] TensorError),
     /// The query does not fit the material.
@@ -35,7 +35,7 @@ pub enum EvaluateError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QueryError {
-    /// Not one index for each index axis.
+    /// Wrong number of indices: one is needed for each index axis.
     #[error("{found} indices, expected {expected}: one for each index axis")]
     Indices {
         /// Number of indices given.
@@ -61,7 +61,7 @@ pub enum QueryError {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A direction without an axis to look it up on.
+    /// A direction is given for an axis that the data do not have.
     #[error("{argument} was given, but this {quantity} has no {} axis", argument.axis())]
     UnexpectedDirection {
         /// The direction given.
@@ -93,37 +93,37 @@ pub enum QueryError {
         /// Coordinates x, y and z.
         found: [f32; 3],
     },
-    /// Coordinates of different lengths.
+    /// Coordinate arrays of unequal lengths.
     #[error("{argument} has {}, {} and {} coordinates, expected {expected} of each", found[0], found[1], found[2])]
     Coordinates {
-        /// The directions concerned.
+        /// Directions concerned.
         argument: Argument,
         /// Numbers of x, y and z coordinates.
         found: [usize; 3],
         /// Number of directions of the batch.
         expected: usize,
     },
-    /// Unit vectors of another number than the rest of the batch.
+    /// Number of unit vectors that differs from the rest of the batch.
     #[error("{argument} has {found} directions, expected {expected}")]
     Count {
-        /// The directions concerned.
+        /// Directions concerned.
         argument: Argument,
         /// Number of unit vectors.
         found: usize,
         /// Number of directions of the batch.
         expected: usize,
     },
-    /// A buffer of the wrong length.
+    /// Buffer of the wrong length.
     #[error("{}", buffer.refusal(*found, *expected))]
     Length {
-        /// The buffer concerned.
+        /// Buffer concerned.
         buffer: Buffer,
-        /// Its length.
+        /// Actual length of the buffer.
         found: usize,
-        /// The length it must have.
+        /// Required length of the buffer.
         expected: usize,
     },
-    /// Buffers of different lengths for a batch of drawings.
+    /// Buffers of unequal lengths for a batch of draws.
     #[error(
         "{} and {} coordinates of points, room for {directions} directions and {weights} weights, expected as many of each \
          and {expected} weights", points[0], points[1]
@@ -135,50 +135,50 @@ pub enum QueryError {
         directions: usize,
         /// Length of the buffer of weights.
         weights: usize,
-        /// Number of weights of as many directions as there are first coordinates.
+        /// Required number of weights: chosen wavelengths times points.
         expected: usize,
     },
-    /// Wavelengths are asked for, but the data are RGB or of a single channel.
+    /// Wavelengths are requested, but the data are RGB or of a single channel.
     #[error("wavelengths were asked for, but this {quantity} has none")]
     NoWavelengths {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// More wavelengths than can be chosen at once.
+    /// Too many wavelengths at once.
     #[error("{found} wavelengths, expected at most {most}")]
     TooManyWavelengths {
         /// Number of wavelengths given.
         found: usize,
-        /// The limit.
+        /// Maximum number of wavelengths.
         most: usize,
     },
-    /// A wavelength outside the measured range.
+    /// Wavelength outside the measured range.
     #[error("{found} nm is outside the measured wavelengths")]
     Wavelength {
-        /// The wavelength in nm.
+        /// Wavelength in nm.
         found: f64,
     },
-    /// No outgoing axis, which the request needs.
+    /// The request needs an outgoing axis, which the data do not have.
     #[error("{}", need.refusal(*quantity))]
     NoOutgoing {
-        /// The request.
+        /// Request concerned.
         need: Need,
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A quantity whose light does not leave a surface on two sides.
+    /// The quantity has no reflected and transmitted side.
     #[error("this {quantity} has no reflected and transmitted side")]
     NoSides {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A quantity without a reflectance.
+    /// The quantity has no reflectance.
     #[error("this {quantity} has no reflectance, expected a brdf, btdf or bsdf")]
     NoReflectance {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A quantity without a reciprocity that its data can show.
+    /// The quantity has no reciprocity that its data can show.
     #[error("a {quantity} {}", match quantity {
         Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
         _ => "has no reciprocity, expected a brdf, bsdf or phase function",
@@ -187,44 +187,44 @@ pub enum QueryError {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// No pair of directions to exchange.
+    /// The data have no pair of directions to exchange.
     #[error("this {quantity} has no axes of directions to exchange")]
     NoExchange {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A quantity whose integral over directions need not be 1.
+    /// The integral of the quantity over directions need not be 1.
     #[error("normalisation was asked for, but this is a {quantity}, expected a phase function")]
     NotNormalised {
         /// Quantity of the material.
         quantity: Quantity,
     },
-    /// A subdivision level above the limit.
+    /// Subdivision level above the limit.
     #[error("integration at level {found}, expected at most {MAX_LEVEL}")]
     Level {
-        /// The level.
+        /// Level given.
         found: u8,
     },
-    /// A point to draw from outside the unit square.
+    /// Sample point outside the unit square.
     #[error("u = [{}, {}], expected a point of the unit square", u[0], u[1])]
     Point {
-        /// Its coordinates.
+        /// Coordinates of the point.
         u: [f64; 2],
     },
-    /// A defensive part outside 0 ≤ δ < 1.
+    /// Defensive fraction outside 0 ≤ δ < 1.
     #[error("a defensive part of {found}, expected 0 or more and less than 1")]
     Defensive {
-        /// The part, as a fraction of all samples.
+        /// Defensive fraction of all samples.
         found: f64,
     },
 }
 
-/// Directions that a query names.
+/// Direction arguments of a query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Argument {
-    /// The incoming direction.
+    /// Incoming direction.
     Wi,
-    /// The outgoing direction.
+    /// Outgoing direction.
     Wo,
 }
 
@@ -246,31 +246,31 @@ impl std::fmt::Display for Argument {
     }
 }
 
-/// Buffers that a caller lends to a query.
+/// Buffers that a caller passes to a query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Buffer {
-    /// Room for one spectrum.
+    /// One spectrum.
     Spectrum,
-    /// Room for one value a wavelength.
+    /// One value for each wavelength.
     Wavelengths,
-    /// Room for the spectra of a batch.
+    /// The spectra of a batch.
     Spectra {
         /// Number of spectra.
         count: usize,
-        /// Samples of a spectrum.
+        /// Samples of each spectrum.
         lambdas: usize,
     },
     /// Scratch space.
     Scratch,
     /// Weights of the samples of a spectrum.
     Weights,
-    /// Room for one sample a point of the unit square.
+    /// One sample for each point of the unit square.
     Samples,
 }
 
 impl Buffer {
-    /// Refuses a buffer of another length than expected.
+    /// Fails if a buffer does not have the expected length.
     #[inline]
     pub(super) fn check(self, found: usize, expected: usize) -> Result<(), EvaluateError> {
         if found == expected { Ok(()) } else { unfit(QueryError::Length { buffer: self, found, expected }) }
@@ -296,15 +296,15 @@ impl Buffer {
 pub enum Need {
     /// Importance sampling.
     Sampling,
-    /// An integral over outgoing directions.
+    /// Integration over outgoing directions.
     Integration,
-    /// The normalisation of a phase function.
+    /// Normalisation of a phase function.
     Normalisation,
-    /// A measurement of reflectance or transmittance.
+    /// Reflectance or transmittance.
     Reflectance,
-    /// A report on energy.
+    /// Energy report.
     Energy,
-    /// A report on reciprocity.
+    /// Reciprocity report.
     Reciprocity,
 }
 
@@ -324,7 +324,7 @@ impl Need {
     }
 }
 
-/// Refuses a query.
+/// Wraps a query error in a failed result.
 #[cold]
 pub(super) fn unfit<T>(error: QueryError) -> Result<T, EvaluateError> {
     Err(EvaluateError::Query(error))

@@ -1,4 +1,4 @@
-//! How the samples of a material are kept for queries: as a few planes with smooth tables, or every sample.
+//! Storage of a material's samples for queries: a few planes with smooth tables, or every sample.
 
 use super::geometry::Geometry;
 use super::incoming::Alignment;
@@ -9,16 +9,16 @@ use super::smooth::Smooth;
 use crate::compress::Between;
 use crate::domain::{Measurement, Quantity, Sampling};
 
-/// The way from one incidence to the next, as far as a user or a file names it.
+/// Interpolation between incidences, as far as a user or a file specifies it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Course {
-    /// The alignment; without it the best is found.
+    /// Alignment; `None` selects the best one.
     pub(super) alignment: Option<Alignment>,
     pub(super) between: Between,
 }
 
 impl Course {
-    /// The alignments that compete.
+    /// Alignments to choose from.
     pub(super) fn candidates(&self, quantity: Quantity) -> Vec<Alignment> {
         match self.alignment {
             Some(alignment) => vec![alignment],
@@ -28,17 +28,17 @@ impl Course {
     }
 }
 
-/// How samples are kept for queries.
+/// Storage of samples for queries.
 #[derive(Debug)]
 pub(super) enum Form {
-    /// A few planes, and smooth tables.
+    /// A few planes with smooth tables.
     Planes { planes: Box<Planes>, smooth: Box<Smooth> },
     /// Every sample.
     Samples(Samples),
 }
 
 impl Form {
-    /// The form of a measurement.
+    /// Builds the form of a measurement; planes if a few of them represent the samples.
     pub(super) fn of(measurement: Measurement, geometry: &Geometry, course: Course) -> Self {
         if let Some((planes, smooth)) = planes(&measurement, geometry, course) {
             return Self::Planes { planes: Box::new(planes), smooth: Box::new(smooth) };
@@ -46,7 +46,7 @@ impl Form {
         Self::Samples(Samples::new(measurement.tensor.into_samples(), geometry.shape()))
     }
 
-    /// The smooth tables, where a few planes hold the samples.
+    /// Smooth tables; `None` if every sample is kept.
     #[inline]
     pub(super) fn smooth(&self) -> Option<&Smooth> {
         if let Self::Planes { smooth, .. } = self { Some(smooth) } else { None }
@@ -61,7 +61,7 @@ impl Form {
     }
 }
 
-/// How lobes may go from one incoming direction to the next, where nobody names it and the file does not state it.
+/// Alignments to choose from if neither the user nor the file specifies one.
 fn candidates(quantity: Quantity) -> Vec<Alignment> {
     match quantity {
         Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],
@@ -70,7 +70,7 @@ fn candidates(quantity: Quantity) -> Vec<Alignment> {
     }
 }
 
-/// Planes and their smooth tables, where a few planes hold the samples.
+/// Planes and their smooth tables; `None` if a few planes do not represent the samples.
 fn planes(measurement: &Measurement, geometry: &Geometry, course: Course) -> Option<(Planes, Smooth)> {
     let lookup = geometry.mesh()?;
     let planes = Planes::of(measurement.tensor.samples(), geometry.lambdas())?;

@@ -1,4 +1,4 @@
-//! The function of a material at one place: its geometry and its form together.
+//! A material's function at one place: geometry and form together.
 
 use super::error::EvaluateError;
 use super::form::{Course, Form};
@@ -11,7 +11,7 @@ use crate::domain::vector::Vector;
 use crate::domain::{Direction, Measurement};
 use crate::numeric::wide;
 
-/// Where directions lie, and what the function is there.
+/// Geometry that locates directions, and the form that gives values there.
 #[derive(Debug)]
 pub(super) struct Function {
     geometry: Geometry,
@@ -19,7 +19,7 @@ pub(super) struct Function {
 }
 
 impl Function {
-    /// The function of a measurement with this geometry.
+    /// Function of a measurement with this geometry.
     pub(super) fn new(measurement: Measurement, geometry: Geometry, course: Course) -> Self {
         let form = Form::of(measurement, &geometry, course);
         Self { geometry, form }
@@ -40,8 +40,9 @@ impl Function {
         self.geometry.memory() + self.form.memory()
     }
 
-    /// What `work` makes of the row of planes at a place and of its presence: 0 if `wo` is outside the outgoing domain, NaN
-    /// where it is masked. The smooth form need not look for the entry of the incoming axis where it is known.
+    /// Returns the result of `work` for the row of planes at a place and its presence. The presence is 0 if `wo` is
+    /// outside the outgoing domain and NaN if the place is masked. With `incoming` given, the smooth form skips the
+    /// search on the incoming axis.
     #[inline(always)]
     pub(super) fn with_row<R>(
         &self,
@@ -73,8 +74,8 @@ impl Function {
         )
     }
 
-    /// A place as the smooth form sees it, where the entry of the incoming axis may be known; `None` outside the outgoing
-    /// domain.
+    /// Locates a place for the smooth form; `None` outside the outgoing domain. With `incoming` given, the search on
+    /// the incoming axis is skipped.
     #[inline(always)]
     pub(super) fn seen(
         &self,
@@ -88,7 +89,8 @@ impl Function {
         Ok(if lookup.holds(wo) { Some(Seen { around, wi, wo }) } else { None })
     }
 
-    /// The nodes around an incoming direction, and the direction as they know it; the entry that holds it may be known.
+    /// Nodes around an incoming direction, and that direction in their frame. With `incoming` given, the search on the
+    /// axis is skipped.
     #[inline(always)]
     pub(super) fn around(
         &self,
@@ -108,7 +110,7 @@ impl Function {
         }
     }
 
-    /// The incoming direction whose function a node holds.
+    /// Incoming direction whose function a node stores.
     #[inline(always)]
     pub(super) fn node_direction(&self, node: usize) -> Vector {
         match &self.form {
@@ -117,14 +119,14 @@ impl Function {
         }
     }
 
-    /// Whether the first of the nodes around an incoming direction is the entry that holds it.
+    /// Returns true if the first node around an incoming direction is the entry that contains it.
     #[inline]
     pub(super) fn knows_entry(smooth: &Smooth) -> bool {
         matches!(smooth.nodes(), Nodes::Triangles(_))
     }
 }
 
-/// Returns true on the upper side and on the horizon; a height that is no number is on neither side.
+/// Returns true on the upper side and on the horizon; false for NaN.
 fn is_above(z: f64) -> bool {
     z >= 0.0
 }

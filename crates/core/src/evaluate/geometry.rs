@@ -1,4 +1,4 @@
-//! Where directions lie: the axes of a material, their entries and the cells that hold directions.
+//! Geometry of a material: its axes, their entries and the cells that contain directions.
 
 use super::directions::Pairs;
 use super::error::{Argument, EvaluateError, QueryError, unfit};
@@ -13,7 +13,7 @@ use crate::domain::{
 use crate::numeric::bracket::nearest;
 use std::sync::Arc;
 
-/// The axes of a material, and the tables that find directions on them.
+/// Axes of a material, and the tables that locate directions on them.
 #[derive(Debug)]
 pub(super) struct Geometry {
     quantity: Quantity,
@@ -21,21 +21,21 @@ pub(super) struct Geometry {
     sampling: Sampling,
     axes: Vec<Axis>,
     layout: Layout,
-    /// The lengths of the leading opaque axes.
+    /// Lengths of the leading opaque axes.
     indices: Vec<usize>,
     incoming: Incoming,
-    /// The directions of the entries of the incoming axis, of azimuth 0 for elevations; `+z` where there is none.
+    /// Directions of the entries of the incoming axis, at azimuth 0 for elevations; one `+z` without that axis.
     incoming_directions: Vec<Vector>,
     outgoing: Option<Arc<MeshLookup>>,
-    /// The outgoing directions, where they are a grid of angles.
+    /// Outgoing directions that form a grid of angles; otherwise `None`.
     outgoing_grid: Option<DirectionGrid>,
-    /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
+    /// Entries of the incoming and of the outgoing axis, samples of a spectrum; 1 for a missing axis.
     shape: [usize; 3],
-    /// There is one spectrum, which depends on no incoming direction.
+    /// True if there is a single spectrum, independent of the incoming direction.
     is_alone: bool,
 }
 
-/// Degrees within which an elevation counts as a stated one.
+/// Tolerance in degrees within which an elevation equals a stated one.
 const ROUNDING: f64 = 1e-6;
 
 #[derive(Debug)]
@@ -47,7 +47,7 @@ enum Incoming {
 }
 
 impl Geometry {
-    /// The geometry of a measurement; refused where its axes do not fit its quantity.
+    /// Geometry of a measurement; fails if its axes do not fit its quantity.
     pub(super) fn new(measurement: &Measurement) -> Result<Self, EvaluateError> {
         let layout = measurement.layout()?;
         let axes = measurement.tensor.axes();
@@ -99,18 +99,18 @@ impl Geometry {
         })
     }
 
-    /// Returns true where directions of either side are a grid of angles.
+    /// Returns true if incoming or outgoing directions form a grid of angles.
     #[inline]
     pub(super) fn is_grid(&self) -> bool {
         self.outgoing_grid.is_some() || matches!(self.incoming, Incoming::Grid(_))
     }
 
-    /// The outgoing directions, where they are a grid of angles.
+    /// Outgoing directions that form a grid of angles; otherwise `None`.
     pub(super) fn outgoing_grid(&self) -> Option<&DirectionGrid> {
         self.outgoing_grid.as_ref()
     }
 
-    /// The nodes between which a smooth function of the incoming direction stands.
+    /// Incoming nodes of the smooth function.
     pub(super) fn nodes(&self) -> Nodes {
         match &self.incoming {
             // Samples on a grid have nodes of their own.
@@ -141,19 +141,19 @@ impl Geometry {
         &self.layout
     }
 
-    /// Entries of the incoming and the outgoing axis, samples of a spectrum; 1 where there is no such axis.
+    /// Entries of the incoming and of the outgoing axis, samples of a spectrum; 1 for a missing axis.
     #[inline]
     pub(super) fn shape(&self) -> [usize; 3] {
         self.shape
     }
 
-    /// Samples in one spectrum.
+    /// Number of samples in one spectrum.
     #[inline]
     pub(super) fn lambdas(&self) -> usize {
         self.shape[2]
     }
 
-    /// The wavelengths, if the spectral axis has any.
+    /// Wavelengths; `None` for RGB and monochromatic data.
     pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
         match self.axes.last() {
             Some(Axis::Wavelength(grid)) => Some(grid),
@@ -161,37 +161,36 @@ impl Geometry {
         }
     }
 
-    /// Entries of the opaque axes together.
+    /// Number of entries of the opaque axes together (product of their lengths).
     pub(super) fn entries(&self) -> usize {
         self.indices.iter().product()
     }
 
-    /// Returns true where there is one spectrum, which depends on no incoming direction.
+    /// Returns true if there is a single spectrum, independent of the incoming direction.
     #[inline]
     pub(super) fn is_alone(&self) -> bool {
         self.is_alone
     }
 
-    /// Entries of all axes but the last.
+    /// Number of entries of all axes but the spectral one (product of their lengths).
     pub(super) fn cells(&self) -> usize {
         let [n_in, n_out, _] = self.shape;
         self.entries() * n_in * n_out
     }
 
-    /// The mesh of the outgoing axis.
+    /// Mesh of the outgoing axis.
     #[inline]
     pub(super) fn mesh(&self) -> Option<&Arc<MeshLookup>> {
         self.outgoing.as_ref()
     }
 
-    /// The direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0; `+z` where there is no such
-    /// axis.
+    /// Direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0; `+z` without that axis.
     #[inline(always)]
     pub(super) fn incoming_direction(&self, entry: usize) -> Vector {
         self.incoming_directions[entry]
     }
 
-    /// The number of `index` among the entries of the opaque axes, row-major.
+    /// Row-major position of `index` among the entries of the opaque axes.
     #[inline]
     pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         if index.len() != self.indices.len() {
@@ -207,7 +206,7 @@ impl Geometry {
         Ok(entry)
     }
 
-    /// The entry of each opaque axis that `entry` is the row-major number of.
+    /// Inverse of [`Geometry::entry`]: index on each opaque axis.
     pub(super) fn index_of(&self, mut entry: usize) -> Vec<usize> {
         let mut index = self.indices.clone();
         for i in index.iter_mut().rev() {
@@ -218,19 +217,19 @@ impl Geometry {
         index
     }
 
-    /// The triangles of the incoming axis, if it is of triangles.
+    /// Mesh of the incoming axis; `None` for other axes.
     #[inline]
     pub(super) fn incoming_mesh(&self) -> Option<&MeshLookup> {
         if let Incoming::Triangles(lookup) = &self.incoming { Some(lookup) } else { None }
     }
 
-    /// The entry of the incoming axis for `wi` in the piecewise constant sense; 0 where there is no such axis.
+    /// Entry of the incoming axis for `wi` in the piecewise constant form; 0 without that axis.
     #[inline(always)]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
         self.look_up(wi, || 0, MeshLookup::locate, nearest, |entry| entry)
     }
 
-    /// The entries of the incoming axis for `wi` in the sense of means around vertices; entry 0 where there is no such axis.
+    /// Entries of the incoming axis for `wi`, weighted by means around vertices; entry 0 without that axis.
     pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
         self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil, Stencil::one)
     }
@@ -264,7 +263,7 @@ impl Geometry {
         self.refuse_incoming(wi)
     }
 
-    /// Why `wi` has no place on the incoming axis.
+    /// Returns the error of a `wi` that has no place on the incoming axis.
     #[cold]
     pub(super) fn refuse_incoming<T>(&self, wi: Option<Direction>) -> Result<T, EvaluateError> {
         let quantity = self.quantity;
@@ -280,7 +279,7 @@ impl Geometry {
         unfit(QueryError::Outside { theta: wi.theta_degrees(), domain })
     }
 
-    /// `wi` as nodes know it: turned to azimuth 0 where they are elevations, and anything where there is none.
+    /// `wi` in the frame of the nodes: rotated to azimuth 0 for elevations, `+z` for `None`.
     #[inline]
     pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> Vector {
         let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
@@ -297,7 +296,7 @@ impl Geometry {
         !matches!(self.incoming, Incoming::None)
     }
 
-    /// Whether `direction` is inside the incoming domain.
+    /// Returns true if `direction` is inside the incoming domain.
     #[inline]
     pub(super) fn takes(&self, direction: Direction) -> bool {
         match &self.incoming {
@@ -308,8 +307,7 @@ impl Geometry {
         }
     }
 
-    /// Returns true where incoming directions are elevations or a grid of angles, and `direction` is further from the normal than
-    /// the last of them.
+    /// Returns true if `direction` is further from the normal than the last incoming elevation or grid angle.
     pub(super) fn is_past_last(&self, direction: Direction) -> bool {
         let last = match self.layout.incoming.map(|axis| &self.axes[axis]) {
             Some(Axis::Elevation(angles)) => angles.last(),
@@ -319,7 +317,7 @@ impl Geometry {
         last.is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
-    /// Whether `direction` is inside the outgoing domain.
+    /// Returns true if `direction` is inside the outgoing domain.
     #[inline]
     pub(super) fn sends(&self, direction: Direction) -> bool {
         match &self.outgoing_grid {
@@ -328,13 +326,13 @@ impl Geometry {
         }
     }
 
-    /// Whether incoming directions are elevations.
+    /// Returns true if incoming directions are elevations.
     #[inline]
     pub(super) fn is_isotropic(&self) -> bool {
         matches!(self.incoming, Incoming::Elevations(_))
     }
 
-    /// The mesh of the outgoing axis and the direction in it: `wo`, turned back by the azimuth of `wi` where incoming
+    /// Mesh of the outgoing axis and the direction in its frame: `wo`, rotated back by the azimuth of `wi` if incoming
     /// directions are elevations.
     #[inline(always)]
     pub(super) fn outgoing(
@@ -357,8 +355,8 @@ impl Geometry {
         }
     }
 
-    /// Both directions of a place as samples on a grid of angles know them: turned to azimuth 0 of `wi` where incoming
-    /// directions are elevations, `+z` where there is none.
+    /// Both directions of a place in the frame of samples on a grid of angles: rotated to azimuth 0 of `wi` if incoming
+    /// directions are elevations. `+z` replaces a missing direction.
     #[inline]
     pub(super) fn in_lines(&self, place: Place<'_>) -> Result<[Vector; 2], EvaluateError> {
         let quantity = self.quantity;
@@ -380,20 +378,20 @@ impl Geometry {
         Ok([wi, wo])
     }
 
-    /// The entry of the opaque axes.
+    /// Row-major entry of the opaque axes.
     #[inline]
     pub(super) fn entry_of(&self, place: Place<'_>) -> Result<usize, EvaluateError> {
         if place.index.is_empty() && self.has_no_index() { Ok(0) } else { self.entry(place.index) }
     }
 
-    /// The cell of a place; `None` if `wo` is outside the outgoing domain.
+    /// Cell that contains a place; `None` if `wo` is outside the outgoing domain.
     #[inline]
     pub(super) fn cell_of(&self, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let entry = self.entry_of(place)?;
         self.cell_at(entry, place)
     }
 
-    /// The cell that holds a place; `None` if `wo` is outside the outgoing domain.
+    /// Like [`Geometry::cell_of`], in a known entry of the opaque axes.
     #[inline(always)]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
@@ -405,14 +403,14 @@ impl Geometry {
         Ok(outgoing.map(|outgoing| (entry * n_in + incoming) * n_out + outgoing))
     }
 
-    /// Cosine and sine of the azimuth that isotropic data take from `wi`; of 0 otherwise.
+    /// Cosine and sine of the azimuth of `wi` for isotropic data; [1, 0] otherwise.
     #[inline]
     pub(super) fn azimuth(&self, wi: Option<Direction>) -> [f64; 2] {
         let (Incoming::Elevations(_), Some(wi)) = (&self.incoming, wi) else { return [1.0, 0.0] };
         in_plane(wi.xyz()).1
     }
 
-    /// `wo` turned to the azimuth of `wi` where data are isotropic.
+    /// `wo` rotated by the azimuth of `wi` for isotropic data; unchanged otherwise.
     #[inline]
     pub(super) fn turned_with(&self, wi: Option<Direction>, wo: Direction) -> Direction {
         if !self.is_isotropic() {
@@ -421,7 +419,7 @@ impl Geometry {
         turned(wo, self.azimuth(wi))
     }
 
-    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant sense.
+    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant form.
     pub(super) fn incoming_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
         if let (Some(lookup), Some(wi)) = (self.incoming_mesh(), pairs.wi)
             && lookup.locate_all(wi, to)
@@ -429,7 +427,7 @@ impl Geometry {
         {
             return Ok(());
         }
-        // One by one, which tells what is wrong.
+        // Locates one by one, so that the error names the direction.
         for (i, to) in to.iter_mut().enumerate() {
             *to = self.incoming_entry(pairs.wi_at(i)?)? as u32;
         }
@@ -466,13 +464,13 @@ impl Geometry {
     }
 }
 
-/// `direction` turned about `+z` by the angle with this cosine and sine.
+/// `direction` rotated about `+z` by the angle with this cosine and sine.
 #[inline]
 pub(super) fn turned(direction: Direction, by: [f64; 2]) -> Direction {
     Direction::from_unit(vector::turned(direction.xyz(), by))
 }
 
-/// `d` turned about +z to azimuth 0, and cosine and sine of the azimuth that it had; the normal's is 0.
+/// `d` rotated about +z to azimuth 0, and cosine and sine of its former azimuth; that of the normal is 0.
 #[inline(always)]
 pub(super) fn in_plane([x, y, z]: Vector) -> (Vector, [f64; 2]) {
     let length = (x * x + y * y).sqrt();

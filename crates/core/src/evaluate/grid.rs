@@ -1,14 +1,14 @@
-//! A grid of cubes over the first octant that says which leaves a unit vector may lie in, with neither division nor search.
+//! Grid of cubes over the first octant that gives the candidate leaves of a unit vector without division or search.
 //!
-//! The cube of a unit vector comes from rounding its three coordinates. Those that the sphere passes stand column after
-//! column: in each they follow one another.
+//! Rounding the three coordinates of a unit vector gives its cube. Only cubes that the sphere passes through are
+//! stored, column after column, in order within each column.
 
 use crate::domain::vector::{Vector, add, dot};
 use std::cell::OnceCell;
 use wide::f32x4;
 
-/// The leaves of the octant that a cube meets: `inside` on the positive side of a plane between nodes, `outside` on the
-/// other. Where there is one leaf both are it, so that no branch is taken.
+/// Leaves of the octant that a cube meets: `inside` on the positive side of a plane between nodes, `outside` on the
+/// other. If there is one leaf, both fields are that leaf, which avoids a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) plane: u16,
@@ -17,23 +17,23 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The plane of a place with more leaves. No mesh has one of this number.
+    /// Plane number that marks a place with more than two leaves; no mesh has a plane of this number.
     const MANY: u16 = u16::MAX;
 
     fn many(node: usize, level: u8) -> Self {
         Self { plane: Self::MANY, inside: node as u16, outside: u16::from(level) }
     }
 
-    /// The node above all its leaves and that node's level, where there are more than two.
+    /// Node above all leaves of the place and that node's level; `None` for one or two leaves.
     #[inline(always)]
     pub(super) fn root(self) -> Option<(usize, u8)> {
         (self.plane == Self::MANY).then_some((usize::from(self.inside), self.outside as u8))
     }
 
-    /// Of a region, by bounds of the inner products of its points with a plane. `cuts` are the three planes of each inner
-    /// node down to `level`, in the order in which a search meets them.
+    /// Place of a region, from bounds of the inner products of its points with a plane. `cuts` are the three planes of
+    /// each inner node down to `level`, in search order.
     fn within(level: u8, cuts: &[Vector], range: impl Fn(Vector) -> [f64; 2]) -> Self {
-        // A second node comes with the plane between them; a third has no place.
+        // The region may have a second node, across the plane between them; a third does not fit.
         let (mut nodes, mut split) = ([0, 0], None);
         let (mut root, mut offset, mut width) = ((0, 0), 0, 1);
         for above in 0..level {
@@ -68,31 +68,31 @@ impl Place {
     }
 }
 
-/// The grid of a mesh.
+/// Grid of a mesh.
 #[derive(Debug)]
 pub(super) struct Grid {
-    /// Cubes in a unit of length.
+    /// Number of cubes per unit of length.
     fine: f64,
-    /// Columns along a side.
+    /// Number of columns along a side.
     side: u32,
-    /// What to add to the third number of a cube for its place, column by column, modulo 2¹⁶.
+    /// Offset, for each column, from the third number of a cube to its position in `places`, modulo 2¹⁶.
     starts: Vec<u16>,
     places: Vec<Place>,
 }
 
-/// Cubes in a unit of length: for each leaf along an octant, at least and at most.
+/// Number of cubes per unit of length: per leaf along an octant, and its lower and upper bounds.
 const FINER: u32 = 3;
 const COARSEST: u32 = 16;
 const FINEST: u32 = 128;
-/// Parts of a cube along a side, of which those that the sphere passes count.
+/// Number of parts along a side of a cube; only parts that the sphere passes through tighten the bounds.
 const PARTS: u32 = 3;
-/// More than rounding moves a unit vector or a bound, in float32 too.
+/// Tolerance larger than any rounding of a unit vector or bound, in f32 too.
 const SLACK: f64 = 1e-6;
-/// Adding 1.5 · 2⁵² (in float32 1.5 · 2²³) rounds a small number to an integer, which is then in the low bits.
+/// 1.5 · 2⁵² (1.5 · 2²³ in f32): adding it rounds a small number to an integer in the low bits of the mantissa.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 const ROUND_F32: f32 = 12_582_912.0;
 
-/// A cube: its centre and half a side.
+/// Cube given by its centre and half its side.
 #[derive(Clone, Copy)]
 struct Cube {
     centre: Vector,
@@ -100,7 +100,7 @@ struct Cube {
 }
 
 impl Cube {
-    /// Whether the sphere passes it. It has no negative coordinates but for half a cube around 0.
+    /// Returns true if the sphere passes through the cube. Negative coordinates occur only within half a cube of 0.
     fn is_passed(self) -> bool {
         let near = self.centre.map(|x| (x - self.half - SLACK).max(0.0));
         let far = self.centre.map(|x| x + self.half + SLACK);
@@ -114,7 +114,7 @@ impl Cube {
         [middle - reach, middle + reach]
     }
 
-    /// The parts that the sphere passes.
+    /// Parts of the cube that the sphere passes through.
     fn parts(self) -> Vec<Self> {
         let half = self.half / f64::from(PARTS);
         let at = |part: u32| [part % PARTS, part / PARTS % PARTS, part / (PARTS * PARTS)];
@@ -126,11 +126,11 @@ impl Cube {
             .collect()
     }
 
-    /// The leaves that unit vectors in it may lie in.
+    /// Candidate leaves of the unit vectors in the cube.
     fn place(self, level: u8, cuts: &[Vector]) -> Place {
         let parts = OnceCell::new();
         Place::within(level, cuts, |plane| {
-            // The whole of it says enough about most planes.
+            // Bounds of the whole cube settle most planes.
             let [low, high] = self.range(plane);
             if low > 0.0 || high < 0.0 {
                 return [low, high];
@@ -142,7 +142,7 @@ impl Cube {
 }
 
 impl Grid {
-    /// Of a mesh of this level. `cuts` are the three planes of each inner node, level by level.
+    /// Grid of a mesh of this level. `cuts` are the three planes of each inner node, level by level.
     pub(super) fn new(level: u8, cuts: &[Vector]) -> Self {
         let fine = (FINER << level).clamp(COARSEST, FINEST);
         let (mut starts, mut places) = (Vec::new(), Vec::new());
@@ -166,19 +166,19 @@ impl Grid {
         size_of_val(&*self.starts) + size_of_val(&*self.places)
     }
 
-    /// The numbers of the cube of a unit vector of the first octant.
+    /// Integer coordinates of the cube of a unit vector in the first octant.
     #[inline(always)]
     pub(super) fn cube(&self, d: Vector) -> [u32; 3] {
         d.map(|x| (x * self.fine + ROUND).to_bits() as u32)
     }
 
-    /// The column of a cube with these first two numbers.
+    /// Column of a cube with the first two coordinates `i` and `j`.
     #[inline(always)]
     pub(super) fn column(&self, i: u32, j: u32) -> u32 {
         i * self.side + j
     }
 
-    /// The columns of the cubes of four vectors, and their third numbers. Integers are exact in float32.
+    /// Columns of the cubes of four vectors, and their third coordinates. Integers are exact in f32.
     #[inline(always)]
     pub(super) fn columns_of_four(&self, d: [f32x4; 3]) -> [[i32; 4]; 2] {
         let (fine, round) = (f32x4::splat(self.fine as f32), f32x4::splat(ROUND_F32));
@@ -186,7 +186,7 @@ impl Grid {
         [i * f32x4::splat(self.side as f32) + j, k].map(|numbers| numbers.fast_trunc_int().to_array())
     }
 
-    /// The leaves in the cube of this number of a column.
+    /// Candidate leaves of the cube with third coordinate `k` in a column.
     #[inline(always)]
     pub(super) fn place(&self, column: u32, k: u32) -> Place {
         let start = self.starts.get(column as usize).copied().unwrap_or(u16::MAX);
@@ -204,13 +204,13 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// All levels; the octants are alike, so that few of other domains will do.
+    /// Lookups of all levels on the sphere. Octants are alike, so that few of other domains suffice.
     fn lookups() -> impl Iterator<Item = MeshLookup> {
         let meshes = (0..=8).map(|level| (Domain::Sphere, level)).chain([(Domain::Hemisphere, 4), (Domain::Lower, 4)]);
         meshes.map(|(domain, level)| MeshLookup::new(TriangleMesh::new(domain, level).unwrap()))
     }
 
-    /// The triangle found by a search from the top; `None` outside the domain.
+    /// Triangle found by a search from the top; `None` outside the domain.
     fn searched(lookup: &MeshLookup, [x, y, z]: Vector) -> Option<usize> {
         let [left, back, down] = [x, y, z].map(f64::is_sign_negative);
         let [x, y] = if left == back { [x.abs(), y.abs()] } else { [y.abs(), x.abs()] };
@@ -223,7 +223,7 @@ mod tests {
         is_inside.then(|| first + lookup.leaf_at(Place::many(0, 0), [x, y, z.abs()]))
     }
 
-    /// One by one, and four in float32 against the same numbers in float64.
+    /// Checks one vector in f64, and four in f32 against the same numbers in f64.
     fn check(lookup: &MeshLookup, d: Vector) {
         assert_eq!(lookup.locate_vector(d), searched(lookup, d), "{:?} {d:?}", lookup.mesh());
         let single = d.map(|x| x.abs() as f32);
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(lookup.leaf_at(place, exact), lookup.leaf_at(Place::many(0, 0), exact), "{single:?}");
     }
 
-    /// That vector and those a unit in the last place away, in octants of all kinds.
+    /// Checks a vector and those a unit in the last place away, in octants of all kinds.
     fn check_near(lookup: &MeshLookup, d: Vector) {
         for step in 0..27 {
             let near = |x: f64, step: u64| if x > 0.0 { f64::from_bits(x.to_bits() + step - 1) } else { x };
@@ -276,7 +276,7 @@ mod tests {
                 check_near(&lookup, unit(plane));
             }
             let level = lookup.mesh().level();
-            // The deepest have many.
+            // Deep levels have many triangles: check a subset.
             let step = if level < 4 { 1 } else { (1 << (2 * (level - 3))) - 3 };
             for [a, b, c] in octant(level).step_by(step) {
                 for (a, b) in [(a, b), (b, c), (c, a)] {
@@ -316,7 +316,7 @@ mod tests {
             let open = (0..50_000).filter(|_| is_open(random(&mut rng))).count();
             let level = lookup.mesh().level();
             println!("level {level}: {open} of 50000, {} bytes", grid.memory());
-            // The finest grid is as fine as leaves of level 7.
+            // The finest grid is only as fine as leaves of level 7.
             assert!(open < 50_000 / 8 || level > 5, "level {level}: {open}");
         }
     }

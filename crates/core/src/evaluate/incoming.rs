@@ -1,4 +1,4 @@
-//! The incoming directions as nodes: which three lie around a direction, and where a lobe seen from one is seen from another.
+//! Incoming directions as nodes: the three around a direction, and the image of a lobe from one node to another.
 
 pub(super) mod middles;
 
@@ -11,36 +11,37 @@ use crate::numeric::bracket::Bracket;
 use std::sync::Arc;
 use wide::f32x4;
 
-/// No cell beyond an edge of the domain.
+/// Marks a missing cell beyond an edge of the domain.
 const NONE: u32 = u32::MAX;
 
-/// The height above the horizon below which carried directions lose their worth, and what they keep of it.
+/// Height above the horizon (|cos θ|) below which aligned directions lose weight.
 const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
-/// The square of a half vector below which it has no direction.
+/// Squared length of a half vector below which it has no direction.
 pub(super) const NO_HALF_VECTOR: f32 = 1e-12;
-/// The square of the sine below which a direction has the azimuth 0.
+/// Squared sine of the polar angle below which a direction has azimuth 0.
 const NO_AZIMUTH: f32 = 1e-18;
-/// The cosine of a turn that hardly has an axis: opposite directions are turned to instead, and then mirrored.
+/// Cosine of a rotation angle below which the axis is ill-defined: the direction is rotated to the opposite and then
+/// mirrored.
 pub(super) const NEARLY_BACK: f32 = -0.999;
 
-/// How the function around one incoming direction is carried to another before two are mixed.
+/// Alignment of the function around one incoming direction with another before two are mixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {
-    /// Outgoing directions stay.
+    /// Outgoing directions stay in place.
     #[default]
     None,
     /// Reflected light keeps its half vector, so that a gloss lobe moves with the mirror direction and keeps its shape
-    /// (Rusinkiewicz 1998); transmitted light turns with the incoming direction.
+    /// (Rusinkiewicz 1998). Transmitted light rotates with the incoming direction.
     HalfVector,
-    /// As `HalfVector`, after turning about the normal to the same azimuth, as isotropic surfaces do.
+    /// Like `HalfVector`, after rotation about the normal to the same azimuth, as on isotropic surfaces.
     TurnedHalfVector,
-    /// Outgoing directions turn with the incoming one, as scattering in a medium does.
+    /// Outgoing directions rotate with the incoming one, as for scattering in a medium.
     Rotation,
 }
 
-/// Up to three nodes with weights that add up to 1.
+/// Up to three nodes with weights that sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
     pub(super) nodes: [u32; 3],
@@ -49,7 +50,7 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// No node.
+    /// Placeholder: node 0 with weight 1.
     pub(super) const NOWHERE: Self = Self { nodes: [0; 3], weights: [1.0, 0.0, 0.0], count: 1 };
 
     fn one(node: u32) -> Self {
@@ -57,16 +58,16 @@ impl Around {
     }
 }
 
-/// The nodes of an incoming axis: its entries first, then those made from entries around.
+/// Nodes of an incoming axis: first its entries, then those derived from surrounding entries.
 #[derive(Debug)]
 pub(super) enum Nodes {
-    /// No incoming axis.
+    /// Axis missing.
     One,
-    /// Any incoming direction, carried to this one.
+    /// One node; every incoming direction is aligned to this one.
     Same(Vector),
     /// Elevations in degrees and their directions in the plane of azimuth 0.
     Elevations(Vec<f64>, Vec<Vector>),
-    /// Cells and, between them, the vertices of a mesh.
+    /// Cells of a mesh and, between them, its vertices.
     Triangles(Triangles),
 }
 
@@ -77,16 +78,17 @@ pub(super) struct Triangles {
     cells: usize,
     /// Centroids, then vertices.
     positions: Vec<Vector>,
-    /// The direction whose function a node holds: for a vertex that of the cells around it, which is inside at the rim.
+    /// Direction whose function a node stores. A vertex at the rim stores that of the cells around it, which lies
+    /// inside.
     seen_from: Vec<Vector>,
-    /// The cell beyond the edge opposite to corner k.
+    /// For each cell, the neighbours beyond the edges opposite corners 0, 1 and 2.
     beyond: Vec<[u32; 3]>,
     fans: Vec<Fan>,
-    /// For each sector of each cell, its nodes and those halfway between them; empty where there are none of these.
+    /// For each sector of each cell, its nodes and the midpoint nodes between them; empty without midpoints.
     middles: Vec<[[[u32; 3]; 2]; 6]>,
-    /// The nodes that each of those is halfway between.
+    /// End nodes of each midpoint.
     ends: Vec<[u32; 2]>,
-    /// For each vertex, the cells that make it; for each cell, those that would make it without itself, none at the rim.
+    /// For each vertex, the cells it derives from; for each cell, the other cells that predict it, empty at the rim.
     sources: Vec<Vec<(usize, f32)>>,
     others: Vec<Vec<(usize, f32)>>,
 }
@@ -131,7 +133,7 @@ impl Nodes {
         for vertex in 0..lookup.vertices() as u32 {
             let position = positions[mesh.len() + vertex as usize];
             let at_rim = mesh.domain() != Domain::Sphere && position[2].abs() < 1e-9;
-            // At the rim nothing is extrapolated: the mean of the cells there, as seen from where they are.
+            // No extrapolation at the rim: a vertex there stores the mean of its cells, seen from their mean direction.
             if at_rim || mesh.level() == 0 {
                 let sum =
                     |sum: Vector, (cell, weight): (usize, f32)| add(sum, scale(positions[cell], f64::from(weight)));
@@ -147,7 +149,7 @@ impl Nodes {
         Self::Triangles(Triangles { lookup, cells, positions, seen_from, beyond, fans, middles, ends, sources, others })
     }
 
-    /// How many nodes, and how many of them are entries of the axis.
+    /// Number of nodes, and number of those that are entries of the axis.
     pub(super) fn counts(&self) -> (usize, usize) {
         match self {
             Self::One | Self::Same(_) => (1, 1),
@@ -156,7 +158,7 @@ impl Nodes {
         }
     }
 
-    /// The incoming direction whose function a node holds.
+    /// Incoming direction whose function a node stores.
     #[inline]
     pub(super) fn direction(&self, node: usize) -> Vector {
         match self {
@@ -167,7 +169,7 @@ impl Nodes {
         }
     }
 
-    /// The entries that make a node which is none itself: with weights that add up to 1.
+    /// Entries a derived node is made of, with weights that sum to 1; an entry is made of itself.
     pub(super) fn sources(&self, node: usize) -> Vec<(usize, f32)> {
         match self {
             Self::Triangles(triangles) if node >= triangles.cells => triangles.sources[node - triangles.cells].clone(),
@@ -175,7 +177,7 @@ impl Nodes {
         }
     }
 
-    /// The entries next to entry `node`.
+    /// Entries adjacent to entry `node`; elevations list only the next one.
     pub(super) fn neighbours(&self, node: usize) -> Vec<usize> {
         match self {
             Self::One | Self::Same(_) => Vec::new(),
@@ -202,7 +204,7 @@ impl Nodes {
         }
     }
 
-    /// The nodes around an incoming direction (of azimuth 0 for elevations); `None` outside the domain.
+    /// Nodes around an incoming direction (at azimuth 0 for elevations); `None` outside the domain.
     #[inline(always)]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {
         match self {
@@ -222,7 +224,7 @@ impl Nodes {
         }
     }
 
-    /// The same where the entry of the axis that holds it is known already.
+    /// Like [`Nodes::around`], in a known entry of the axis.
     #[inline(always)]
     pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
         match self {
@@ -246,7 +248,7 @@ impl Nodes {
     }
 }
 
-/// Whether cell `i` lies at the rim.
+/// Returns true if cell `i` lies at the rim.
 fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
     beyond[i].contains(&NONE)
 }
@@ -257,12 +259,12 @@ impl Triangles {
         Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
     }
 
-    /// The nodes around an incoming direction of any length in `cell`.
+    /// Nodes around an incoming direction of any length in `cell`.
     #[inline(always)]
     fn around_in(&self, cell: usize, wi: Vector) -> Around {
         let fan = &self.fans[cell];
         let [x, y, z] = wi.map(|x| x as f32);
-        // On which side of the six rays.
+        // Bit k: left of ray k.
         let side = |k: usize| {
             let at = |axis: usize| {
                 f32x4::new([fan.rays[axis][k], fan.rays[axis][k + 1], fan.rays[axis][k + 2], fan.rays[axis][k + 3]])
@@ -270,7 +272,7 @@ impl Triangles {
             at(0) * f32x4::splat(x) + at(1) * f32x4::splat(y) + at(2) * f32x4::splat(z)
         };
         let left = side(0).simd_ge(f32x4::ZERO).to_bitmask() | (side(4).simd_ge(f32x4::ZERO).to_bitmask() << 4);
-        // Left of a ray and right of the next: one of the six, but for the centroid itself.
+        // Left of one ray and right of the next: exactly one of the six, except at the centroid itself.
         let next = (left >> 1) | ((left & 1) << 5);
         let sector = &fan.sectors[((left & !next & 63).trailing_zeros() as usize).min(5)];
         let [dx, dy, dz] = sector.duals.map(f32x4::new);
@@ -283,21 +285,21 @@ impl Triangles {
     }
 }
 
-/// A cell cut by rays from its centroid to its corners and its neighbours' centroids, in turn: a centroid, a neighbour's and
-/// an end of the edge between them span a triangle; at the rim the centroid does so with both ends.
+/// A cell cut into sectors by rays from its centroid to its corners and, alternately, to its neighbours' centroids. A
+/// sector spans the centroid, a neighbour's centroid and an end of the edge between them. At the rim it spans the
+/// centroid and both ends.
 #[derive(Debug)]
 struct Fan {
-    /// Normals of the planes through the rays, positive on the side to which they follow one another: x, y, z.
+    /// Normals of the planes through the rays, positive towards the next ray: x, y, z.
     rays: [[f32; 8]; 3],
-    /// Between a ray and the next.
+    /// Sectors between a ray and the next.
     sectors: [Sector; 6],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Sector {
     nodes: [u32; 3],
-    /// Vectors whose inner products with a direction are in proportion to its barycentric coordinates: their x, their y,
-    /// their z.
+    /// Vectors whose inner products with a direction are proportional to its barycentric coordinates: x, y, z.
     duals: [[f32; 4]; 3],
 }
 
@@ -307,7 +309,8 @@ impl Fan {
         let corners = lookup.corners(cell).map(|vertex| cells + vertex as usize);
         let centre = positions[cell];
         let turn = dot(centre, cross(positions[corners[0]], positions[corners[1]])).signum();
-        // The ray to corner k, then that over the edge to the next corner, which is opposite to the corner after it.
+        // Ray to corner k/2 for even k; for odd k, across the edge to the next corner, which is opposite the corner
+        // after it.
         let ray = |k: usize| -> (Vector, u32) {
             if k.is_multiple_of(2) {
                 return (positions[corners[k / 2]], corners[k / 2] as u32);
@@ -323,7 +326,7 @@ impl Fan {
             }
         }
         let sectors = std::array::from_fn(|k| {
-            // Where there is no neighbour, the sectors on both sides are one.
+            // Without a neighbour, the sectors on both sides are the same.
             let nodes = match (ray(k).1, ray((k + 1) % 6).1) {
                 (NONE, end) => [cell as u32, ray((k + 5) % 6).1, end],
                 (start, NONE) => [cell as u32, start, ray((k + 2) % 6).1],
@@ -339,7 +342,7 @@ impl Fan {
     }
 }
 
-/// A node's direction as queries need it, with its azimuth's cosine and sine; that of the normal is 0.
+/// Direction of a node for queries, with cosine and sine of its azimuth; that of the normal is 0.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Origin<T = f32> {
@@ -355,7 +358,7 @@ impl Origin {
         Self { direction: [x, y, z], azimuth }
     }
 
-    /// Side by side.
+    /// Four origins, one per lane.
     #[inline(always)]
     fn four(of: [Self; 4]) -> Origin<f32x4> {
         let rows = of.map(|Self { direction: [x, y, z], azimuth: [cos, _] }| f32x4::new([x, y, z, cos]));
@@ -363,21 +366,21 @@ impl Origin {
         Origin { direction: [x, y, z], azimuth: [cos, f32x4::new(of.map(|origin| origin.azimuth[1]))] }
     }
 
-    /// Four times.
+    /// One origin in all four lanes.
     #[inline(always)]
     fn everywhere(self) -> Origin<f32x4> {
         Origin { direction: self.direction.map(f32x4::splat), azimuth: self.azimuth.map(f32x4::splat) }
     }
 }
 
-/// Where what is seen along `wo` under `wi` is seen under `to`, and how much that is worth: next to nothing where it would
-/// be below the horizon, and is therefore looked up at it.
+/// Direction under `to` that corresponds to `wo` under `wi`, and its weight. The weight is near 0 where that direction
+/// would lie below the horizon; it is then moved up to the horizon.
 pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> (Vector, f32) {
     let (there, worth) = carried_to_four(alignment, domain, Origin::new(wi), [Origin::new(to); 4], wo);
     (there.map(|x| f64::from(x.to_array()[0])), worth.to_array()[0])
 }
 
-/// The same for four directions at once.
+/// Like [`carried`], for four directions `to` at once.
 #[inline(always)]
 pub(super) fn carried_to_four(
     alignment: Alignment,
@@ -387,15 +390,15 @@ pub(super) fn carried_to_four(
     wo: Vector,
 ) -> ([f32x4; 3], f32x4) {
     let stays = wo.map(|x| f32x4::splat(x as f32));
-    // A phase function, which alone turns on the whole sphere, has no horizon.
+    // Only a phase function rotates on the whole sphere; it has no horizon.
     let is_free = domain == Domain::Sphere && alignment == Alignment::Rotation;
-    // What goes through a surface turns.
+    // Light transmitted through a surface rotates.
     let lower = domain == Domain::Sphere && wo[2] < 0.0;
     let alignment = if lower { Alignment::Rotation } else { alignment };
     carried_to(alignment, is_free, wi.everywhere(), Origin::four(to), stays)
 }
 
-/// The same where the alignment is known; `is_free` where there is no horizon.
+/// Like [`carried`], with a resolved alignment; `is_free` is true without a horizon.
 #[inline(always)]
 pub(super) fn carried_to<T: Number>(
     alignment: Alignment,
@@ -447,7 +450,7 @@ pub(super) fn carried_to<T: Number>(
     ([mx, my, side * height.larger(zero)], T::choose(is_there, worth, worthless))
 }
 
-/// Cosine and sine of the azimuth; of 0 for the normal.
+/// Cosine and sine of the azimuth; [1, 0] for the normal.
 #[inline(always)]
 pub(super) fn azimuth(d: Vector) -> [f64; 2] {
     let square = d[0] * d[0] + d[1] * d[1];

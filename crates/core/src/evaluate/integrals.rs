@@ -1,4 +1,4 @@
-//! Integrals over outgoing directions: of the stored albedo between incoming directions, and by quadrature.
+//! Integrals over outgoing directions: the stored albedo, interpolated between incoming directions, and quadrature.
 
 use super::albedo::{Side, is_above};
 use super::error::{Buffer, EvaluateError, Need, QueryError, unfit};
@@ -11,9 +11,10 @@ use super::turning::Turning;
 use crate::domain::{Direction, TriangleMesh};
 
 impl Material {
-    /// The directional albedo a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF; ∫ f dωo otherwise: the spectral flux
-    /// of an emission, about 1 for a phase function. Into `out` (`lambdas()` long), of the piecewise constant function,
-    /// between incoming cells as `how` says. Masked cells add nothing; NaN where all are masked.
+    /// Writes the directional albedo a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF to `out` (`lambdas()` long).
+    /// Other quantities give ∫ f dωo: the spectral flux of an emission, about 1 for a phase function. The integrand is
+    /// the piecewise constant function; `how` interpolates between incoming cells. Masked cells are skipped; NaN if all
+    /// are masked.
     pub fn albedo(
         &self,
         index: &[usize],
@@ -24,8 +25,8 @@ impl Material {
         self.albedo_of(Side::Both, index, wi, how, out)
     }
 
-    /// [`Material::albedo`] of the light reflected or transmitted alone; the two add up to that of both where nothing is
-    /// masked. Quantities without a cosine have no such sides and are refused.
+    /// Like [`Material::albedo`], for reflected or transmitted light alone. The two sum to the whole albedo if no cell
+    /// is masked. Fails for quantities without a cosine, which have no sides.
     pub fn albedo_of(
         &self,
         side: Side,
@@ -39,7 +40,8 @@ impl Material {
         let [n_in, _, lambdas] = cells.geometry().shape();
         Buffer::Spectrum.check(out.len(), lambdas)?;
         let entry = cells.geometry().entry(index)?;
-        // Under light from anywhere a list over the scattering angle sends as much as under light along the normal.
+        // A list over the scattering angle sends as much light under any incoming direction as under one along the
+        // normal.
         let wi = if self.stated().is_some_and(Stated::is_scattering) { wi.map(|_| Turning::up()) } else { wi };
         let stencil = match how {
             Interpolation::Constant => Stencil::one(cells.geometry().incoming_entry(wi)?),
@@ -67,10 +69,10 @@ impl Material {
         Ok(())
     }
 
-    /// The same integral of the function as [`Material::evaluate`] gives it, by quadrature: its values at the centroids of
-    /// triangles `finer` levels below those of the outgoing axis (at most to level 8), times their (projected) solid
-    /// angles. For `Constant` that is the stored albedo to rounding; for `Smooth` the difference to it is what
-    /// interpolation adds. Slow: as many evaluations as there are triangles.
+    /// Integrates the function as [`Material::evaluate`] gives it, by quadrature. It sums values at the centroids of
+    /// triangles `finer` levels below those of the outgoing axis (at most level 8), times their (projected) solid
+    /// angles. `Constant` gives the stored albedo up to rounding. With `Smooth`, the difference from it is the effect
+    /// of interpolation. Slow: one evaluation for each triangle.
     pub fn integrated(
         &self,
         side: Side,
@@ -90,7 +92,7 @@ impl Material {
             return unfit(QueryError::Level { found: level });
         };
         let has_cosine = self.quantity().has_cosine();
-        // The whole of isotropic data is turned by the azimuth of wi; so are the triangles.
+        // Isotropic data are rotated by the azimuth of wi, and so are the triangles.
         let azimuth = self.geometry().azimuth(wi);
         let mut sums = vec![(0.0_f64, false); value.len()];
         for i in 0..mesh.len() {
@@ -107,7 +109,7 @@ impl Material {
             }
         }
         for (out, (sum, is_measured)) in out.iter_mut().zip(sums) {
-            // A side without directions sends nothing.
+            // A side outside the outgoing domain sends no light.
             let is_nowhere = side != Side::Both && cells.stored_albedos(side, is_above(wi)).is_none();
             *out = if is_measured || is_nowhere { sum as f32 } else { f32::NAN };
         }

@@ -1,25 +1,25 @@
-//! Blocks of places and lanes of wavelengths, in forms that compilers turn into vector code.
+//! Blocks of places and lanes of wavelengths, in forms that compilers vectorise.
 
 use crate::numeric::exponential::exp_estrin;
 
-/// Wavelengths that are worked on together.
+/// Number of wavelengths processed together.
 pub(super) const LANES: usize = 16;
 
-/// Places that are worked on together: step by step, each step for all of them before the next, so that they do not wait for
-/// one another and loops become vector code.
+/// Number of places processed together. Each step runs for all of them before the next, so that they do not wait for
+/// one another and loops vectorise.
 pub(super) const BLOCK: usize = 48;
-/// A number for each place of a block.
+/// One number for each place of a block.
 pub(super) type Block = [f64; BLOCK];
-/// A vector for each place of a block: x, y, z.
+/// One vector for each place of a block: x, y, z.
 pub(super) type Vectors = [Block; 3];
 
-/// The vector of one place of a block.
+/// Vector of place `i` of a block.
 #[inline(always)]
 pub(super) fn vector_of([x, y, z]: &Vectors, i: usize) -> [f64; 3] {
     [x[i], y[i], z[i]]
 }
 
-/// Sets it.
+/// Sets the vector of place `i` of a block.
 #[inline(always)]
 pub(super) fn set_vector([x, y, z]: &mut Vectors, i: usize, to: [f64; 3]) {
     [x[i], y[i], z[i]] = to;

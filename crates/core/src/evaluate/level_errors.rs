@@ -1,4 +1,4 @@
-//! Errors of the coarser levels of a material on a grid of angles, measured by evaluating them at the samples of the file.
+//! Errors of the coarser levels of a material on a grid of angles, measured by evaluation at the samples of the file.
 
 use super::directions::{Directions, Pairs};
 use super::error::EvaluateError;
@@ -7,12 +7,12 @@ use super::place::Interpolation;
 use crate::compress::{decode_level, levels, with_level_errors};
 use crate::domain::{Axis, Direction, Measurement};
 
-/// Relative error of a sample that a level does not know.
+/// Relative error counted for a sample at which a level has no finite value.
 const UNKNOWN: f64 = 1.0;
 
-/// Returns a file, made from `measurement` by [`compress`](crate::compress::compress), with the errors of its coarser levels:
-/// er(L2) of evaluating each at the angles of the measurement. Directions that are stated several times are compared with
-/// their mean. Other files than those with levels on a grid of angles come back as they are.
+/// Adds the errors of the coarser levels to a file made from `measurement` by [`compress`](crate::compress::compress).
+/// The error is er(L2) of each level, evaluated at the angles of the measurement. Directions stated several times are
+/// compared with their mean. Files without levels on a grid of angles are returned unchanged.
 pub fn state_levels(bytes: Vec<u8>, measurement: &Measurement) -> Result<Vec<u8>, EvaluateError> {
     let levels = levels(&bytes)?;
     let [coarser @ .., _] = levels.as_slice() else { return Ok(bytes) };
@@ -104,7 +104,7 @@ mod tests {
                     let value = lobe * (1.0 + 0.2 * lambda as f64) * (1.0 + noise());
                     samples.push(match entry {
                         500..510 => 0.0,
-                        // One value at the pole.
+                        // All azimuths at the pole share one value.
                         _ if entry > 0 && entry < azimuths => samples[start + lambda],
                         600..603 => f32::NAN,
                         _ => value as f32,

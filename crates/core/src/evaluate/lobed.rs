@@ -1,4 +1,4 @@
-//! The lobe beside the cells of a material: what it adds to values, to integrals, and to what directions are drawn from.
+//! Analytic lobe added to the cells of a material: its contribution to values, integrals and sampling.
 
 use super::geometry::Geometry;
 use super::place::{Beyond, Place};
@@ -9,25 +9,26 @@ use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
-/// Wavelengths that are answered at a time.
+/// Number of wavelengths processed at a time.
 const FEW: usize = 8;
-/// Incidences at which the light of the lobe is known for drawing, evenly from the normal to the horizon.
+/// Number of incidences at which the lobe's albedo is tabulated for sampling, uniform in the cosine from the horizon to
+/// the normal.
 const INCIDENCES: usize = 33;
-/// The largest part of directions that is drawn from the lobe: cells may reflect where their trees know of no light.
+/// Upper bound on the fraction of directions drawn from the lobe, as cells may reflect where their trees see no light.
 const MOST: f64 = 0.98;
 
-/// The lobe of a material.
+/// Lobe of a material.
 #[derive(Debug)]
 pub(super) struct Lobed {
     lobe: Lobe,
-    /// Its directional albedo for a colour of 1, at incidences with azimuth 0.
+    /// Directional albedo for a colour of 1, at incidences of azimuth 0.
     light: OnceLock<[f64; INCIDENCES]>,
 }
 
-/// The lobe under an incoming direction, beside what else directions are drawn from.
+/// The lobe under one incoming direction, as a component of the sampling mixture.
 pub(super) struct LobePart {
     under: LobeUnder,
-    /// The part of directions that is drawn from the lobe.
+    /// Fraction of directions drawn from the lobe.
     pub(super) part: f64,
 }
 
@@ -41,7 +42,7 @@ impl Lobed {
         self.lobe.memory()
     }
 
-    /// The value for a colour of 1 at a place.
+    /// Value at a place for a colour of 1.
     #[inline]
     fn shape(&self, place: Place<'_>) -> f32 {
         match (place.wi, place.wo) {
@@ -50,7 +51,7 @@ impl Lobed {
         }
     }
 
-    /// Adds the spectrum of the lobe at a place.
+    /// Adds the lobe's spectrum at a place.
     #[inline]
     pub(super) fn add(&self, place: Place<'_>, spectrum: &mut [f32]) {
         let shape = self.shape(place);
@@ -59,7 +60,7 @@ impl Lobed {
         }
     }
 
-    /// Adds the values of the lobe at wavelengths in nm.
+    /// Adds the lobe's values at wavelengths in nm.
     pub(super) fn add_at(
         &self,
         place: Place<'_>,
@@ -75,17 +76,17 @@ impl Lobed {
         }
     }
 
-    /// The inner product of the spectrum of the lobe with weights.
+    /// Inner product of the lobe's spectrum with weights.
     pub(super) fn weighted(&self, place: Place<'_>, weights: &[f32]) -> f32 {
         self.shape(place) * self.colour(weights)
     }
 
-    /// The inner product of the colours with weights.
+    /// Inner product of the lobe's colours with weights.
     pub(super) fn colour(&self, weights: &[f32]) -> f32 {
         self.lobe.colours().iter().zip(weights).map(|(colour, weight)| colour * weight).sum()
     }
 
-    /// Adds the light of the lobe to the integrals `[incoming, lambda]` of cells.
+    /// Adds the lobe's albedo to the integrals `[incoming, lambda]` of the cells.
     pub(super) fn add_light(&self, geometry: &Geometry, integrals: &mut [f32]) {
         let colours = self.lobe.colours();
         integrals.par_chunks_mut(colours.len()).enumerate().for_each(|(entry, integrals)| {
@@ -97,14 +98,15 @@ impl Lobed {
         });
     }
 
-    /// Adds the means of the lobe over the cells of an incidence to its samples `[outgoing, lambda]`.
+    /// Adds the lobe's means over the cells of one incidence to its samples `[outgoing, lambda]`.
     pub(super) fn add_means(&self, geometry: &Geometry, entry: usize, samples: &mut [f32]) {
         let Some(lookup) = geometry.mesh() else { return };
         let wi = Direction::from_unit(geometry.incoming_direction(entry));
         lobe_means(&self.lobe, wi, (lookup.mesh(), geometry.sampling()), samples);
     }
 
-    /// The lobe under `wi`, beside cells with so much light; `None` where it has none. `colour` is that of what is drawn by.
+    /// Lobe under `wi` as a component beside cells with light `cells`; `None` if the lobe has no light. `colour` is the
+    /// lobe's colour in the weighting that drives sampling.
     pub(super) fn part(&self, wi: Option<Direction>, colour: f32, cells: f64) -> Option<LobePart> {
         let wi = wi?;
         let under = self.lobe.under(wi)?;
@@ -113,8 +115,8 @@ impl Lobed {
         (part > 0.0).then(|| LobePart { under, part: if cells > 0.0 { part.min(MOST) } else { 1.0 } })
     }
 
-    /// The light at an incidence with azimuth 0, linear in the cosine; of a lobe that turns with the surface that stands for all
-    /// azimuths, as it only decides how often the lobe is drawn from.
+    /// Albedo at an incidence of azimuth 0, linear in the cosine. For an anisotropic lobe this value serves all
+    /// azimuths, as it only decides how often the lobe is drawn.
     fn light_at(&self, cos_theta: f64) -> f64 {
         let table = self.light.get_or_init(|| {
             let mut table = [0.0; INCIDENCES];
@@ -123,7 +125,7 @@ impl Lobed {
                 let wi = Direction::from_radians(FRAC_PI_2 - libm::asin(cos), 0.0);
                 *light = self.lobe.under(wi).map_or(0.0, |lobe| lobe.light());
             }
-            // At the horizon nothing is known but that the lobe goes on.
+            // At the horizon the neighbouring value is used: the lobe is not evaluated there.
             table[0] = table[1];
             table
         });
@@ -135,13 +137,13 @@ impl Lobed {
 }
 
 impl LobePart {
-    /// The density of the whole, by that of the cells.
+    /// Density in sr⁻¹ of the mixture, from that of the cells.
     #[inline]
     pub(super) fn density(&self, wo: Direction, cells: f64) -> f64 {
         self.part * self.under.density(wo) + (1.0 - self.part) * cells
     }
 
-    /// The direction at a point of the unit square, where that is of the lobe, or the point of the cells.
+    /// Direction of the lobe at a point of the unit square, or the remapped point for the cells.
     #[inline]
     pub(super) fn drawn(&self, [u, v]: [f64; 2]) -> Result<Direction, [f64; 2]> {
         if u < self.part {
@@ -151,17 +153,18 @@ impl LobePart {
         }
     }
 
-    /// A point that leads to a direction of the lobe; `None` in its last tail, where points are too close to each other.
+    /// Point of the unit square that draws `wo` from the lobe; `None` in its outermost tail, where points are too close
+    /// together.
     pub(super) fn point_of(&self, wo: Direction) -> Option<[f64; 2]> {
         let [share, turn] = self.under.point_of(wo);
         (share < CLOSE && self.under.density(wo) > 0.0).then_some([share * self.part, turn])
     }
 
-    /// The point of the whole for a point of the cells.
+    /// Point of the mixture for a point of the cells.
     pub(super) fn of_cells(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [self.part + (1.0 - self.part) * u, v]
     }
 }
 
-/// The part of a lobe beyond which points of it are not looked for.
+/// Fraction of a lobe beyond which its points are not inverted.
 const CLOSE: f64 = 0.9999;

@@ -1,4 +1,4 @@
-//! Materials with a lobe beside their cells: values, integrals, what is drawn, and what a file keeps.
+//! Materials with a lobe added to their cells: values, integrals, samples, and the contents of a file.
 
 use super::{Beyond, Directions, Interpolation, Material, Pairs, Place, SampleOptions, Side};
 use crate::compress::{self, Policy, Settings, Target, compress};
@@ -156,7 +156,7 @@ fn what_is_drawn_has_its_density_and_its_weights_have_the_albedo_as_their_mean()
                 let mean = whole.weighted(place, Interpolation::Smooth, &[1.0 / 3.0; 3]).unwrap();
                 let weight = f64::from(mean) * sample.direction.cos_theta() / pdf;
                 assert!((weight / sample.weight - 1.0).abs() < 1e-5);
-                // Whatever is asked back lies where it was drawn, by the lobe or by the cells.
+                // An inverted point lies where the direction was drawn, by the lobe or by the cells.
                 let point = whole.invert(&[], Some(wi), sample.direction, options).unwrap().unwrap();
                 let again = whole.sample(&[], Some(wi), point, options).unwrap().unwrap();
                 assert!(
@@ -168,7 +168,7 @@ fn what_is_drawn_has_its_density_and_its_weights_have_the_albedo_as_their_mean()
             }
             let mut albedo = [0.0; LAMBDAS];
             whole.integrated(Side::Both, &[], Some(wi), Interpolation::Smooth, 0, &mut albedo).unwrap();
-            // By the cells' own quadrature, which a narrow lobe falls through, the lobe is taken out and put in exactly.
+            // The quadrature of the cells misses a narrow lobe, so the lobe is subtracted and added exactly.
             let mut cells = 0.0;
             let mesh = mesh(3);
             for i in 0..mesh.len() {
@@ -177,7 +177,7 @@ fn what_is_drawn_has_its_density_and_its_weights_have_the_albedo_as_their_mean()
             let isotropic = whole.axes()[0].len() == 4;
             let expected = f64::from(albedo.iter().sum::<f32>()) / 3.0 + lobe.under(wi).unwrap().light();
             let expected = if isotropic {
-                // The quadrature turns its triangles with the azimuth of wi.
+                // The quadrature rotates its triangles with the azimuth of wi.
                 let turned = |i: usize| mesh.centroid(i).rotated_about_z(33_f64.to_radians());
                 expected
                     - (0..mesh.len()).map(|i| lobe.shape(wi, turned(i)) * mesh.projected_solid_angle(i)).sum::<f64>()

@@ -1,4 +1,4 @@
-//! Many directions at once: the cells that hold them, four lanes at a time.
+//! Locates many directions at once: the cells that contain them, in blocks or four lanes at a time.
 
 use super::directions::Directions;
 use super::kernel::{BLOCK, Vectors, set_vector, vector_of};
@@ -8,17 +8,17 @@ use crate::numeric::wide;
 use std::hint::select_unpredictable;
 use wide::f32x4;
 
-/// The triangle of a direction outside the domain.
+/// Marks a direction outside the domain.
 pub(super) const OUTSIDE: u32 = u32::MAX;
 
 impl MeshLookup {
-    /// The triangle that holds the unit vector `d`, or [`OUTSIDE`].
+    /// Triangle that contains the unit vector `d`, or [`OUTSIDE`].
     #[inline(always)]
     pub(super) fn locate_or_outside(&self, d: Vector) -> u32 {
         self.locate_vector(d).map_or(OUTSIDE, |triangle| triangle as u32)
     }
 
-    /// Writes the triangles that hold unit vectors, or [`OUTSIDE`]; the same as [`MeshLookup::locate_vector`].
+    /// Writes the triangles that contain unit vectors, or [`OUTSIDE`]; agrees with [`MeshLookup::locate_vector`].
     pub(super) fn locate_block(&self, d: &Vectors, to: &mut [u32; BLOCK]) {
         wide(
             #[inline(always)]
@@ -45,8 +45,8 @@ impl MeshLookup {
         );
     }
 
-    /// Writes the triangles that hold directions, or [`OUTSIDE`]. Returns false where some coordinates are no direction, or
-    /// have a length whose square is no f32.
+    /// Writes the triangles that contain directions, or [`OUTSIDE`]. Returns false if some coordinates are not a
+    /// direction, or if the square of their length overflows or underflows f32.
     pub(super) fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
         match d.coordinates() {
             Some(coordinates) => self.locate_coordinates(coordinates, to),
@@ -67,11 +67,11 @@ impl MeshLookup {
         true
     }
 
-    /// Locates directions by coordinates, four at a time.
+    /// Locates directions from coordinates, four at a time.
     fn locate_coordinates(&self, coordinates: [&[f32]; 3], to: &mut [u32]) -> bool {
         let last = to.len().wrapping_sub(1);
         for start in (0..to.len()).step_by(4) {
-            // The last one again where there are fewer than four.
+            // Padded with the last direction if fewer than four remain.
             let lanes: [usize; 4] = std::array::from_fn(|k| (start + k).min(last));
             let [x, y, z] = coordinates.map(|numbers| f32x4::new(lanes.map(|lane| numbers[lane])));
             let square = x * x + y * y + z * z;

@@ -6,10 +6,10 @@ use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::numeric::bracket::Bracket;
 use std::hint::select_unpredictable;
 
-/// A vertex has at most 6 triangles around it; three vertices have at most this many.
+/// Maximum number of entries of a stencil: three vertices with at most 6 triangles each.
 const MOST: usize = 18;
 
-/// Entries of an axis and their weights: positive, adding up to 1.
+/// Entries of an axis and their weights, which are positive and sum to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stencil {
     length: usize,
@@ -27,7 +27,7 @@ impl Stencil {
         Self { length: 0, entries: [(0, 0.0); MOST] }
     }
 
-    /// The entries and weights.
+    /// Entries and weights.
     pub(super) fn entries(&self) -> impl Iterator<Item = (usize, f32)> + Clone + '_ {
         self.entries[..self.length].iter().map(|&(entry, weight)| (entry as usize, weight))
     }
@@ -42,26 +42,26 @@ impl Stencil {
     }
 }
 
-/// The tables of a mesh. The octants of the octahedron are images of the first under exchanges and changes of sign of
-/// coordinates, so geometry is stored for one octant and directions are folded into it.
+/// Lookup tables of a mesh. All octants of the octahedron are images of the first under exchanges and sign changes of
+/// coordinates. Geometry is therefore stored for one octant, and directions are folded into it.
 #[derive(Debug)]
 pub(super) struct MeshLookup {
     mesh: TriangleMesh,
-    /// 1 on the upper hemisphere, −1 on the lower, 0 on the sphere: the sign of z, if any.
+    /// Sign of z in the domain: 1 on the upper hemisphere, −1 on the lower, 0 on the sphere.
     up: f64,
-    /// The number of the first octant below the horizon where there are both sides, else 0.
+    /// Number of the first octant below the horizon on a sphere, else 0.
     below: u32,
-    /// The binary logarithm of the number of leaves in an octant.
+    /// Binary logarithm of the number of leaves in an octant.
     shift: u32,
     /// For each inner node, level by level: the three planes that cut off its corners, positive on the corner's side.
     cuts: Vec<Vector>,
-    /// For each leaf: the inner product of entry k with a direction is in proportion to its k-th barycentric coordinate.
+    /// For each leaf: the inner product of entry k with a direction is proportional to its k-th barycentric coordinate.
     opposite: Vec<[Vector; 3]>,
-    /// The vertices of every triangle of the mesh.
+    /// Vertices of every triangle of the mesh.
     corners: Vec<[u32; 3]>,
-    /// Where each vertex' triangles start in `around`.
+    /// Start of each vertex's triangles in `around`.
     starts: Vec<u32>,
-    /// Triangles around the vertices, and their part of the solid angle around.
+    /// Triangles around the vertices, and their fractions of the solid angle around the vertex.
     around: Vec<(u32, f32)>,
     grid: Grid,
 }
@@ -77,7 +77,7 @@ impl MeshLookup {
             }
         }
         if cuts.is_empty() {
-            // A place without a choice names a plane all the same.
+            // A place with a single leaf still refers to a plane.
             cuts.push([0.0; 3]);
         }
         let opposite = octant(mesh.level()).map(|[a, b, c]| [cut(b, c, a), cut(c, a, b), cut(a, b, c)]).collect();
@@ -105,47 +105,47 @@ impl MeshLookup {
             + self.grid.memory()
     }
 
-    /// The triangle that holds `direction`; `None` outside the domain.
+    /// Triangle that contains `direction`; `None` outside the domain.
     #[inline(always)]
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
         self.locate_vector(direction.xyz())
     }
 
-    /// The triangle that holds the unit vector `d`; `None` outside the domain.
+    /// Triangle that contains the unit vector `d`; `None` outside the domain.
     #[inline(always)]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
     }
 
-    /// Whether the unit vector `d` is in the domain.
+    /// Returns true if the unit vector `d` is in the domain.
     #[inline(always)]
     pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
         z * self.up >= 0.0
     }
 
-    /// How many vertices there are.
+    /// Number of vertices.
     pub(super) fn vertices(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The vertex numbers of a triangle.
+    /// Vertex numbers of a triangle.
     #[inline]
     pub(super) fn corners(&self, triangle: usize) -> [u32; 3] {
         self.corners[triangle]
     }
 
-    /// Those of all triangles.
+    /// Vertex numbers of all triangles.
     pub(super) fn all_corners(&self) -> &[[u32; 3]] {
         &self.corners
     }
 
-    /// The triangles around a vertex, and their part of the solid angle around.
+    /// Triangles around a vertex, and their fractions of the solid angle around it.
     pub(super) fn ring(&self, vertex: u32) -> impl Iterator<Item = (usize, f32)> + '_ {
         let ring = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
         self.around[ring].iter().map(|&(triangle, weight)| (triangle as usize, weight))
     }
 
-    /// The triangles that make the smooth value at `direction`; `None` outside the domain.
+    /// Triangles and weights of the smooth value at `direction`; `None` outside the domain.
     pub(super) fn stencil(&self, direction: Direction) -> Option<Stencil> {
         let (triangle, folded) = self.descend(direction.xyz())?;
         let opposite = &self.opposite[triangle % self.opposite.len()];
@@ -164,18 +164,19 @@ impl MeshLookup {
         Some(stencil)
     }
 
-    /// The triangle that holds a unit vector, and the vector in the first octant; `None` outside the domain.
+    /// Triangle that contains a unit vector, and the vector folded into the first octant; `None` outside the domain.
     #[inline(always)]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
             return None;
         }
-        // From the signs alone: which octant it is cannot be predicted. On an edge between two it may be either.
+        // Uses sign bits without branches, as the octant is unpredictable. On an edge between two octants it may be
+        // either.
         let [left, back, down] = [x, y, z].map(|c| (c.to_bits() >> 63) as u32);
         let is_odd = left ^ back;
         let sides = [x.abs(), y.abs(), z.abs()];
         let folded = [sides[is_odd as usize], sides[is_odd as usize ^ 1], sides[2]];
-        // The column and the plane are exchanged rather than the vector, for which they need not wait then.
+        // Exchanges the column and the plane instead of the vector, so that they do not wait for it.
         let [i, j, k] = self.grid.cube(sides);
         let column = if is_odd != 0 { self.grid.column(j, i) } else { self.grid.column(i, j) };
         let place = self.grid.place(column, k);
@@ -189,18 +190,18 @@ impl MeshLookup {
         Some((self.triangle(is_odd + 2 * back, down) as usize + leaf, folded))
     }
 
-    /// The grid over the first octant.
+    /// Grid over the first octant.
     pub(super) fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// The number of the first leaf of the octant in one of the quadrants, above or below the horizon.
+    /// Number of the first leaf of an octant, given by its quadrant and its side of the horizon (`down` 1 below).
     #[inline(always)]
     pub(super) fn triangle(&self, quadrant: u32, down: u32) -> u32 {
         (quadrant + self.below * down) << self.shift
     }
 
-    /// The leaf of the first octant that holds `folded`, of any length, which lies in a place of the grid.
+    /// Leaf of the first octant that contains `folded` (of any length), given its place in the grid.
     #[inline(always)]
     pub(super) fn leaf_at(&self, place: Place, folded: Vector) -> usize {
         if let Some(root) = place.root() {
@@ -210,13 +211,13 @@ impl MeshLookup {
         usize::from(select_unpredictable(beyond, place.inside, place.outside))
     }
 
-    /// The leaf of the first octant that holds `folded`, from a node above it on, of this level.
+    /// Leaf of the first octant that contains `folded`, by a search from a node above it and that node's level.
     #[cold]
     fn leaf_below(&self, (mut node, level): (usize, u8), folded: Vector) -> usize {
         let mut width = 1 << (2 * u32::from(level));
         let mut offset = (width - 1) / 3;
         for _ in level..self.mesh.level() {
-            // All three planes and no branches: which corner it is cannot be predicted.
+            // All three planes without branches, as the corner is unpredictable.
             let planes = &self.cuts[3 * (offset + node)..][..3];
             let [beyond0, beyond1, beyond2] = [0, 1, 2].map(|k| dot(planes[k], folded) > 0.0);
             let mut child = if beyond2 { 2 } else { 3 };
@@ -230,7 +231,7 @@ impl MeshLookup {
     }
 }
 
-/// Where `theta` (degrees) lies between the elevations of an axis, held at its ends.
+/// Elevations around `theta` (degrees) with linear weights; clamped at the ends of the axis.
 pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     let Bracket { below, t, .. } = Bracket::held(values, theta);
     let mut stencil = Stencil::one(below);
@@ -241,20 +242,20 @@ pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     stencil
 }
 
-/// The triangles of the first octant; those below the horizon are their mirror images.
+/// Triangles of the first octant; those below the horizon are their mirror images.
 pub(super) fn octant(level: u8) -> impl Iterator<Item = [Vector; 3]> {
     let mesh = TriangleMesh::new(Domain::Hemisphere, level);
     mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
 }
 
-/// The plane through `a`, `b` and the origin, positive on the side of `corner`.
+/// Plane through `a`, `b` and the origin, positive on the side of `corner`.
 fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
     let plane = cross(a, b);
     if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
 }
 
-/// The vertex numbers of every triangle, and how many vertices there are. On the flat octahedron |x| + |y| + |z| = 2^L
-/// the vertices are lattice points, so that equal ones are found without comparing floats.
+/// Vertex numbers of every triangle, and the number of vertices. On the flat octahedron |x| + |y| + |z| = 2^L the
+/// vertices are lattice points, so that equal ones are found without comparing floats.
 fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     type Lattice = [i32; 3];
     let size = 1_i32 << mesh.level();
@@ -291,7 +292,7 @@ fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     (corners, count as usize)
 }
 
-/// The triangles around every vertex in index order, with their share of the solid angle.
+/// Triangles around every vertex in index order, with their fractions of the solid angle.
 fn rings(corners: &[[u32; 3]], vertices: usize, areas: &[f64]) -> (Vec<u32>, Vec<(u32, f32)>) {
     let mut starts = vec![0_u32; vertices + 1];
     let mut totals = vec![0.0; vertices];
@@ -357,7 +358,7 @@ mod tests {
             let edges = if mesh.domain() == Domain::Sphere { 3 * n / 2 } else { usize::midpoint(3 * n, rim) };
             let euler = if mesh.domain() == Domain::Sphere { 2 } else { 1 };
             assert_eq!(vertices + n, edges + euler, "{mesh:?}");
-            // A vertex number stands for one point.
+            // Each vertex number refers to one point.
             let mut points = vec![None; vertices];
             for i in 0..n {
                 for (k, v) in mesh.vertices(i).into_iter().enumerate() {
@@ -401,7 +402,7 @@ mod tests {
         let mut found: Vec<_> = pole.entries().collect();
         found.sort_by_key(|entry| entry.0);
         assert_eq!(found, [(0, 0.25), (64, 0.25), (128, 0.25), (192, 0.25)]);
-        // On the horizon only the upper side counts (others have the weight of a rounding error).
+        // On the horizon only the upper side counts; other weights are rounding errors.
         let horizon = lookup.stencil(Direction::from_degrees(90.0, 45.0)).unwrap();
         assert_eq!(horizon.entries().filter(|entry| entry.1 > 1e-6).count(), 3);
     }

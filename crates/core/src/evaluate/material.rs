@@ -1,4 +1,4 @@
-//! An opened material: its function, what is drawn from it, and what is known about it.
+//! An opened material: its function, its sampling trees and its report.
 
 use super::albedo::{Albedos, Side};
 use super::carrying::trees_of_mean;
@@ -25,7 +25,7 @@ use crate::domain::{Axis, Direction, Layout, Lobe, Measurement, Quantity, Tensor
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// An opened material; share it between threads by reference.
+/// Opened material; share it between threads by reference.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -46,7 +46,7 @@ pub struct Material {
     summary: Option<Summary>,
 }
 
-/// The function that was made of the samples.
+/// Function built from the samples.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "a query of cells goes through one pointer less, and materials are few")]
 enum Body {
@@ -55,52 +55,52 @@ enum Body {
     /// Samples on a grid of angles.
     Grid {
         stated: Box<Stated>,
-        /// The averages over triangles, built when something first asks for them.
+        /// Averages over triangles, built on first use.
         cells: OnceLock<Result<Box<Material>, EvaluateError>>,
     },
 }
 
-/// The function of cells, and what is made of it.
+/// Function of cells, and the data derived from it.
 #[derive(Debug)]
 struct Cells {
     function: Function,
-    /// Built when a first direction is drawn.
+    /// Sampling trees, built when a first direction is drawn.
     trees: OnceLock<Trees>,
-    /// Nothing without an outgoing axis.
+    /// Albedos; empty without an outgoing axis.
     albedos: Albedos,
     /// Lobe that is added to the function.
     lobe: Option<Box<Lobed>>,
 }
 
 impl Material {
-    /// Opens a compressed material: bytes that were read, or a memory map of the file.
+    /// Opens a compressed material from the bytes of its file, read or memory-mapped.
     pub fn open(bytes: &[u8]) -> Result<Self, EvaluateError> {
         Self::decoded(compress::decode(bytes)?)
     }
 
-    /// Opens a level of a compressed material: all of its file, or as many of its first bytes as [`compress::levels`] says
-    /// that the level needs.
+    /// Opens a level of a compressed material. `bytes` is the whole file, or as long a prefix as [`compress::levels`]
+    /// states for the level.
     pub fn open_level(bytes: &[u8], level: u8) -> Result<Self, EvaluateError> {
         Self::decoded(compress::decode_level(bytes, level)?)
     }
 
-    /// The levels that [`Material::open_level`] opens.
+    /// Levels that [`Material::open_level`] can open.
     pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, EvaluateError> {
         Ok(compress::levels(bytes)?)
     }
 
-    /// Uses a measurement as it is; the alignment between incoming directions is found.
+    /// Opens a measurement and selects the best alignment between incoming directions.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course::default())
     }
 
-    /// Uses a measurement with a chosen alignment between incoming directions.
+    /// Opens a measurement with a given alignment between incoming directions.
     pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course { alignment: Some(alignment), ..Course::default() })
     }
 
-    /// Uses a measurement with a chosen interpolation between incidences; where it does not fit the measurement, with that of
-    /// [`Material::of`].
+    /// Opens a measurement with a given interpolation between incidences. If that does not fit the measurement, the
+    /// result is that of [`Material::of`].
     pub fn with_between(measurement: Measurement, between: Between) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course { between, ..Course::default() })
     }
@@ -121,9 +121,9 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
-    /// Returns this material with a share, 0 to 1, of straight lines between stated samples in its smooth form. Without this
-    /// call it is that of the file, 0 for a measurement; 1 is what most readers of luminaires and of MDL's measured materials
-    /// draw. Samples of cells, which are not stated at directions, stay as they are.
+    /// Sets the fraction, 0 to 1, of linear interpolation between stated samples in the smooth form. The default is
+    /// that of the file, 0 for a measurement. 1 is what most readers of luminaires and of MDL's measured materials
+    /// draw. Samples of cells, which are not stated at directions, are unaffected.
     #[must_use]
     pub fn with_straight_lines(self, share: f32) -> Self {
         match self.body {
@@ -135,8 +135,8 @@ impl Material {
         }
     }
 
-    /// Returns this material with a lobe beside its cells: what is evaluated is the sum of both. Samples on a grid of angles stay as
-    /// they are, and so do cells that [`Settings::lobe`](crate::compress::Settings::lobe) would be refused for.
+    /// Adds a lobe to the cells: evaluation gives the sum of both. Samples on a grid of angles are unaffected. So are
+    /// cells for which [`Settings::lobe`](crate::compress::Settings::lobe) fails.
     #[must_use]
     pub fn with_lobe(mut self, lobe: Lobe) -> Self {
         let is_fit = lobe_fits(&lobe, self.quantity(), self.axes());
@@ -146,8 +146,8 @@ impl Material {
         self
     }
 
-    /// Returns this material, if its samples are those of cells; of samples on a grid of angles their averages over triangles, from
-    /// which directions are drawn and which are integrated. They are built when they are first asked for.
+    /// Returns this material if its samples are those of cells. For samples on a grid of angles, returns their averages
+    /// over triangles, the basis of sampling and integration. They are built on first use.
     #[doc(hidden)]
     pub fn over_triangles(&self) -> Result<&Self, EvaluateError> {
         match &self.body {
@@ -162,7 +162,7 @@ impl Material {
         }
     }
 
-    /// The function between samples on a grid of angles; `None` where samples are those of cells.
+    /// Function between samples on a grid of angles; `None` for samples of cells.
     pub(super) fn stated(&self) -> Option<&Stated> {
         if let Body::Grid { stated, .. } = &self.body { Some(stated) } else { None }
     }
@@ -171,7 +171,7 @@ impl Material {
         if let Body::Cells(cells) = &self.body { Some(cells) } else { None }
     }
 
-    /// The material of a decoded file, with its header.
+    /// Opens a decoded file, with its header.
     pub(super) fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
         let mut material = Self::with_between(measurement, summary.between)?;
         if let Some(lobe) = &summary.lobe {
@@ -184,49 +184,49 @@ impl Material {
         Ok(Self { summary: Some(summary), ..material })
     }
 
-    /// What was measured.
+    /// Measured quantity.
     pub fn quantity(&self) -> Quantity {
         self.geometry().quantity()
     }
 
-    /// The unit of a value.
+    /// Unit of a value.
     pub fn unit(&self) -> Unit {
         self.geometry().unit()
     }
 
-    /// The axes of the samples.
+    /// Axes of the samples.
     pub fn axes(&self) -> &[Axis] {
         self.geometry().axes()
     }
 
-    /// The roles of the axes.
+    /// Roles of the axes.
     pub fn layout(&self) -> &Layout {
         self.geometry().layout()
     }
 
-    /// The header of the compressed material, if it was opened from one.
+    /// Header of the compressed material; `None` if it was opened from a measurement.
     pub fn summary(&self) -> Option<&Summary> {
         self.summary.as_ref()
     }
 
-    /// Samples in one spectrum: 1 for monochromatic data, 3 for RGB.
+    /// Number of samples in one spectrum: 1 for monochromatic data, 3 for RGB.
     #[inline]
     pub fn lambdas(&self) -> usize {
         self.geometry().lambdas()
     }
 
-    /// The wavelengths in nm, if the spectral axis has any.
+    /// Wavelengths in nm; `None` for RGB and monochromatic data.
     pub fn wavelengths(&self) -> Option<Vec<f64>> {
         self.geometry().grid().map(WavelengthGrid::values)
     }
 
-    /// Returns true where an incoming direction lies past the last elevation that was measured: what is evaluated there is
-    /// extrapolated from that elevation.
+    /// Returns true if an incoming direction lies past the last measured elevation. Values there are extrapolated from
+    /// that elevation.
     pub fn is_extrapolated(&self, wi: Option<Direction>) -> bool {
         wi.is_some_and(|wi| self.geometry().is_past_last(wi))
     }
 
-    /// What the opened form is made of.
+    /// Reports on the opened form.
     pub fn report(&self) -> OpenedReport {
         match &self.body {
             Body::Cells(cells) => OpenedReport::of(cells.function.form(), self.memory()),
@@ -234,8 +234,8 @@ impl Material {
         }
     }
 
-    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, albedo, and the sampling
-    /// trees, which the first direction that is drawn builds.
+    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, albedo and sampling
+    /// trees. Trees that are not built yet count with their expected size.
     pub fn memory(&self) -> usize {
         let body = match &self.body {
             Body::Cells(cells) => cells.memory(),
@@ -247,18 +247,18 @@ impl Material {
         size_of::<Self>() + body
     }
 
-    /// The number of `index` among the entries of the opaque axes, row-major.
+    /// Row-major position of `index` among the entries of the opaque axes.
     pub fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         self.geometry().entry(index)
     }
 
-    /// The entry of each opaque axis that `entry` is the row-major number of.
+    /// Inverse of [`Material::entry`]: index on each opaque axis.
     pub fn index_of(&self, entry: usize) -> Vec<usize> {
         self.geometry().index_of(entry)
     }
 
-    /// The whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine;
-    /// NaN = masked, 0 where `wo` is outside the outgoing domain.
+    /// Writes the whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine.
+    /// NaN is masked; values are 0 if `wo` is outside the outgoing domain.
     #[inline]
     pub fn evaluate(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
@@ -267,9 +267,9 @@ impl Material {
         }
     }
 
-    /// Values at `wavelengths` in nm into `out` (as long), linear between the samples of the spectrum at `place`, outside
-    /// the measured range as `beyond` says. NaN = masked, also where one of the two samples is. RGB and monochromatic data
-    /// are refused: they have no wavelengths.
+    /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
+    /// samples of the spectrum at `place`; outside the measured range `beyond` applies. A value is NaN (masked) if one
+    /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
     #[inline]
     pub fn at_wavelengths(
         &self,
@@ -285,8 +285,8 @@ impl Material {
         }
     }
 
-    /// The inner product of the spectrum at `place` with `weights`, one a sample of a spectrum: its luminance or another
-    /// colour coordinate, power in a band, a mean. NaN where a sample with a weight is masked.
+    /// Inner product of the spectrum at `place` with `weights`, one for each sample: a luminance or another colour
+    /// coordinate, power in a band, a mean. NaN if a sample with a nonzero weight is masked.
     pub fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.weighted(place, how, weights),
@@ -294,8 +294,8 @@ impl Material {
         }
     }
 
-    /// The piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing one;
-    /// of a table without directions, of one spectrum. NaN = masked.
+    /// Piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing
+    /// one. A table without directions gives one spectrum. NaN is masked.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -306,7 +306,7 @@ impl Material {
         }
     }
 
-    /// The samples as they are opened: those decoded, but for the deviation that [`Material::report`] states.
+    /// Samples as opened: the decoded ones, up to the deviation that [`Material::report`] states.
     pub fn measurement(&self) -> Result<Measurement, EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.measurement(),
@@ -314,8 +314,9 @@ impl Material {
         }
     }
 
-    /// The spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread; no allocation. A pair that is refused ends
-    /// it. As near to [`Material::evaluate`] as the [rules](super#rules) say of batches.
+    /// Writes the spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread. Does not allocate. Stops at
+    /// the first refused pair. Agrees with [`Material::evaluate`] within the tolerance that the [rules](super#rules)
+    /// give for batches.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.spectra(pairs, how, out),
@@ -323,7 +324,7 @@ impl Material {
         }
     }
 
-    /// [`Material::spectra`] on all threads.
+    /// Runs [`Material::spectra`] on all threads.
     pub fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.par_spectra(pairs, how, out),
@@ -331,8 +332,8 @@ impl Material {
         }
     }
 
-    /// The density in sr⁻¹ with which [`Material::sample`] with the same options draws `wo`; 0 outside the outgoing domain,
-    /// where the function is masked, and where nothing is emitted or reflected.
+    /// Density in sr⁻¹ with which [`Material::sample`] draws `wo` for the same options. It is 0 outside the outgoing
+    /// domain, where the function is masked, and where there is no light.
     pub fn pdf(
         &self,
         index: &[usize],
@@ -347,8 +348,8 @@ impl Material {
         self.sampler()?.pdf(index, wi, wo, options.into())
     }
 
-    /// Draws an outgoing direction from the unit square's `u`, by the mean over wavelengths; `None` where nothing is emitted
-    /// or reflected, and for the few points whose direction is masked. `options` may be given as an end level alone.
+    /// Draws an outgoing direction from the point `u` of the unit square, by the mean over wavelengths. `None` if there
+    /// is no light, and for the few points whose direction is masked. `options` may be an end level alone.
     pub fn sample(
         &self,
         index: &[usize],
@@ -363,8 +364,8 @@ impl Material {
         }
     }
 
-    /// The direction and density of [`Material::sample`] alone, for callers who evaluate f themselves; `None` where nothing
-    /// is drawn.
+    /// Returns only the direction and density of [`Material::sample`], for callers who evaluate f themselves; `None`
+    /// for a failed draw.
     #[inline]
     pub fn draw(
         &self,
@@ -379,7 +380,8 @@ impl Material {
         Ok(drawn.map(|(direction, pdf)| (turning.outward(direction), pdf)))
     }
 
-    /// [`Material::pdf`] at `pairs` into `out`, on the calling thread; no allocation. A pair that is refused ends it.
+    /// Writes [`Material::pdf`] at `pairs` into `out`, on the calling thread. Does not allocate. Stops at the first
+    /// refused pair.
     pub fn pdfs(
         &self,
         pairs: Pairs<'_>,
@@ -403,8 +405,9 @@ impl Material {
         Ok(())
     }
 
-    /// [`Material::sample`] for each incoming direction `wi` (as many as there are points; `None` for quantities without) and
-    /// point `u` of the unit square into `out`, on the calling thread; no allocation. What is refused ends it.
+    /// Writes [`Material::sample`] for each incoming direction `wi` and point `u` of the unit square into `out`, on the
+    /// calling thread. `wi` has one direction for each point; `None` for quantities without. Does not allocate. Stops
+    /// at the first refused point.
     pub fn samples(
         &self,
         index: &[usize],
@@ -420,9 +423,9 @@ impl Material {
         }
     }
 
-    /// A point of the unit square that [`Material::sample`] with the same options takes to `wo`; `None` where its density is 0.
-    /// Trees of several incoming nodes may draw one direction, and the defensive part any: the point is the first tree's that
-    /// does, and the defensive part's where none does.
+    /// Returns a point of the unit square from which [`Material::sample`] with the same options draws `wo`; `None` if
+    /// its density is 0. Trees of several incoming nodes may draw the same direction, and the defensive part any. The
+    /// point is that of the first such tree, or of the defensive part if there is none.
     pub fn invert(
         &self,
         index: &[usize],
@@ -434,20 +437,21 @@ impl Material {
         self.sampler()?.invert(index, wi, wo, options.into())
     }
 
-    /// Builds the sampling trees now, which the first query that draws a direction or asks for a density would do: for
-    /// renderers that want no query to allocate or to wait.
+    /// Builds the sampling trees now rather than in the first query that needs them, for renderers in which no query
+    /// may allocate or wait.
     pub fn prepare_sampling(&self) -> Result<(), EvaluateError> {
         self.sampler().map(|_| ())
     }
 
-    /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Refused outside the measured range.
+    /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Fails outside the measured
+    /// range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
         let function = (&cells.function, cells.lobe.as_deref());
         WavelengthSampler::at(function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
 
-    /// The sampler by the mean over wavelengths; its trees are built when they are first asked for.
+    /// Sampler by the mean over wavelengths; its trees are built on first use.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
@@ -462,19 +466,19 @@ impl Material {
         }
     }
 
-    /// The function of cells; `None` where samples are on a grid of angles.
+    /// Function of cells; `None` for samples on a grid of angles.
     #[inline(always)]
     pub(super) fn function(&self) -> Option<&Function> {
         self.cells().map(|cells| &cells.function)
     }
 
-    /// The function of the material, where a few planes with smooth tables hold all of it.
+    /// Function, planes and smooth tables; `None` if every sample is kept or there is a lobe.
     #[inline(always)]
     pub(super) fn planes(&self) -> Option<(&Function, &Planes, &Smooth)> {
         if self.cells().is_some_and(|cells| cells.lobe.is_some()) { None } else { self.planes_of_cells() }
     }
 
-    /// The function of cells without the lobe beside them, where a few planes with smooth tables hold it.
+    /// Function, planes and smooth tables of the cells without their lobe; `None` if every sample is kept.
     #[inline(always)]
     pub(super) fn planes_of_cells(&self) -> Option<(&Function, &Planes, &Smooth)> {
         let function = self.function()?;
@@ -492,14 +496,15 @@ impl Material {
         }
     }
 
-    /// The stored integrals of one side, `[cell, lambda]`, where `wi` is above or not; `None` where nothing goes there.
+    /// Stored integrals of one side, `[cell, lambda]`, for an incoming direction above or below; `None` if no light can
+    /// leave on that side.
     pub(super) fn stored_albedos(&self, side: Side, is_above: bool) -> Option<&[f32]> {
         self.cells()?.albedos.of(side, is_above)
     }
 }
 
 impl Cells {
-    /// Takes a lobe beside the function.
+    /// Adds a lobe to the function.
     fn take(&mut self, lobe: Lobed) {
         self.albedos.add(|table| lobe.add_light(self.function.geometry(), table));
         self.lobe = Some(Box::new(lobe));
@@ -555,7 +560,7 @@ impl Cells {
         })
     }
 
-    /// The samples of a slice, with the means of the lobe.
+    /// Samples of a slice, including the means of the lobe.
     fn slice(&self, slice: usize) -> Vec<f32> {
         let mut samples = self.function.slice(slice);
         if let Some(lobe) = &self.lobe {
@@ -564,7 +569,7 @@ impl Cells {
         samples
     }
 
-    /// The samples of cells, with the means of the lobe.
+    /// Samples of cells, including the means of the lobe.
     fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let mut measurement = self.function.measurement()?;
         if self.lobe.is_some() {
@@ -580,7 +585,7 @@ impl Cells {
         self.trees.get_or_init(|| trees_of_mean(&self.function, lookup))
     }
 
-    /// Memory in bytes, without the size of the type; of trees that are not built yet, what they will take.
+    /// Memory in bytes, without the size of the type; unbuilt trees count with their expected size.
     fn memory(&self) -> usize {
         let mesh = self.function.geometry().mesh();
         let expected = || mesh.map_or(0, |lookup| Trees::expected_memory(&self.function, lookup));

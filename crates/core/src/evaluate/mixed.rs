@@ -1,28 +1,28 @@
-//! Rows of coefficients with the share of light that they stand for, and means of such rows.
+//! Rows of coefficients with their share of light, and means of such rows.
 
 use super::reconstruct::STEEPEST;
 
-/// Coefficients that a row holds at most; spectra that need more are kept whole.
+/// Maximum number of coefficients in a row; spectra that need more are kept whole.
 pub(super) const MOST_PLANES: usize = 16;
-/// A presence below this is taken as none.
+/// Presence (share of light) up to which a place counts as dark.
 pub(super) const NO_LIGHT: f32 = 1e-4;
-/// A row of coefficients on the stack.
+/// Row of coefficients on the stack.
 pub(super) type Row = [f32; MOST_PLANES];
 
-/// What is interpolated at a place.
+/// Interpolated row at a place.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mixed {
     pub(super) row: Row,
-    /// The share of light; NaN where all is masked.
+    /// Share of light; NaN if fully masked.
     pub(super) presence: f32,
 }
 
 impl Mixed {
-    /// No light.
+    /// Row without light.
     pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
 
-    /// Of a sum of rows that weigh `live` together, of `known` that are not masked. Weights of a fit may be negative, and
-    /// what is left of them next to nothing.
+    /// Normalises a weighted sum of rows, given the total weight of lit ones and of unmasked ones. Weights of a fit may
+    /// be negative and nearly cancel.
     #[inline(always)]
     pub(super) fn settled(mut row: Row, live: f32, known: f32) -> Self {
         let mut presence = 0.0;
@@ -37,18 +37,18 @@ impl Mixed {
     }
 }
 
-/// Rows mixed by weight and presence; masked ones left out. Weights of a fit may be negative: where rows are missing and what is
-/// left of the weights is small beside their sizes, the fit would extrapolate, and the positive ones alone are taken.
+/// Rows mixed by weight and presence; masked ones are skipped. Weights of a fit may be negative. If rows are missing
+/// and the remaining weights nearly cancel, the fit would extrapolate; then only positive weights count.
 pub(super) struct Mixture {
     all: Sums,
     positive: Sums,
-    /// The sum of the sizes of weights.
+    /// Sum of the absolute weights.
     size: f32,
-    /// True once a row was masked or partly dark.
+    /// True if a row was masked or partly dark.
     is_incomplete: bool,
 }
 
-/// Rows, the weight of what is live in them and that of what is known, summed.
+/// Weighted sum of rows, and total weights of lit and of unmasked ones.
 struct Sums {
     row: Row,
     live: f32,

@@ -1,16 +1,17 @@
-//! What directions are drawn from under one incoming direction: a mixture of the trees around it and of a defensive part.
+//! Sampling distribution under one incoming direction: a mixture of the trees around it and of a defensive part.
 //!
-//! The smooth function under an incoming direction wi stands between those of the nodes around it, with weights that are not
-//! negative and add up to 1. The first coordinate of the unit square chooses a node, by its weight times the light under it;
-//! that node's tree draws a direction; where lobes move with wi it is carried along ([`super::Alignment`]). The density is
-//! that of all the nodes together,
+//! The smooth function under an incoming direction wi lies between those of the nodes around it, with nonnegative
+//! weights that sum to 1. The first coordinate of the unit square chooses a node, in proportion to its weight times the
+//! light under it. That node's tree draws a direction. If lobes move with wi, the direction follows the alignment
+//! ([`super::Alignment`]). The density is that of all the nodes together,
 //!
-//! pdf(wo) = (1 − δ) Σₖ shareₖ · pₖ(wo carried back to node k) · dω′/dω + δ · b(wo),
+//! pdf(wo) = (1 − δ) Σₖ shareₖ · pₖ(wo mapped back to node k) · dω′/dω + δ · b(wo),
 //!
-//! with b by the cosine over the whole domain, or uniform over a luminaire's light. An average of logarithms is at most the
-//! average of values, so no weight f·cos/pdf exceeds what the nodes reflect on average but for light that carrying brings
-//! nearer to the horizon or further from it. Where every sample is kept the nodes are the cells whose mean the function is. The
-//! piecewise constant form, with its uniform density, has one node: the cell of wi.
+//! where b is proportional to the cosine over the whole domain, or uniform over a luminaire's light. An average of
+//! logarithms is at most the average of values. Hence no weight f·cos/pdf exceeds the average albedo of the nodes,
+//! except for light that the alignment moves towards the horizon or away from it. If every sample is kept, the nodes
+//! are the cells whose mean the function is. The piecewise constant form, with its uniform density, has one node: the
+//! cell of wi.
 
 use super::background::Background;
 use super::carried::{Carried, Carry, STAYING};
@@ -24,39 +25,39 @@ use super::warp::{BELOW_ONE, Density, SampleOptions};
 use crate::domain::Direction;
 use crate::domain::vector::Vector;
 
-/// Nodes that are around a direction, but where every sample is kept.
+/// Maximum number of nodes around a direction, unless every sample is kept.
 pub(super) const FEW: usize = 3;
 
-/// The mixture under an incoming direction.
+/// Mixture under an incoming direction.
 pub(super) struct Mixture<'a> {
     trees: &'a Trees,
     function: &'a Function,
     entry: usize,
     options: SampleOptions,
     parts: Parts,
-    /// The alignment, the outgoing domain and the incoming direction asked for, where directions are carried.
+    /// Alignment, outgoing domain and queried incoming direction; `None` if directions stay.
     carry: Option<(Carry, Vector)>,
     defensive: f64,
 }
 
-/// The trees of a mixture.
+/// Trees of a mixture.
 enum Parts {
     Few(Shares),
-    /// Cells, the trees' number of the first one, and what their weights times their light add up to, over the part of trees.
+    /// Cells, the number of the first one's tree, and the sum of their weights times their light.
     Many(Stencil, usize, f64),
 }
 
-/// Trees and their shares of the part of trees; 0 beyond those that there are.
+/// Trees and their shares, which sum to 1; 0 for unused slots.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shares {
     pub(super) nodes: [u32; FEW],
     pub(super) parts: [f64; FEW],
 }
 
-/// The choice of one of several parts, which add up to 1, by a number from 0 to 1; the parts are offered in turn.
+/// Choice of one of several parts, which sum to 1, by a number from 0 to 1. The parts are offered in turn.
 struct Choice<T> {
     left: f64,
-    /// The last part that was offered, and what is left of the number, stretched over it.
+    /// Last part offered, and the position of the number within it, rescaled to 0..1.
     chosen: Option<(T, f64)>,
 }
 
@@ -97,7 +98,7 @@ impl<'a> Mixture<'a> {
         Ok(Self { trees, function, entry, options, parts, carry: to, defensive })
     }
 
-    /// The entry of the incoming axis that holds the direction, where that is known.
+    /// Entry of the incoming axis that contains the direction, if already known.
     #[inline(always)]
     pub(super) fn incoming(&self) -> Option<usize> {
         let Parts::Few(shares) = &self.parts else { return None };
@@ -107,7 +108,7 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// The cell of a leaf under the first node, which is that of the piecewise constant form.
+    /// Cell of a leaf under the first node, which is that of the piecewise constant form.
     #[inline(always)]
     pub(super) fn cell(&self, leaf: usize) -> usize {
         let incoming = if let Parts::Few(shares) = &self.parts { shares.nodes[0] as usize } else { 0 };
@@ -115,7 +116,7 @@ impl<'a> Mixture<'a> {
         (self.entry * n_in + incoming) * n_out + leaf
     }
 
-    /// Light of the trees, each by its share; 0 where none has any.
+    /// Light of the trees, weighted by their shares; 0 if none has any.
     pub(super) fn light(&self) -> f64 {
         let mut sum = 0.0;
         self.each(|tree, _, share| {
@@ -125,7 +126,7 @@ impl<'a> Mixture<'a> {
         sum
     }
 
-    /// The trees and their shares.
+    /// Calls `work` with the tree, node and share of each component until it returns true.
     #[inline(always)]
     fn each(&self, mut work: impl FnMut(usize, usize, f64) -> bool) {
         match &self.parts {
@@ -147,20 +148,20 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// How a direction is carried from a node, on the side of the horizon where `z` is.
+    /// Mapping of directions from a node, on the side of the horizon of the height `z`; `None` if directions stay.
     #[inline(always)]
     fn carried(&self, node: usize, z: f64) -> Option<Carried> {
         let ((alignment, domain), to) = self.carry?;
         Some(Carried::over(alignment, domain, z, self.function.node_direction(node), to))
     }
 
-    /// The options of a tree alone.
+    /// Options of a single tree, without the defensive part.
     #[inline(always)]
     fn own(&self) -> SampleOptions {
         SampleOptions { defensive: 0.0, ..self.options }
     }
 
-    /// The density of a direction of the outgoing domain, as the material knows it: turned to azimuth 0 of isotropic data.
+    /// Density in sr⁻¹ of a direction of the outgoing domain, rotated to azimuth 0 for isotropic data.
     #[inline(always)]
     pub(super) fn density(&self, wo: Direction) -> f64 {
         let (own, warps) = (self.own(), self.trees.warps());
@@ -176,7 +177,7 @@ impl<'a> Mixture<'a> {
         self.with_defence(sum, wo)
     }
 
-    /// The density of a direction whose trees' is known.
+    /// Density of the mixture, given that of its trees.
     #[inline(always)]
     fn with_defence(&self, trees: f64, wo: Direction) -> f64 {
         if self.defensive == 0.0 {
@@ -193,7 +194,7 @@ impl<'a> Mixture<'a> {
         (self.entry, self.options.density)
     }
 
-    /// A direction, and the leaf in which a tree drew it where that does not move; `None` where nothing is drawn.
+    /// Draws a direction, with its leaf if the tree's direction stays in place; `None` for a failed draw.
     #[inline(always)]
     pub(super) fn draw(&self, u: [f64; 2]) -> Option<(Direction, Option<usize>)> {
         let warps = self.trees.warps();
@@ -212,8 +213,8 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// A point of the unit square that [`Mixture::draw`] takes to a direction: of the first node whose tree draws it, or else
-    /// of the defensive part.
+    /// Point of the unit square from which [`Mixture::draw`] draws a direction: that of the first node whose tree draws
+    /// it, else of the defensive part.
     pub(super) fn invert(&self, wo: Direction) -> Option<[f64; 2]> {
         let (own, warps) = (self.own(), self.trees.warps());
         let (mut start, mut found) = (0.0, None);
@@ -242,7 +243,7 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// The entry of the opaque axes, after a look at the options.
+/// Checks the options and returns the entry of the opaque axes.
 #[inline]
 pub(super) fn sampled_entry(
     function: &Function,
@@ -255,8 +256,8 @@ pub(super) fn sampled_entry(
     function.geometry().entry(index)
 }
 
-/// Splits 0..1 into two parts, the second of the length `second`. Returns the place of `u` within its part, from 0 to 1, and true
-/// if that is the second part.
+/// Splits 0..1 into two parts, the second of length `second`. Returns the relative position of `u` in its part, 0 to 1,
+/// and true for the second part.
 #[inline(always)]
 pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     let first = 1.0 - second;
@@ -265,7 +266,7 @@ pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     (left.min(BELOW_ONE), is_second)
 }
 
-/// The density of a mixture, by that of its trees and that of its defensive part.
+/// Density of a mixture, from that of its trees and that of its defensive part.
 #[inline(always)]
 pub(super) fn mixed(defensive: f64, trees: f64, background: f64) -> f64 {
     (1.0 - defensive) * trees + defensive * background
@@ -277,7 +278,8 @@ impl<T> Choice<T> {
         Self { left: u, chosen: None }
     }
 
-    /// Offers a part; returns true if the number lies in it. Where rounding leaves the number beyond the last part, that is chosen.
+    /// Offers a part; returns true if the number lies in it. If rounding puts the number beyond the last part, that one
+    /// is chosen.
     #[inline(always)]
     fn is_made(&mut self, offered: T, share: f64) -> bool {
         self.chosen = Some((offered, (self.left / share).min(BELOW_ONE)));
@@ -287,17 +289,17 @@ impl<T> Choice<T> {
 }
 
 impl Shares {
-    /// No tree.
+    /// Empty selection.
     pub(super) const NONE: Self = Self { nodes: [0; FEW], parts: [0.0; FEW] };
 
-    /// The tree of one node, without a share where it has no light.
+    /// Tree of one node; its share is 0 if it has no light.
     #[inline(always)]
     pub(super) fn one(trees: &Trees, entry: usize, node: u32) -> Self {
         let has_light = trees.warps().total(trees.tree(entry, node as usize)) > 0.0;
         Self { nodes: [node, 0, 0], parts: [if has_light { 1.0 } else { 0.0 }, 0.0, 0.0] }
     }
 
-    /// The shares of nodes around an incoming direction, in proportion to weight times light; all are 0 where none has light.
+    /// Shares of nodes around an incoming direction, in proportion to weight times light; all are 0 if none has light.
     #[inline(always)]
     pub(super) fn around(trees: &Trees, entry: usize, &Around { nodes, weights, .. }: &Around) -> Self {
         let first = trees.tree(entry, 0);
@@ -310,14 +312,14 @@ impl Shares {
         Self { nodes, parts: parts.map(|part| part * scale) }
     }
 
-    /// Nodes that have a share.
+    /// Nodes with a nonzero share.
     #[inline(always)]
     fn each(&self) -> impl Iterator<Item = (u32, f64)> {
         self.nodes.into_iter().zip(self.parts).filter(|(_, share)| *share > 0.0)
     }
 
-    /// Chooses a node by a number `u` from 0 to 1 and exchanges it with the first one. Returns the place of `u` within the
-    /// node's share, from 0 to 1.
+    /// Chooses a node by a number `u` from 0 to 1 and swaps it with the first one. Returns the relative position of `u`
+    /// in the node's share, 0 to 1.
     #[inline(always)]
     pub(super) fn choose(&mut self, u: f64) -> f64 {
         let mut choice = Choice::by(u);

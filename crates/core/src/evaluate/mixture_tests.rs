@@ -25,7 +25,7 @@ fn uniform(domain: Domain, rng: &mut impl Rng) -> Direction {
     Direction::from_radians(z.acos(), TAU * rng.random::<f64>())
 }
 
-/// A lobe around the mirror direction, or around the way straight on, of this width.
+/// A lobe of this width around the mirror direction, or around the direction straight on.
 fn lobed(quantity: Quantity, incoming: Axis, outgoing: TriangleMesh, width: f64) -> Measurement {
     let directions: Vec<Vector> = match &incoming {
         Axis::Triangles(mesh) => (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect(),
@@ -44,7 +44,7 @@ fn lobed(quantity: Quantity, incoming: Axis, outgoing: TriangleMesh, width: f64)
     Measurement::new(quantity, Unit::PerSteradian, Sampling::Average, tensor).unwrap()
 }
 
-/// Lobes on triangles and on elevations, above, below and on both sides, carried in every way.
+/// Lobes on triangles and on elevations, above, below and on both sides, under every alignment.
 fn lobes() -> Vec<(Material, Domain)> {
     let triangles = || Axis::Triangles(mesh(Domain::Hemisphere, 1));
     let elevations = || Axis::Elevation(vec![0.0, 20.0, 45.0, 70.0]);
@@ -91,7 +91,7 @@ fn where_there_is_light_there_is_a_density() {
     }
 }
 
-/// A luminaire of random light, from 1e-7 to 1, in the cells that `is_lit` names.
+/// A luminaire of random light, from 1e-7 to 1, in the cells that `is_lit` selects.
 fn cut_lamp(mesh: TriangleMesh, is_lit: impl Fn(usize) -> bool, rng: &mut impl Rng) -> Material {
     let samples = (0..mesh.len()).map(|cell| {
         let light = 10_f32.powf(-7.0 * rng.random::<f32>());
@@ -153,7 +153,7 @@ fn beside_holes_values_stay_near_those_around() {
     }
 }
 
-/// One side of z < 4.3 in 21 tests: a correct sampler fails with fresh seeds once in 5,000 runs.
+/// One-sided z < 4.3 in 21 tests: a correct sampler fails with fresh seeds once in 5,000 runs.
 #[test]
 fn directions_between_nodes_follow_their_density_and_weights_have_the_integral_as_their_mean() {
     const COUNT: usize = 40_000;
@@ -207,7 +207,7 @@ fn trees_are_built_once_by_whichever_thread_draws_first() {
     for (m, _) in lobes() {
         let expected = m.memory();
         let wi = Some(angles(40.0, 40.0));
-        // Threads of the pool wait for the one that builds, which needs none of them.
+        // Threads of the pool wait for the one that builds, which uses none of them.
         let drawn: Vec<_> = (0..64).into_par_iter().map(|_| m.draw(&[], wi, [0.4, 0.6], None).unwrap()).collect();
         assert!(drawn.windows(2).all(|pair| pair[0] == pair[1]) && drawn[0].is_some());
         assert_eq!(m.memory(), expected);

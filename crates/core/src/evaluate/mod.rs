@@ -1,34 +1,36 @@
-//! A material in use: spectra, pdf, importance samples and albedo. No query allocates, but the first that draws a direction
-//! or asks for a density builds the sampling trees ([`Material::prepare_sampling`]).
+//! Evaluation of a material: spectra, pdf, importance samples and albedo. Queries do not allocate. The exception is the
+//! first that draws a direction or returns a density: it builds the sampling trees ([`Material::prepare_sampling`]).
 //!
 //! # Rules
-//! * **Piecewise constant** is what was measured: a sample holds over its whole triangle.
-//! * **Smooth** is continuous over directions. Where a few planes hold all spectra (nearly always) it is made of quadratic
-//!   elements over outgoing directions, through values that have the cells' averages, in logarithms where data are positive;
-//!   over incoming directions it goes from one to the next with lobes moving along ([`Alignment`]). Otherwise (single
-//!   samples masked or zero, spectra of high rank) a vertex value is the mean of the triangles around it by solid angle, and
-//!   a direction lies barycentrically between three; that never leaves the range of the samples around.
-//! * **Masked** cells are left out and the others weigh more; where all are masked the answer is NaN.
-//! * **Outside**: `wi` outside the incoming domain is refused. `wo` outside the outgoing domain has value 0 and pdf 0: the
-//!   material sends nothing there. Wavelengths outside the measured range are as
-//!   [`Beyond`] says: masked unless asked otherwise.
-//! * **Isotropic** data (incoming elevations): the azimuth of `wi` is taken from `wo` too. Elevations beyond the ends of
-//!   the axis take the value of its end.
-//! * **The horizon** (z = 0 exactly) belongs to every domain it bounds: to the upper hemisphere, to the lower one, and on the
-//!   whole sphere to the upper cells. Values there are those of the cells beside it, without a cosine, and finite; weights
-//!   of samples and albedos have |cos θo| and go to 0 with it. Below it a `wo` is outside an upper outgoing axis (0), a
-//!   `wi` outside an upper incoming one (refused). At grazing `wi` the function is that of the outermost cells: nothing
-//!   is extrapolated beyond their centroids. What leaves on the side of `wi` is reflected, on the other transmitted; a
-//!   direction on the horizon is above. Over a whole sphere the smooth form is continuous across the horizon, so that the
-//!   two sides of a BSDF mix within a cell of it; the constant form keeps them apart.
-//! * **Batches** ([`Pairs`]) are answered block by block. Where directions are unit vectors ([`Directions::of`]), an answer has
-//!   the same bits however a batch is cut and whatever stands beside it. From the answer of a single call it differs by
-//!   rounding, as sums stand in another order: by at most 2e-5 of a value or weight (of the largest sample, where data have
-//!   negative values) and 1e-9 of a density. Coordinates are located in f32 for the constant form: within rounding of an
-//!   edge the cell beyond it may be taken.
-//! * **Negative** values are given as they were measured: data with none never give any, in either form. Where data have
-//!   some, sampling takes negative means over wavelengths as 0, and everything else has them unless
-//!   [`physics::Preparation::clamp`] asks for 0.
+//! * **Piecewise constant** is the measured data: a sample holds over its whole triangle.
+//! * **Smooth** is continuous over directions. If a few planes represent all spectra, which is nearly always so, it
+//!   consists of quadratic elements over outgoing directions. They pass through values that have the cells' averages,
+//!   in logarithms if data are positive. Over incoming directions it interpolates between neighbours whose lobes are
+//!   aligned ([`Alignment`]). Otherwise (single samples masked or zero, spectra of high rank) a vertex value is the
+//!   mean of the triangles around it by solid angle. A direction is then interpolated barycentrically between three
+//!   vertices, which never leaves the range of the samples around.
+//! * **Masked** cells are skipped and the remaining weights renormalised; if all are masked the answer is NaN.
+//! * **Outside**: a `wi` outside the incoming domain is refused. A `wo` outside the outgoing domain has value 0 and pdf
+//!   0, as the material sends no light there. [`Beyond`] decides about wavelengths outside the measured range; by
+//!   default they are masked.
+//! * **Isotropic** data (incoming elevations): `wo` is rotated by the azimuth of `wi`. Elevations beyond the ends of
+//!   the axis have the value of its end.
+//! * **The horizon** (z = 0 exactly) belongs to every domain it bounds: to the upper hemisphere, to the lower one, and
+//!   on the whole sphere to the upper cells. Values there are those of the adjacent cells, without a cosine, and
+//!   finite. Weights of samples and albedos have |cos θo| and go to 0 with it. Below the horizon a `wo` is outside an
+//!   upper outgoing axis (0), a `wi` outside an upper incoming one (refused). At grazing `wi` the function is that of
+//!   the outermost cells: nothing is extrapolated beyond their centroids. Light that leaves on the side of `wi` is
+//!   reflected, on the other transmitted; a direction on the horizon counts as above. Over a whole sphere the smooth
+//!   form is continuous across the horizon, so that the two sides of a BSDF mix within one cell of it. The constant
+//!   form keeps them apart.
+//! * **Batches** ([`Pairs`]) are evaluated block by block. For unit vectors ([`Directions::of`]) an answer is
+//!   bit-identical however a batch is split and whatever else is in it. It differs from the answer of a single call by
+//!   rounding, as sums are in another order. The difference is at most 2e-5 of a value or weight (of the largest
+//!   sample, if data have negative values) and 1e-9 of a density. Coordinates are located in f32 for the constant form:
+//!   within rounding of an edge, the neighbouring cell may be chosen.
+//! * **Negative** values are returned as measured; data without them never yield any, in either form. Sampling treats
+//!   negative means over wavelengths as 0. Everything else uses them, unless [`physics::Preparation::clamp`] sets them
+//!   to 0.
 
 #![allow(
     clippy::inline_always,

@@ -1,4 +1,4 @@
-//! Arithmetic that is written once for single numbers, in loops that become vector code, and for four side by side.
+//! Arithmetic written once for single numbers, in loops that vectorise, and for four numbers side by side.
 
 use crate::numeric::exponential::{exp_estrin, exp_estrin_of_four};
 use std::ops::{Add, Div, Mul, Sub};
@@ -8,29 +8,29 @@ use wide::f32x4;
 pub(super) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// What comparisons give.
+    /// Result type of comparisons.
     type Mask: Copy;
 
     fn of(x: f32) -> Self;
     fn less(self, other: Self) -> Self::Mask;
     fn at_most(self, other: Self) -> Self::Mask;
-    /// `a` where the mask says so, else `b`.
+    /// Selects `a` where the mask is set, else `b`.
     fn choose(mask: Self::Mask, a: Self, b: Self) -> Self;
     fn larger(self, other: Self) -> Self;
     fn smaller(self, other: Self) -> Self;
     fn size(self) -> Self;
-    /// The square root, correctly rounded.
+    /// Square root, correctly rounded.
     fn root(self) -> Self;
     fn exp(self) -> Self;
-    /// Returns true where no lane is infinite or no number.
+    /// Returns true if every lane is finite.
     fn is_finite(self) -> bool;
-    /// Reads it from place `at` on.
+    /// Reads all lanes from position `at` on.
     fn read(from: &[f32], at: usize) -> Self;
-    /// Writes as many as there is room for.
+    /// Writes as many lanes as `to` has room for.
     fn write_some(self, to: &mut [f32]);
-    /// Writes it from place `at` on.
+    /// Writes all lanes from position `at` on.
     fn write(self, to: &mut [f32], at: usize);
-    /// The same for integers of 0 or more and below 2²³.
+    /// Writes integers, which must be at least 0 and below 2²³, from position `at` on.
     fn write_integer(self, to: &mut [u32], at: usize);
 }
 
@@ -106,7 +106,7 @@ impl Number for f32 {
 
     #[inline(always)]
     fn write_integer(self, to: &mut [u32], at: usize) {
-        // From 2²³ on the integer stands in the low bits.
+        // 2²³: added to an integer, it leaves the integer in the low bits of the mantissa.
         const FIRST: f32 = 8_388_608.0;
         to[at] = (self + FIRST).to_bits() & (FIRST as u32 - 1);
     }

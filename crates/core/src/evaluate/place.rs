@@ -1,37 +1,37 @@
-//! Where in a material to look, and how: a place, the form of the function, what lies outside the wavelengths.
+//! Arguments of an evaluation: a place, the form of the function, and the treatment of wavelengths out of range.
 
 use crate::domain::Direction;
 
-/// Where in a material to look.
+/// Place in a material at which to evaluate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place<'a> {
     /// One entry for each leading opaque axis.
     pub index: &'a [usize],
-    /// The incoming direction, for quantities that have one.
+    /// Incoming direction; `None` for quantities without.
     pub wi: Option<Direction>,
-    /// The outgoing direction, for quantities that have one.
+    /// Outgoing direction; `None` for quantities without.
     pub wo: Option<Direction>,
 }
 
-/// How samples become a function of direction.
+/// Form of the function of direction that is made of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// The value of the triangle that holds the direction, as the paper has it; of the nearest incoming elevation.
+    /// Value of the triangle that contains the direction, as in the paper; of the nearest incoming elevation.
     Constant,
     /// Continuous over directions.
     #[default]
     Smooth,
 }
 
-/// What there is outside the measured range of wavelengths.
+/// Value outside the measured range of wavelengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Beyond {
-    /// Nothing is known: NaN.
+    /// Masked: NaN.
     #[default]
     Masked,
-    /// No light.
+    /// Zero: no light.
     Zero,
-    /// The sample at the end of the range, as renderers do.
+    /// Sample at the end of the range, as in renderers.
     Nearest,
 }

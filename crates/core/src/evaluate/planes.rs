@@ -1,7 +1,8 @@
 //! Samples as a few planes: each cell has a short row of coefficients on a spectral basis that all cells share.
 //!
-//! Positive data stand as logarithms, so that what is interpolated and expanded stays positive; data with negative values
-//! stand as they are. The basis of logarithms begins with a constant: brightness is a plane of its own.
+//! Positive data are represented by logarithms, so that interpolated and expanded values stay positive. Data with
+//! negative values are represented directly. The basis of logarithms starts with a constant: brightness is a plane of
+//! its own.
 
 use super::kernel::{LANES, exp_all};
 use super::mixed::{MOST_PLANES, Mixed, Row};
@@ -12,18 +13,19 @@ use crate::transform::Klt;
 use ::wide::f32x4;
 use rayon::prelude::*;
 
-/// Wavelengths that are expanded together where a few are wanted.
+/// Number of wavelengths expanded together when only a few are needed.
 pub(super) const FEW: usize = LANES / 2;
-/// Spectra up to this length are their own planes.
+/// Maximum length of spectra whose samples are the planes themselves.
 const SHORT: usize = 4;
-/// Logarithms (samples: parts of the largest) may lie this far from what the planes give.
+/// Maximum deviation of the planes, in logarithms (or as a fraction of the largest sample); beyond it every sample is
+/// kept.
 const CLOSE: f64 = 2e-4;
-/// Variances below this part of the first are rounding.
+/// Variances below this fraction of the first are rounding errors.
 const NOTHING: f64 = 1e-13;
-/// A logarithm far below that of any number: its exponential is 0.
+/// Logarithm of a dark wavelength: its exponential is 0.
 const DARK: f32 = -1e30;
 
-/// What is known of a cell.
+/// State of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     Live,
@@ -31,33 +33,33 @@ pub(super) enum Cell {
     Masked,
 }
 
-/// The basis at a few chosen wavelengths: those of the samples below, then of those above.
+/// Basis at a few chosen wavelengths: first at the samples below them, then at those above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Columns {
     mean: [f32; LANES],
-    /// Of as many planes as a row has.
+    /// Basis vectors; as many as a row has coefficients at most.
     vectors: [[f32; LANES]; MOST_PLANES],
     shares: [f32; FEW],
 }
 
-/// Rows of coefficients, and the basis that makes spectra of them.
+/// Rows of coefficients, and the basis that expands them to spectra.
 #[derive(Debug)]
 pub(super) struct Planes {
     logarithms: bool,
     lambdas: usize,
-    /// Planes that are used, and how many stand in a row: a multiple of 4.
+    /// Number of planes in use, and number of coefficients in a row: the next multiple of 4.
     count: usize,
     width: usize,
-    /// `[block of wavelengths][mean, then width][lane]`.
+    /// Basis for whole spectra: `[block of wavelengths][mean, then width][lane]`.
     blocks: Vec<[f32; LANES]>,
-    /// `[wavelength][width]`, and the mean; the last wavelength twice.
+    /// Basis for single wavelengths, `[wavelength][width]`, and the mean; the last wavelength is repeated.
     columns: Vec<f32>,
     mean: Vec<f32>,
-    /// `[cell][width]`.
+    /// Coefficients `[cell][width]`.
     rows: Vec<f32>,
-    /// One a cell; empty where all are live.
+    /// State of each cell; empty if all are live.
     cells: Vec<Cell>,
-    /// The largest deviation from the samples, in logarithms or in parts of the largest sample.
+    /// Largest deviation from the samples, in logarithms or as a fraction of the largest sample.
     deviation: f64,
 }
 
@@ -74,8 +76,8 @@ macro_rules! by_width {
 }
 
 impl Planes {
-    /// Of samples `[cell, lambda]`; `None` where a few planes do not hold them, or where only parts of spectra are masked
-    /// or zero.
+    /// Represents samples `[cell, lambda]`. `None` if a few planes do not reach [`CLOSE`], or if only parts of spectra
+    /// are masked or zero.
     pub(super) fn of(samples: &[f32], lambdas: usize) -> Option<Self> {
         let signed = samples.iter().any(|&s| s < 0.0);
         let mut cells: Vec<Cell> = Vec::with_capacity(samples.len() / lambdas);
@@ -90,7 +92,7 @@ impl Planes {
         }
         let live = || samples.chunks_exact(lambdas).zip(&cells).filter(|(_, cell)| **cell == Cell::Live);
         let first = live().next().map(|(spectrum, _)| spectrum)?;
-        // A wavelength may be dark in all cells alike, as where a lamp has a spectrum of its own.
+        // A wavelength may be dark in all cells alike, as in the spectrum of a lamp.
         let dark: Vec<bool> = first.iter().map(|&s| !signed && s == 0.0).collect();
         if !signed && live().any(|(spectrum, _)| spectrum.iter().zip(&dark).any(|(&s, &dark)| (s == 0.0) != dark)) {
             return None;
@@ -132,37 +134,37 @@ impl Planes {
         (lambdas <= SHORT || built.deviation <= CLOSE).then_some(built)
     }
 
-    /// Returns true where coefficients are those of logarithms.
+    /// Returns true if coefficients represent logarithms.
     pub(super) fn has_logarithms(&self) -> bool {
         self.logarithms
     }
 
-    /// Samples in a spectrum.
+    /// Number of samples in a spectrum.
     pub(super) fn lambdas(&self) -> usize {
         self.lambdas
     }
 
-    /// Planes that are used.
+    /// Number of planes in use.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// Coefficients in a row: a multiple of 4.
+    /// Number of coefficients in a row: a multiple of 4.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// What is known of each cell; empty where all are live.
+    /// State of each cell; empty if all are live.
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
 
-    /// The largest deviation from the samples, in logarithms or in parts of the largest sample.
+    /// Largest deviation from the samples, in logarithms or as a fraction of the largest sample.
     pub(super) fn deviation(&self) -> f64 {
         self.deviation
     }
 
-    /// The coefficients of a spectrum of values (logarithms, or samples), as they stand in planes.
+    /// Projects a spectrum of logarithms or samples on the basis.
     fn project(&self, values: &[f32], row: &mut [f32]) {
         let mut sums = [0.0_f64; MOST_PLANES];
         for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.width)) {
@@ -175,7 +177,7 @@ impl Planes {
         row.iter_mut().zip(&sums[..self.count]).for_each(|(c, &sum)| *c = sum as f32);
     }
 
-    /// The row that adds 1 to the logarithm of every wavelength that has light.
+    /// Row that adds 1 to the logarithm of every wavelength with light.
     pub(super) fn constant(&self) -> Row {
         let mut sums = [0.0_f64; MOST_PLANES];
         for (column, _) in
@@ -186,7 +188,7 @@ impl Planes {
         sums.map(|sum| sum as f32)
     }
 
-    /// Σ over wavelengths of bᵢ bⱼ bₖ: what the product of planes j and k adds to plane i.
+    /// Tensor Σ bᵢ bⱼ bₖ over wavelengths: the contribution of the product of planes j and k to plane i.
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
@@ -222,13 +224,13 @@ impl Planes {
         f64::from(worst / largest.max(f32::MIN_POSITIVE))
     }
 
-    /// The coefficients of a cell.
+    /// Coefficients of a cell.
     #[inline]
     pub(super) fn row(&self, cell: usize) -> &[f32] {
         &self.rows[cell * self.width..][..self.width]
     }
 
-    /// The share of light in a cell: 1 or 0, NaN where it is masked.
+    /// Share of light in a cell: 1 or 0; NaN if it is masked.
     #[inline]
     pub(super) fn presence(&self, cell: usize) -> f32 {
         match self.cell(cell) {
@@ -238,7 +240,7 @@ impl Planes {
         }
     }
 
-    /// A cell as it is found.
+    /// Row and presence of a cell.
     #[inline]
     pub(super) fn mixed(&self, cell: usize) -> Mixed {
         let row = match self.width {
@@ -257,43 +259,43 @@ impl Planes {
         row
     }
 
-    /// What is known of a cell.
+    /// State of a cell.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> Cell {
         self.cells.get(cell).copied().unwrap_or(Cell::Live)
     }
 
-    /// Logarithm or sample of one wavelength.
+    /// Logarithm or sample of a row at one wavelength.
     #[inline]
     pub(super) fn value(&self, row: &[f32], lambda: usize) -> f32 {
         let column = &self.columns[lambda * self.width..][..self.count];
         self.mean[lambda] + row.iter().zip(column).map(|(c, b)| c * b).sum::<f32>()
     }
 
-    /// The sample of one wavelength.
+    /// Sample of a row at one wavelength.
     #[inline]
     pub(super) fn sample(&self, row: &[f32], lambda: usize) -> f32 {
         let value = self.value(row, lambda);
         if self.logarithms { exp_estrin(value) } else { value }
     }
 
-    /// The whole spectrum of `row`, times `scale`.
+    /// Writes the whole spectrum of `row`, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
-        // Apart from the search for the row, whose code keeps these loops from becoming as good.
+        // Kept apart from the search for the row, whose code would make these loops slower.
         wide(
             #[inline(always)]
             || by_width!(self.spectrum_in(row, scale, out)),
         );
     }
 
-    /// Linear between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
+    /// Interpolates linearly between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
     #[inline(always)]
     pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
         by_width!(self.few_in(row, scale, positions))
     }
 
-    /// The columns of up to [`FEW`] positions, 0 … last sample, side by side, for [`Planes::picked`].
+    /// Basis at up to [`FEW`] positions, 0 … last sample, side by side, for [`Planes::picked`].
     pub(super) fn columns(&self, positions: &[f64]) -> Columns {
         let mut columns = Columns { mean: [0.0; LANES], vectors: [[0.0; LANES]; MOST_PLANES], shares: [0.0; FEW] };
         for (i, &position) in positions.iter().take(FEW).enumerate() {
@@ -311,13 +313,13 @@ impl Planes {
         columns
     }
 
-    /// As [`Planes::few`] at the positions of `columns`.
+    /// Like [`Planes::few`], at the positions of `columns`.
     #[inline(always)]
     pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
         by_width!(self.picked_in(row, scale, columns))
     }
 
-    /// The whole spectrum of a row with this presence.
+    /// Writes the whole spectrum of a row with this presence.
     #[inline]
     pub(super) fn expand(&self, row: &[f32], presence: f32, out: &mut [f32]) {
         if presence > 0.0 {
@@ -327,7 +329,7 @@ impl Planes {
         }
     }
 
-    /// The whole spectra of many rows, one after the other.
+    /// Writes the whole spectra of many rows, one after the other.
     pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
         wide(
             #[inline(always)]
@@ -335,7 +337,7 @@ impl Planes {
         );
     }
 
-    /// As [`Planes::picked`] for many rows.
+    /// Runs [`Planes::picked`] on many rows.
     pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
         wide(
             #[inline(always)]
@@ -343,7 +345,7 @@ impl Planes {
         );
     }
 
-    /// As [`Planes::weighted`] for many rows.
+    /// Runs [`Planes::weighted`] on many rows.
     pub(super) fn weighted_all(&self, rows: &[Mixed], weights: &[f32], out: &mut [f32]) {
         wide(
             #[inline(always)]
@@ -355,7 +357,7 @@ impl Planes {
         );
     }
 
-    /// The inner product of the spectrum of a row with this presence with weights.
+    /// Inner product with weights of the spectrum of a row with this presence.
     #[inline(always)]
     pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
         if presence.is_nan() || presence <= 0.0 {
@@ -373,9 +375,9 @@ impl Planes {
     }
 }
 
-/// What is compiled for each width and machine; inlined, as only then it is.
+/// Methods compiled for each width and machine, which requires inlining.
 impl Planes {
-    /// Values of a block of wavelengths, or of as many that were chosen.
+    /// Values at a block of wavelengths, or at chosen ones.
     #[inline(always)]
     fn values<const WIDTH: usize>(
         &self,
@@ -414,7 +416,7 @@ impl Planes {
     fn few_in<const WIDTH: usize>(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
         let row = fixed::<WIDTH>(row);
         let columns = self.columns.as_chunks::<WIDTH>().0;
-        // The samples below, then those above: as many as a block has, in the same loops.
+        // Samples below, then those above: together a block of wavelengths, in the same loops.
         let mut values = [0.0; LANES];
         let mut shares = [0.0; FEW];
         for (i, &position) in positions.iter().take(FEW).enumerate() {
@@ -475,7 +477,7 @@ impl Planes {
     }
 }
 
-/// Linear between the samples below and those above.
+/// Linear interpolation between the samples below and those above.
 #[inline(always)]
 fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW] {
     let mut between = [0.0; FEW];
@@ -485,13 +487,13 @@ fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW]
     between
 }
 
-/// The numbers of a row of a known width.
+/// View of a row with a width known at compile time.
 #[inline(always)]
 fn fixed<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
     row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
-/// Σ row · column, in four sums.
+/// Inner product Σ row · column, in four partial sums.
 #[inline(always)]
 fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32 {
     let mut sums = f32x4::ZERO;
@@ -501,7 +503,7 @@ fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32
     sums.reduce_add()
 }
 
-/// Mean and vectors for rows of `length` values.
+/// Mean and basis vectors for rows of `length` values.
 fn basis(values: &[f32], length: usize, dark: &[bool], logarithms: bool) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     if length <= SHORT {
         let unit = |k: usize| (0..length).map(|l| f64::from(u8::from(l == k))).collect();

@@ -1,7 +1,8 @@
-//! From averages over cells to values at the nodes of elements: local quadratics that have the cells' averages.
+//! Reconstructs values at the nodes of elements from averages over cells: local quadratics that have the cells'
+//! averages.
 //!
-//! Around each node a quadratic in the tangent plane is fitted to the averages of the cells nearby (weighted least squares;
-//! the average of a quadratic over a cell is a linear function of its coefficients, so that no averaging is left in it).
+//! A quadratic in the tangent plane is fitted around each node to the averages of nearby cells, by weighted least
+//! squares. The average of a quadratic over a cell is linear in its coefficients, so that the fit undoes the averaging.
 
 use super::elements::Elements;
 use super::lookup::MeshLookup;
@@ -10,36 +11,37 @@ use crate::domain::{Neighbours, TriangleMesh};
 use crate::numeric::cholesky::Definite;
 use rayon::prelude::*;
 
-/// Cells that a fit sees at most.
+/// Maximum number of cells in a fit.
 const SEEN: usize = 18;
-/// Coefficients of a quadratic in two coordinates.
+/// Number of coefficients of a quadratic in two coordinates.
 const TERMS: usize = 6;
-/// What keeps a fit from extrapolating wildly where cells lie on one side: small beside what the cells say.
+/// Relative regularisation of a fit. It prevents wild extrapolation if all cells lie on one side, and is small against
+/// the data.
 const CALM: f64 = 1e-3;
 
-/// The cells of a mesh as fits see them.
+/// Cells of a mesh, prepared for fits.
 #[derive(Debug)]
 pub(super) struct Cells {
     mesh: TriangleMesh,
     neighbours: Neighbours,
-    /// For each cell, three points with equal weights that give the averages of quadratics: the middles of its edges; its
-    /// centroid thrice where samples were taken there.
+    /// For each cell, three points of equal weight whose mean is the average of a quadratic: the midpoints of its
+    /// edges. For samples at centroids, three times the centroid.
     points: Vec<[Vector; 3]>,
     vertices: Vec<[Vector; 3]>,
 }
 
-/// The largest sum of the sizes of weights, in parts of their sum, of a fit that misses cells: beyond it the fit extrapolates, and
-/// in logarithms that multiplies. Fits among all cells around have 1.2 to 1.8.
+/// Upper bound on Σ|weight| / Σ weight of a fit that misses cells. Beyond it the fit extrapolates, which logarithms
+/// amplify. Fits among all cells around have 1.2 to 1.8.
 pub(super) const STEEPEST: f32 = 2.0;
 
-/// As near to an edge as this is on it.
+/// Tolerance within which a direction lies on an edge.
 const ON_EDGE: f64 = 1e-9;
 
 /// Weights of cells.
 pub(super) type Weights = Vec<(u32, f32)>;
 
 impl Cells {
-    /// Of `mesh`; `averages` are over cells, otherwise samples are taken at centroids.
+    /// Cells of `mesh`; `averages` is true for averages over cells, false for samples at centroids.
     pub(super) fn new(mesh: TriangleMesh, averages: bool) -> Self {
         let middle = |a, b| unit(add(a, b));
         let vertices = mesh.all_vertices();
@@ -54,7 +56,7 @@ impl Cells {
         self.mesh
     }
 
-    /// The cells that hold `d`, inside or on their edges.
+    /// Cells that contain `d`, inside or on their edges.
     pub(super) fn touching(&self, lookup: &MeshLookup, d: Vector) -> Vec<u32> {
         let home = lookup.locate_vector(d).unwrap_or(0);
         let holds = |cell: u32| {
@@ -70,13 +72,13 @@ impl Cells {
         self.points[cell]
     }
 
-    /// The weights of cells, but for `left_out`, that make the value at `d`.
+    /// Weights of the cells, other than `left_out`, whose fit gives the value at `d`.
     pub(super) fn value_at(&self, lookup: &MeshLookup, d: Vector, left_out: Option<usize>) -> Weights {
         let (near, reach) = self.near(lookup, d, |cell| left_out != Some(cell as usize));
         self.weights(d, &near, reach)
     }
 
-    /// The live cells near `d` and their distances, nearest first, and the distance of the first that is left out.
+    /// Live cells near `d` with their distances, nearest first, and the distance of the first one beyond.
     fn near(&self, lookup: &MeshLookup, d: Vector, is_live: impl Fn(u32) -> bool) -> (Vec<(f64, u32)>, f64) {
         let home = lookup.locate_vector(d).unwrap_or(0);
         let mut cells: Vec<u32> = std::iter::once(home as u32)
@@ -103,7 +105,7 @@ impl Cells {
         (near, reach)
     }
 
-    /// For the value at `d`: the weights of the cells near it; none where there are none.
+    /// Weights of nearby cells in the value of the fit at `d`; empty if the fit is singular.
     fn weights(&self, d: Vector, near: &[(f64, u32)], reach: f64) -> Weights {
         let across = if d[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
         let first = unit(cross(across, d));
@@ -133,7 +135,7 @@ impl Cells {
             row[i] += CALM * total * if i < 3 { 1e-3 } else { 0.1 };
         }
         let Some(factor) = Definite::new(&normal, TERMS) else { return Vec::new() };
-        // The first column of the inverse: the value at `d` is the quadratic's constant.
+        // First column of the inverse: the value at `d` is the quadratic's constant.
         let z = factor.solve([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         rows.iter()
             .map(|(cell, weight, moments)| {
@@ -143,20 +145,20 @@ impl Cells {
     }
 }
 
-/// The weight of a cell at a distance in a fit.
+/// Weight of a cell in a fit, from its distance.
 fn nearness(distance: f64, reach: f64) -> f64 {
     let t = distance / reach;
     (1.0 - t * t).max(1e-6).powi(2)
 }
 
-/// Weights of a mean, which is between the cells' values.
+/// Weights of a mean, which stays within the range of the cells' values.
 fn mean(near: &[(f64, u32)], reach: f64) -> Weights {
     let sum: f64 = near.iter().map(|&(distance, _)| nearness(distance, reach)).sum();
     near.iter().map(|&(distance, cell)| (cell, (nearness(distance, reach) / sum) as f32)).collect()
 }
 
-/// For each node, the weights of the cells that make its value: of those that `is_live` admits. Where those around are not all
-/// live and a quadratic would extrapolate, the value is a mean.
+/// Weights, for each node, of the cells that determine its value, among those that `is_live` admits. If some
+/// surrounding cells are not live and a quadratic would extrapolate, the value is a mean.
 pub(super) fn node_weights(
     cells: &Cells,
     lookup: &MeshLookup,

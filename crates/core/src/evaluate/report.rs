@@ -1,32 +1,33 @@
-//! What is known of an opened material: its memory, its planes, and how well incoming directions stand for those between.
+//! Report on an opened material: its memory, its planes, and the error of interpolation between incoming directions.
 
 use super::form::Form;
 use super::incoming::Alignment;
 use super::lines::Lines;
 
-/// What an opened material is made of.
+/// Composition of an opened material.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct OpenedReport {
-    /// Memory of the opened form in bytes: all of it.
+    /// Total memory of the opened form in bytes.
     pub memory: usize,
-    /// Planes of coefficients; `None` where every sample is kept.
+    /// Number of planes of coefficients; `None` if every sample is kept.
     pub planes: Option<usize>,
-    /// The largest relative deviation of the planes from the decoded samples (parts of the largest sample where some are
-    /// negative); 0 where every sample is kept.
+    /// Largest relative deviation of the planes from the decoded samples, or as a fraction of the largest sample if
+    /// some are negative. 0 if every sample is kept.
     pub deviation: f64,
-    /// How the smooth form goes from one incoming direction to the next.
+    /// Alignment of the smooth form between incoming directions.
     pub alignment: Alignment,
-    /// How much the shape of the function changes from one incoming direction to its neighbours under each alignment that
-    /// competed: the standard deviation, by the square of the light, of the logarithm of the ratio. The least one is taken.
+    /// Change of the function's shape between neighbouring incoming directions under each candidate alignment. It is
+    /// the standard deviation of the logarithm of the ratio, weighted by squared light. The alignment with the least
+    /// change is used.
     pub changes: Vec<(Alignment, f64)>,
-    /// The share of light that goes astray (Σ |error| · cos θo over Σ value · cos θo) where each incoming direction is
-    /// predicted from those around it without itself. Between incoming directions, where gaps are half as wide, it is
-    /// usually some four times less.
+    /// Leave-one-out error over incoming directions: share of light misplaced, Σ |error| · cos θo over Σ value · cos
+    /// θo, when each is predicted from its neighbours. The error between incoming directions, where gaps are half as
+    /// wide, is usually about four times smaller.
     pub left_out_error: Option<f64>,
 }
 
 impl OpenedReport {
-    /// The report of a form, with the memory of all that is opened.
+    /// Report on a form; `memory` is that of the whole material.
     pub(super) fn of(form: &Form, memory: usize) -> Self {
         let (planes, smooth) = match form {
             Form::Planes { planes, smooth } => (Some(planes), Some(smooth)),
@@ -42,7 +43,7 @@ impl OpenedReport {
         }
     }
 
-    /// The report of samples on a grid of angles, with the memory of all that is opened.
+    /// Report on samples on a grid of angles; `memory` is that of the whole material.
     pub(super) fn of_lines(lines: &Lines, memory: usize) -> Self {
         Self {
             memory,

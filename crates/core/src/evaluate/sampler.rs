@@ -1,10 +1,10 @@
-//! Importance sampling of a function's outgoing directions, one at a time (\[CPB06\] section 6.1.2, with a mixture of trees
-//! for one).
+//! Importance sampling of a function's outgoing directions, one at a time (\[CPB06\] section 6.1.2, with a mixture of
+//! trees instead of one).
 //!
-//! [`super::mixture`] has what is drawn from, [`super::warp`] how a tree draws and what is continuous. A linear density goes
-//! with the smooth form, a uniform one with the piecewise constant form. With a defensive part, which is the default, the
-//! density is positive wherever the function is: without one by choice, light may be left out that no tree expects. Nothing is
-//! drawn where the function is masked.
+//! [`super::mixture`] defines the distribution, [`super::warp`] sampling from one tree and its continuity. A linear
+//! density goes with the smooth form, a uniform one with the piecewise constant form. With a defensive part, the
+//! default, the density is positive wherever the function is. Without it, light that no tree expects may be missed. No
+//! direction is drawn where the function is masked.
 
 use super::directions::Pairs;
 use super::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
@@ -19,20 +19,21 @@ use super::warp::{Density, SampleOptions};
 use crate::domain::{Direction, Quantity};
 use crate::numeric::wide;
 
-/// One importance sample.
+/// Importance sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionSample {
-    /// The direction drawn: `wo`.
+    /// Drawn direction `wo`.
     pub direction: Direction,
-    /// Its probability density, sr⁻¹.
+    /// Probability density in sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise; f is the mean over wavelengths (of the samples that
-    /// are not masked; 0 where that mean is negative): piecewise constant where the density is, otherwise smooth.
+    /// Weight f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise. f is the mean over the wavelengths that
+    /// are not masked, 0 if that mean is negative. It is piecewise constant if the density is uniform, otherwise
+    /// smooth.
     pub weight: f64,
 }
 
 impl DirectionSample {
-    /// A sample where the mean over wavelengths is `value`, NaN where all are masked.
+    /// Sample whose mean over wavelengths is `value`, NaN if all are masked.
     #[inline]
     pub(super) fn weighted(quantity: Quantity, direction: Direction, pdf: f64, value: f32) -> Self {
         let cosine = if quantity.has_cosine() { direction.cos_theta().abs() } else { 1.0 };
@@ -40,11 +41,11 @@ impl DirectionSample {
     }
 }
 
-/// A function and the trees that its directions are drawn from.
+/// Function and the trees from which its directions are drawn.
 #[derive(Clone, Copy)]
 pub(super) struct Sampler<'a> {
     function: &'a Function,
-    /// The lobe beside the function, and its colour by the weights of the trees.
+    /// Lobe added to the function, and its colour under the weights of the trees.
     lobe: Option<(&'a Lobed, f32)>,
     trees: &'a Trees,
 }
@@ -75,26 +76,26 @@ impl<'a> Sampler<'a> {
         Mixture::new(self.function, self.trees, index, wi, options, self.trees.carry(options.density))
     }
 
-    /// Returns true where directions are drawn from a lobe, too.
+    /// Returns true if directions are also drawn from a lobe.
     #[inline]
     pub(super) fn has_lobe(&self) -> bool {
         self.lobe.is_some()
     }
 
-    /// The lobe under `wi`, beside the trees of a mixture.
+    /// Lobe under `wi` as a component beside the trees of a mixture.
     #[inline]
     fn lobe_beside(&self, mixture: &Mixture<'_>, wi: Option<Direction>) -> Option<LobePart> {
         let (lobe, colour) = self.lobe?;
         lobe.part(wi, colour, mixture.light())
     }
 
-    /// Returns true where the function is masked, so that nothing is drawn.
+    /// Returns true if the function is masked at a place, so that no direction may be drawn there.
     #[inline]
     fn is_masked(&self, place: Place<'_>, options: SampleOptions) -> Result<bool, EvaluateError> {
         Ok(self.trees.has_masked() && !self.function.is_known(place, form_of(options))?)
     }
 
-    /// A direction, its density and weight; `None` where nothing is drawn.
+    /// Draws a direction with its density and weight; `None` for a failed draw.
     pub(super) fn sample(
         &self,
         index: &[usize],
@@ -111,7 +112,8 @@ impl<'a> Sampler<'a> {
         Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
     }
 
-    /// The same for the function of samples on a grid of angles, whose averages over triangles the directions are drawn from.
+    /// Like [`Sampler::sample`], for samples on a grid of angles. Directions are drawn from their averages over
+    /// triangles; the weight uses the function of the grid.
     pub(super) fn sample_of(
         &self,
         stated: &Stated,
@@ -132,7 +134,7 @@ impl<'a> Sampler<'a> {
         }))
     }
 
-    /// [`Sampler::sample_of`] for each incoming direction of `pairs` and point; what is refused ends it.
+    /// Runs [`Sampler::sample_of`] for each incoming direction of `pairs` and point; stops at the first refused one.
     pub(super) fn samples_of(
         &self,
         stated: &Stated,
@@ -150,8 +152,8 @@ impl<'a> Sampler<'a> {
         Ok(())
     }
 
-    /// A direction, its density, and what `value` makes of where the function is taken: the
-    /// place, the form, the entry of the incoming axis, and the cell where that is known.
+    /// Draws a direction; returns it with its density and the result of `value`. `value` receives the place, the form,
+    /// and the incoming entry and the cell if known.
     #[inline(always)]
     pub(super) fn drawn_with<T>(
         &self,
@@ -182,7 +184,7 @@ impl<'a> Sampler<'a> {
         }
         let Some((wo, leaf)) = mixture.draw(u) else { return Ok(None) };
         let pdf = mixture.density(wo);
-        // The last corner of a triangle, of no measure, may have no density.
+        // The last corner of a triangle, a null set, may have density 0.
         if pdf <= 0.0 {
             return Ok(None);
         }
@@ -194,7 +196,7 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: mixture.incoming(), cell }))
     }
 
-    /// A direction of the lobe or of the trees beside it.
+    /// Draws a direction from the lobe or from the trees beside it.
     fn drawn_beside(
         &self,
         mixture: &Mixture<'_>,
@@ -219,7 +221,7 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: None, cell: None }))
     }
 
-    /// The density with which directions are drawn; 0 where nothing is.
+    /// Density in sr⁻¹ with which directions are drawn; 0 where none are.
     pub(super) fn pdf(
         &self,
         index: &[usize],
@@ -244,7 +246,7 @@ impl<'a> Sampler<'a> {
         Ok(if is_drawn { pdf } else { 0.0 })
     }
 
-    /// A point of the unit square that leads to a direction.
+    /// Point of the unit square that draws `wo`; `None` if its density is 0.
     pub(super) fn invert(
         &self,
         index: &[usize],
@@ -262,7 +264,7 @@ impl<'a> Sampler<'a> {
         Ok(lobe.point_of(asked).or_else(|| mixture.invert(wo).map(|point| lobe.of_cells(point))))
     }
 
-    /// A direction and its density alone.
+    /// Draws a direction with its density, without a weight.
     pub(super) fn draw(
         &self,
         index: &[usize],
@@ -275,8 +277,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// A direction that was drawn, its density, and what is known of where the function is taken: the entry of the incoming axis
-/// and the cell.
+/// Drawn direction and its density, with the incoming entry and the cell if known.
 struct Draw {
     direction: Direction,
     pdf: f64,
@@ -284,7 +285,7 @@ struct Draw {
     cell: Option<usize>,
 }
 
-/// The form of the function that goes with a density.
+/// Form of the function that goes with a density.
 pub(super) fn form_of(options: SampleOptions) -> Interpolation {
     match options.density {
         Density::Uniform => Interpolation::Constant,
@@ -292,7 +293,7 @@ pub(super) fn form_of(options: SampleOptions) -> Interpolation {
     }
 }
 
-/// Refuses what is no point of the unit square.
+/// Fails if `u` is not a point of the unit square.
 pub(super) fn check_point(u: [f64; 2]) -> Result<(), EvaluateError> {
     if u.iter().all(|u| (0.0..=1.0).contains(u)) {
         return Ok(());

@@ -1,14 +1,14 @@
-//! Spectra where every sample is kept: those of a cell, or means of the cells around a place.
+//! Spectra if every sample is kept: those of a cell, or means of the cells around a place.
 
 use super::error::EvaluateError;
 use super::geometry::Geometry;
 use super::lookup::Stencil;
 use super::place::{Interpolation, Place};
 
-/// Samples of a spectrum that are summed together where some are masked.
+/// Number of samples of a spectrum that are summed together if some are masked.
 const BLOCK: usize = 64;
 
-/// Every sample of a material, `[entry, incoming, outgoing, lambda]`.
+/// All samples of a material, `[entry, incoming, outgoing, lambda]`.
 #[derive(Debug)]
 pub(super) struct Samples {
     values: Vec<f32>,
@@ -16,24 +16,24 @@ pub(super) struct Samples {
     shape: [usize; 3],
 }
 
-/// The rows of samples that make the value at a place.
+/// Rows of samples whose weighted mean is the value at a place.
 pub(super) struct Rows {
     entry: usize,
     incoming: Stencil,
     outgoing: Stencil,
 }
 
-/// What there is at a place where every sample is kept.
+/// Samples found at a place.
 #[allow(clippy::large_enum_variant, reason = "it lives on the stack for a moment: a query does not allocate")]
 pub(super) enum Found<'a> {
-    /// Outside the outgoing domain.
+    /// Place outside the outgoing domain.
     Outside,
     Cell(&'a [f32]),
     Rows(Rows),
 }
 
 impl Samples {
-    /// The samples of entries of the incoming and the outgoing axis and of a spectrum in `shape`.
+    /// Stores samples; `shape` has the numbers of incoming and outgoing entries and of samples in a spectrum.
     pub(super) fn new(values: Vec<f32>, shape: [usize; 3]) -> Self {
         let has_masked = values.iter().any(|s| s.is_nan());
         Self { values, has_masked, shape }
@@ -43,18 +43,18 @@ impl Samples {
         &self.values
     }
 
-    /// Returns true where some samples are masked.
+    /// Returns true if some samples are masked.
     pub(super) fn has_masked(&self) -> bool {
         self.has_masked
     }
 
-    /// The spectrum of a cell.
+    /// Spectrum of a cell.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> &[f32] {
         &self.values[cell * self.shape[2]..][..self.shape[2]]
     }
 
-    /// The samples at a place.
+    /// Samples at a place.
     pub(super) fn find(
         &self,
         geometry: &Geometry,
@@ -78,7 +78,7 @@ impl Samples {
         }
     }
 
-    /// One sample of the sum of rows; NaN if all its cells are masked.
+    /// Weighted mean of rows at one wavelength; NaN if all its cells are masked.
     pub(super) fn sample_of(&self, rows: &Rows, lambda: usize) -> f32 {
         let (mut sum, mut total) = (0.0, 0.0);
         for (i, a) in rows.incoming.entries() {
@@ -97,13 +97,13 @@ impl Samples {
         }
     }
 
-    /// The samples of one cell.
+    /// Samples of one cell.
     fn row(&self, entry: usize, incoming: usize, outgoing: usize) -> &[f32] {
         let [n_in, n_out, lambdas] = self.shape;
         &self.values[((entry * n_in + incoming) * n_out + outgoing) * lambdas..][..lambdas]
     }
 
-    /// The sum of rows into `out`; NaN where all its cells are masked.
+    /// Writes the weighted mean of rows into `out`; NaN where all cells are masked.
     pub(super) fn sum(&self, rows: &Rows, out: &mut [f32]) {
         if self.has_masked {
             self.sum_with_masks(rows, out);
@@ -143,7 +143,7 @@ impl Samples {
     }
 }
 
-/// The inner product without masked samples, as if the others stood for them; 0 where all are masked.
+/// Inner product without masked samples, rescaled to the sum of all weights; 0 if all are masked.
 pub(super) fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
     let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
     for (lambda, w) in weights.iter().enumerate() {

@@ -8,12 +8,12 @@ use super::planes::{FEW, Planes};
 use super::samples::{Found, known_sum};
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
-/// Wavelengths of spectra that are summed up on the stack.
+/// Maximum length of spectra that are summed on the stack.
 const SPECTRUM: usize = 512;
 
 impl Function {
-    /// The whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine;
-    /// NaN = masked, 0 where `wo` is outside the outgoing domain.
+    /// Writes the whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine.
+    /// NaN is masked; values are 0 if `wo` is outside the outgoing domain.
     #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let geometry = self.geometry();
@@ -43,9 +43,9 @@ impl Function {
         Ok(())
     }
 
-    /// Values at `wavelengths` in nm into `out` (as long), linear between the samples of the spectrum at `place`, outside
-    /// the measured range as `beyond` says. NaN = masked, also where one of the two samples is. RGB and monochromatic data
-    /// are refused: they have no wavelengths.
+    /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
+    /// samples of the spectrum at `place`; outside the measured range `beyond` applies. A value is NaN (masked) if one
+    /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
     #[inline]
     pub(super) fn at_wavelengths(
         &self,
@@ -87,8 +87,8 @@ impl Function {
         Ok(())
     }
 
-    /// The inner product of the spectrum at `place` with `weights`, one a sample of a spectrum: its luminance or another
-    /// colour coordinate, power in a band, a mean. NaN where a sample with a weight is masked.
+    /// Inner product of the spectrum at `place` with `weights`, one for each sample: a luminance or another colour
+    /// coordinate, power in a band, a mean. NaN if a sample with a nonzero weight is masked.
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
         Buffer::Weights.check(weights.len(), geometry.lambdas())?;
@@ -97,7 +97,8 @@ impl Function {
         })
     }
 
-    /// As [`Function::weighted`]; masked samples are left out and the others weigh more, 0 where all are.
+    /// Like [`Function::weighted`], with masked samples skipped and the remaining weights renormalised; 0 if all are
+    /// masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
@@ -108,7 +109,7 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum })
     }
 
-    /// The inner product at `place`, by `sum` where every sample is kept; NaN where a cell of planes is masked.
+    /// Inner product at `place`, computed by `sum` if every sample is kept; NaN if a cell of planes is masked.
     fn weighted_by(
         &self,
         place: Place<'_>,
@@ -131,7 +132,8 @@ impl Function {
                 Found::Outside => 0.0,
                 Found::Cell(row) => sum(&|lambda| row[lambda]),
                 Found::Rows(rows) => {
-                    // Row by row where the spectrum fits here: one sample of every row after the other is far apart.
+                    // Sums row by row if the spectrum fits here: reading one sample of each row in turn jumps through
+                    // memory.
                     let mut spectrum = [0.0; SPECTRUM];
                     match spectrum.get_mut(..geometry.lambdas()) {
                         Some(spectrum) => {
@@ -145,8 +147,8 @@ impl Function {
         })
     }
 
-    /// The piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing one;
-    /// of a table without directions, of one spectrum. NaN = masked.
+    /// Piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing
+    /// one. A table without directions gives one spectrum. NaN is masked.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -166,7 +168,7 @@ impl Function {
         }
     }
 
-    /// The samples as they are opened: those decoded, but for the deviation that the report states.
+    /// Samples as opened: the decoded ones, up to the deviation that the report states.
     pub(super) fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let geometry = self.geometry();
         let [n_in, ..] = geometry.shape();
@@ -175,7 +177,7 @@ impl Function {
         Ok(Measurement { quantity: geometry.quantity(), unit: geometry.unit(), sampling: geometry.sampling(), tensor })
     }
 
-    /// Whether anything is known at a place.
+    /// Returns true if a place is not fully masked.
     pub(super) fn is_known(&self, place: Place<'_>, how: Interpolation) -> Result<bool, EvaluateError> {
         let geometry = self.geometry();
         match self.form() {
@@ -191,7 +193,7 @@ impl Function {
     }
 }
 
-/// Up to [`FEW`] wavelengths of a row of planes.
+/// Writes up to [`FEW`] wavelengths of a row of planes.
 #[inline]
 fn few(
     planes: &Planes,
@@ -222,7 +224,7 @@ fn few(
     }
 }
 
-/// Linear between the samples of a spectrum.
+/// Interpolates linearly between the samples of a spectrum.
 #[inline]
 pub(super) fn between(
     grid: &WavelengthGrid,

@@ -1,7 +1,7 @@
 //! Densities and draws of many places: block by block, and each block stage by stage.
 //!
-//! A block is located, drawn from the trees around its incoming directions, carried to those asked for, and looked up: what one
-//! stage finds (the nodes around an incoming direction, the leaf that was drawn) the next ones need not search for.
+//! A block is located, drawn from the trees around its incoming directions, aligned to the queried ones, and looked up.
+//! Later stages reuse what earlier ones found: the nodes around an incoming direction, the leaf of a draw.
 
 use super::blocks::Places;
 use super::carried::{CarriedBlock, Carry, Origins, STAYING};
@@ -20,7 +20,7 @@ use super::warp::{BELOW_ONE, Density, Draws, SampleOptions};
 use crate::domain::{Direction, Domain};
 use crate::numeric::wide;
 
-/// What the stages of a block write, kept from one block to the next.
+/// Working space of the stages of a block, reused from block to block.
 struct Room {
     places: Places,
     draws: Draws,
@@ -42,7 +42,7 @@ impl Room {
         carried: CarriedBlock::NOWHERE,
     };
 
-    /// The densities of trees whose directions stay, in the leaves of `draws`.
+    /// Writes the densities of trees whose directions stay, in the leaves of `draws`.
     fn write_densities_in_leaves(&mut self, trees: &Trees, density: Density, count: usize) {
         let Self { draws, mixed, .. } = self;
         let (warps, first) = (trees.warps(), trees.tree(mixed.entry, 0));
@@ -71,20 +71,21 @@ impl Room {
     }
 }
 
-/// The mixtures of a block of places: the trees' shares, and the defensive parts.
+/// Mixtures of a block of places: the trees' shares, and the defensive parts.
 struct MixedBlock {
     entry: usize,
     shares: [Shares; BLOCK],
     defensive: Block,
-    /// True while directions are drawn, false where densities of given directions are asked for.
+    /// True while directions are drawn, false for densities of given directions.
     is_drawn: bool,
-    /// The density with which the tree of the first node drew each direction: in the first block of those that were carried from
-    /// the node, in the second of those that stay; 0 elsewhere, as for directions of the defensive part.
+    /// Density with which the first node's tree drew each direction. It is in the first block if the direction followed
+    /// the alignment, in the second if it stayed. The others are 0, as are directions of the defensive part.
     drawn: [Block; 2],
 }
 
 impl Sampler<'_> {
-    /// Whether blocks are drawn stage by stage: to the leaves of trees, and alike on both sides of the horizon.
+    /// Returns true if blocks can be drawn stage by stage. That requires draws down to the leaves of trees, no lobe,
+    /// planes, and the same alignment on both sides of the horizon.
     pub(super) fn is_staged(&self, options: SampleOptions) -> bool {
         let is_alike = |(alignment, domain)| domain != Domain::Sphere || alignment == Alignment::Rotation;
         options.level.is_none()
@@ -93,7 +94,7 @@ impl Sampler<'_> {
             && self.trees().carry(options.density).is_none_or(is_alike)
     }
 
-    /// The incoming side of places for drawing, and their mixtures.
+    /// Locates the incoming side of places and sets up their mixtures.
     fn arrive_for(
         &self,
         entry: usize,
@@ -120,7 +121,7 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// The densities of up to [`BLOCK`] directions; 0 outside the outgoing domain.
+    /// Writes the densities of up to [`BLOCK`] directions; 0 outside the outgoing domain.
     fn densities_at(
         &self,
         wo: Directions<'_>,
@@ -144,7 +145,8 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// The densities at `pairs` into `out`, on the calling thread; no allocation. The first pair that is refused ends it.
+    /// Writes the densities at `pairs` into `out`, on the calling thread. Does not allocate. Stops at the first refused
+    /// pair.
     pub(super) fn pdfs(&self, pairs: Pairs<'_>, options: SampleOptions, out: &mut [f64]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), 1)?;
         let (function, trees) = (self.function(), self.trees());
@@ -173,7 +175,7 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Writes the densities of the mixtures at the directions of `draws`, into their `pdf`. Leaves are those of the
+    /// Writes the densities of the mixtures at the directions of `draws` into their `pdf`. Leaves are those of the
     /// directions, or those in which they were drawn.
     fn write_densities(&self, options: SampleOptions, count: usize, room: &mut Room) {
         let trees = self.trees();
@@ -185,7 +187,7 @@ impl Sampler<'_> {
         room.defend(trees, options.density, count);
     }
 
-    /// The densities of trees whose directions are carried.
+    /// Writes the densities of trees whose directions follow the alignment.
     fn write_carried_densities(&self, carry: Carry, count: usize, room: &mut Room) {
         let (function, trees) = (self.function(), self.trees());
         let Room { places, draws, mixed, carried } = room;
@@ -242,7 +244,8 @@ impl Sampler<'_> {
         }
     }
 
-    /// [`Sampler::sample`] for each point `u` of the unit square, with the incoming direction of its pair, into `out`.
+    /// Writes [`Sampler::sample`] for each point `u` of the unit square, with the incoming direction of its pair, into
+    /// `out`.
     pub(super) fn samples(
         &self,
         pairs: Pairs<'_>,
@@ -271,9 +274,9 @@ impl Sampler<'_> {
         })
     }
 
-    /// Draws directions block by block, where [`Sampler::is_staged`]: for the incoming directions of `pairs`, at `count` points
-    /// of the unit square. `work` takes where each block starts, what was drawn, with density 0 where the function is masked,
-    /// and the rows of planes there.
+    /// Draws directions block by block, if [`Sampler::is_staged`]: for the incoming directions of `pairs`, at `count`
+    /// points of the unit square. `work` receives the start of each block, the draws, with density 0 where the function
+    /// is masked, and the rows of planes there.
     pub(super) fn draw_all(
         &self,
         pairs: Pairs<'_>,
@@ -337,7 +340,7 @@ impl Sampler<'_> {
             }
         }
         warps.draw_block(&chosen, &points, options.density, draws);
-        // A tree without light draws nothing.
+        // A tree without light has no draws.
         let is_drawn = draws.pdf.map(|pdf| pdf > 0.0);
         if let Some(carry) = carry {
             carried.set(carry, places.arrived().wi());

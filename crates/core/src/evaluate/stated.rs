@@ -1,4 +1,4 @@
-//! The function of samples on a grid of angles at one place: whole spectra, some wavelengths, weighted sums.
+//! Function of samples on a grid of angles at one place: whole spectra, some wavelengths, weighted sums.
 
 use super::directions::Pairs;
 use super::error::{Buffer, EvaluateError, QueryError, unfit};
@@ -15,20 +15,20 @@ use crate::domain::{Axis, Direction, Domain, Frame, Measurement, Quantity, Tenso
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Places that a thread takes at a time.
+/// Number of places a thread takes at a time.
 const SHARE: usize = 1024;
 
 /// Function of samples on a grid of angles: the stated directions, and the lines that interpolate between them.
 #[derive(Debug)]
 pub(super) struct Stated {
     geometry: Geometry,
-    /// The samples are a list over the angle between the incoming and the outgoing direction.
+    /// True if the samples are a list over the angle between the incoming and the outgoing direction.
     is_scattering: bool,
     lines: Lines,
 }
 
 impl Stated {
-    /// The function of a measurement with this geometry.
+    /// Builds the function of a measurement with this geometry.
     pub(super) fn new(measurement: &Measurement, geometry: Geometry, course: Course) -> Self {
         let candidates = course.candidates(measurement.quantity);
         let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
@@ -49,18 +49,18 @@ impl Stated {
         Self { geometry, is_scattering, lines }
     }
 
-    /// This function with a share, 0..=1, of straight lines between samples.
+    /// Sets the fraction of linear interpolation of samples, 0..=1.
     pub(super) fn with_straight(self, share: f32) -> Self {
         Self { lines: self.lines.with_straight(share), ..self }
     }
 
-    /// Returns true for a phase function of the scattering angle alone, which has values under light from anywhere.
+    /// Returns true for a phase function of the scattering angle alone, which has values under any incoming direction.
     pub(super) fn is_scattering(&self) -> bool {
         self.is_scattering
     }
 
-    /// The frame about `wi` of a list over the scattering angle, in which light comes in along `+z`; `None` of other samples,
-    /// whose directions are drawn as they are asked for.
+    /// Frame about `wi` for a list over the scattering angle, in which light comes in along `+z`. `None` for other
+    /// samples, whose directions need no frame.
     pub(super) fn turning(&self, wi: Option<Direction>) -> Option<Turning> {
         wi.filter(|_| self.is_scattering).map(Turning::about)
     }
@@ -78,7 +78,7 @@ impl Stated {
         self.geometry.memory() + self.lines.memory()
     }
 
-    /// The entry of the opaque axes and both directions of a place, as lines know them.
+    /// Entry of the opaque axes and both directions of a place, in the frame of the lines.
     #[inline]
     fn asked(&self, place: Place<'_>) -> Result<(usize, [Vector; 2]), EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
@@ -89,14 +89,14 @@ impl Stated {
         Ok((entry, if self.is_scattering { about(wi, wo) } else { [wi, wo] }))
     }
 
-    /// Returns true for an incoming direction below the horizon, which is outside elevations; scattering has light from
-    /// anywhere.
+    /// Returns true for an incoming direction below the horizon, which is outside elevations; scattering accepts any
+    /// direction.
     #[inline]
     fn is_below(&self, wi: Vector) -> bool {
         wi[2] < 0.0 && self.geometry.is_isotropic() && !self.is_scattering
     }
 
-    /// Everything that is mixed at a place; `None` outside the outgoing domain of the quantity.
+    /// Finds the places mixed at a query; `None` outside the outgoing domain of the quantity.
     fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
         let (entry, [wi, wo]) = self.asked(place)?;
         let found = match how {
@@ -110,7 +110,7 @@ impl Stated {
         }
     }
 
-    /// Returns true for an outgoing direction to which the quantity sends nothing.
+    /// Returns true for an outgoing direction outside the domain of the quantity.
     #[inline]
     fn is_outside(&self, wo: Vector) -> bool {
         match domain_of(self.geometry.quantity()) {
@@ -121,7 +121,7 @@ impl Stated {
         }
     }
 
-    /// As [`super::material::Material::evaluate`].
+    /// Implements [`super::material::Material::evaluate`].
     #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         Buffer::Spectrum.check(out.len(), self.geometry.lambdas())?;
@@ -142,7 +142,7 @@ impl Stated {
         Ok(())
     }
 
-    /// As [`super::material::Material::at_wavelengths`].
+    /// Implements [`super::material::Material::at_wavelengths`].
     pub(super) fn at_wavelengths(
         &self,
         place: Place<'_>,
@@ -162,7 +162,7 @@ impl Stated {
         Ok(())
     }
 
-    /// As [`super::material::Material::weighted`].
+    /// Implements [`super::material::Material::weighted`].
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         Buffer::Weights.check(weights.len(), self.geometry.lambdas())?;
         let Some(found) = self.found(place, how)? else { return Ok(0.0) };
@@ -170,7 +170,8 @@ impl Stated {
         Ok(lit.map(|(lambda, w)| w * self.lines.sample(&found, lambda)).sum())
     }
 
-    /// The same; masked samples are left out and the others weigh more, 0 where all are masked.
+    /// Like [`Stated::weighted`], with masked samples skipped and the remaining weights renormalised; 0 if all are
+    /// masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
@@ -181,7 +182,7 @@ impl Stated {
         Ok(known_sum(weights, &|lambda| self.lines.sample(&found, lambda)))
     }
 
-    /// As [`super::material::Material::spectra`].
+    /// Implements [`super::material::Material::spectra`].
     pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let (count, lambdas) = (pairs.check(out.len(), self.geometry.lambdas())?, self.geometry.lambdas());
         for (start, out) in (0..count).step_by(BLOCK).zip(out.chunks_mut(BLOCK * lambdas)) {
@@ -189,14 +190,15 @@ impl Stated {
             if how == Interpolation::Smooth && self.spectra_of_block(part, out) {
                 continue;
             }
-            // One by one, which tells what is wrong.
+            // Evaluates one by one, so that the error names the direction.
             let mut rows = out.chunks_exact_mut(lambdas).enumerate();
             rows.try_for_each(|(i, out)| self.spectrum(part.place(i)?, how, out))?;
         }
         Ok(())
     }
 
-    /// Spectra of up to [`BLOCK`] pairs; returns false where some of them are refused, or have no outgoing direction.
+    /// Writes the spectra of up to [`BLOCK`] pairs; returns false if one is refused, or if there is no outgoing
+    /// direction.
     fn spectra_of_block(&self, pairs: Pairs<'_>, out: &mut [f32]) -> bool {
         let (Some(asked), true) = (pairs.wo, self.geometry.outgoing_grid().is_some()) else { return false };
         if pairs.wi.is_some() != self.geometry.has_incoming() {
@@ -229,7 +231,7 @@ impl Stated {
         true
     }
 
-    /// As [`super::material::Material::par_spectra`].
+    /// Implements [`super::material::Material::par_spectra`].
     pub(super) fn par_spectra(
         &self,
         pairs: Pairs<'_>,
@@ -243,15 +245,16 @@ impl Stated {
         })
     }
 
-    /// The integral over all outgoing directions of an entry of the opaque axes, of quantities without an incoming direction.
+    /// Integral over all outgoing directions of an entry of the opaque axes, for quantities without an incoming
+    /// direction.
     pub(super) fn integral(&self, entry: usize) -> Vec<f32> {
         let mut sums = vec![0.0; self.geometry.lambdas()];
         self.lines.integrate(entry, self.lines.straight(), &mut sums);
         sums.into_iter().map(|sum| sum as f32).collect()
     }
 
-    /// Integrals over all outgoing directions and wavelengths of an entry of the opaque axes: of cubics of logarithms, and of
-    /// straight lines between the samples.
+    /// Integrals over all outgoing directions, summed over wavelengths, of an entry of the opaque axes: of cubics of
+    /// logarithms, and of straight lines between the samples.
     pub(super) fn fluxes(&self, entry: usize) -> [f64; 2] {
         [0.0, 1.0].map(|straight| {
             let mut sums = vec![0.0; self.geometry.lambdas()];
@@ -260,12 +263,12 @@ impl Stated {
         })
     }
 
-    /// As [`super::material::Material::slice`].
+    /// Implements [`super::material::Material::slice`].
     pub(super) fn slice(&self, slice: usize) -> Vec<f32> {
         self.lines.slice(self.geometry.shape(), slice)
     }
 
-    /// The samples as they are opened: those decoded, to rounding.
+    /// Samples as opened: the decoded ones, up to rounding.
     pub(super) fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let [n_in, ..] = self.geometry.shape();
         let samples = (0..self.geometry.entries() * n_in).flat_map(|slice| self.slice(slice)).collect();
@@ -275,7 +278,7 @@ impl Stated {
     }
 }
 
-/// Turns pairs of directions to azimuth 0 of the incoming ones.
+/// Rotates pairs of directions to azimuth 0 of the incoming ones.
 fn turn_to_plane(wi: &mut Vectors, wo: &mut Vectors) {
     let from = [*wi, *wo];
     wide(
@@ -290,12 +293,12 @@ fn turn_to_plane(wi: &mut Vectors, wo: &mut Vectors) {
     );
 }
 
-/// Both directions turned so that light comes in along `+z`: the outgoing one by its angle from the incoming one.
+/// Both directions rotated so that light comes in along `+z` and leaves at the scattering angle.
 fn about(wi: Vector, wo: Vector) -> [Vector; 2] {
     [[0.0, 0.0, 1.0], [norm(cross(wi, wo)), 0.0, dot(wi, wo)]]
 }
 
-/// Both directions in the frame about `wi`, where `stated` is a list over the scattering angle; as they are elsewhere.
+/// Both directions in the frame about `wi` if `stated` is a list over the scattering angle; otherwise unchanged.
 pub(super) fn as_drawn(
     stated: Option<&Stated>,
     wi: Option<Direction>,
@@ -307,7 +310,7 @@ pub(super) fn as_drawn(
     }
 }
 
-/// Returns true for polar angles around light from one direction, along the normal.
+/// Returns true if the only incoming direction is the normal and outgoing ones are polar angles without azimuths.
 fn is_list(geometry: &Geometry) -> bool {
     let incoming = geometry.layout().incoming.map(|axis| &geometry.axes()[axis]);
     let is_normal = matches!(incoming, Some(Axis::Elevation(elevations)) if elevations[..] == [0.0]);
@@ -315,7 +318,7 @@ fn is_list(geometry: &Geometry) -> bool {
     is_normal && outgoing.is_some_and(|grid| grid.frame() == Frame::Surface && grid.azimuths().is_none())
 }
 
-/// The directions into which a quantity sends light.
+/// Directions into which a quantity sends light.
 pub(super) fn domain_of(quantity: Quantity) -> Domain {
     match quantity {
         Quantity::Brdf => Domain::Hemisphere,

@@ -1,4 +1,4 @@
-//! Materials whose samples are on a grid of angles: values, batches, samples, densities, integrals and what is refused.
+//! Materials with samples on a grid of angles: values, batches, samples, densities, integrals and refusals.
 
 use super::*;
 use crate::domain::vector::{add, unit};
@@ -114,7 +114,7 @@ fn batches_chosen_wavelengths_and_sums_are_those_of_single_calls() {
     }
 }
 
-/// A lamp with dark and masked samples, all around and mirrored, and a signed table: what has no quick way.
+/// A lamp with dark and masked samples, all around and mirrored, and a signed table: cases without a fast path.
 fn with_holes() -> Vec<Material> {
     let of = |quantity, unit, axes: Vec<Axis>, least: f32| {
         let count = axes.iter().map(Axis::len).product();
@@ -362,7 +362,7 @@ fn directions_are_drawn_around_light_from_anywhere() {
             let pdf = material.pdf(&[], Some(wi), drawn.direction, None).unwrap();
             assert!((pdf / drawn.pdf - 1.0).abs() < 1e-6, "{pdf} {}", drawn.pdf);
         }
-        // Every way to draw turns with the light, and the density integrates to 1.
+        // All sampling functions rotate with the light, and the density integrates to 1.
         let u = [[0.3, 0.6], [0.8, 0.1]];
         let mut batch = [None; 2];
         material.samples(&[], Some(Directions::of(&[wi, wi])), &u, None, &mut batch).unwrap();

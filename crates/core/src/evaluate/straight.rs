@@ -1,4 +1,4 @@
-//! Share of straight lines between stated directions that keeps the flux which makers of luminaires state.
+//! Fraction of linear interpolation between stated directions that preserves the flux stated by makers of luminaires.
 
 use super::error::EvaluateError;
 use super::form::Course;
@@ -6,14 +6,14 @@ use super::geometry::Geometry;
 use super::stated::Stated;
 use crate::domain::{Measurement, Quantity};
 
-/// Relative difference from the zonal flux of the samples that needs no straight lines.
+/// Relative difference from the zonal flux of the samples up to which cubics alone are used.
 const TOLERATED: f64 = 0.003;
-/// Share of straight lines alone, as a file states it.
+/// Denominator of the fraction as a file states it.
 const ALL: f64 = 255.0;
 
-/// Returns the least share of straight lines, in 255ths, with which the flux of an emission or a phase function on a grid of
-/// angles is within 0.3 % of the zonal flux of its samples: their integral on straight lines between the angles. Other
-/// measurements have 0.
+/// Returns the least fraction of linear interpolation, in 255ths, that keeps the flux of an emission or a phase
+/// function on a grid of angles. The flux must be within 0.3 % of the zonal flux of the samples, their integral with
+/// straight lines between the angles. Returns 0 for other measurements.
 ///
 /// ```
 /// use wavelume_core::domain::{Axis, DirectionGrid, Frame, Measurement, Quantity, Sampling, Tensor, Unit};
@@ -39,8 +39,8 @@ pub fn straight_lines_for_flux(measurement: &Measurement) -> Result<u8, Evaluate
     Ok(shares.fold(0.0, f64::max).min(ALL) as u8)
 }
 
-/// The least share of straight lines for the fluxes of cubics and of straight lines, in 255ths, rounded up: the flux is linear
-/// in the share.
+/// Least fraction of linear interpolation, in 255ths, rounded up, from the fluxes of cubics and of straight lines. The
+/// flux is linear in the fraction.
 fn share_of([curved, straight]: [f64; 2]) -> f64 {
     let difference = (curved - straight).abs();
     let tolerated = TOLERATED * straight.abs();
@@ -91,7 +91,7 @@ mod tests {
                 let file = compress::compress(&lamp, &settings, &Silent).unwrap();
                 let opened = Material::open(&file.bytes).unwrap();
                 let kept = flux(&opened);
-                // Errors of the samples move both fluxes alike, and the ratio of one to the other a little.
+                // Errors of the samples change both fluxes alike, and their ratio only slightly.
                 let (stated, moved) = match target {
                     Target::Lossless => (stated, 1e-6),
                     _ => (flux(&opened.with_straight_lines(1.0)), 2e-4),
@@ -100,7 +100,7 @@ mod tests {
                 let in_file = compress::inspect(&file.bytes).unwrap().straight_lines;
                 assert_eq!(in_file, Some(f64::from(share) / 255.0));
             }
-            // The least share: one 255th less is too little.
+            // The fraction is minimal: one 255th less is too little.
             if share > 1 {
                 let less = Material::of(lamp).unwrap().with_straight_lines(f32::from(share - 1) / 255.0);
                 assert!((flux(&less) / stated - 1.0).abs() > 0.003, "{name}");

@@ -68,7 +68,7 @@ fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
     Place { index: &[], wi, wo }
 }
 
-/// Of a material whose spectra are no few planes.
+/// Samples of a material whose spectra are not represented by a few planes.
 fn samples(m: &Material) -> &[f32] {
     let Form::Samples(samples) = m.function().unwrap().form() else { panic!("expected samples") };
     samples.all()
@@ -147,7 +147,7 @@ fn smooth_is_continuous_and_constant_is_not() {
         let mut largest = [0.0_f32; 2];
         for (which, how) in [Interpolation::Smooth, Interpolation::Constant].into_iter().enumerate() {
             let wi = |t: f64| (m.quantity() == Quantity::Brdf).then(|| angles(20.0 + t, 0.0));
-            // Bisect to where the path crosses an edge.
+            // Bisect to the crossing of an edge.
             let finest = mesh(Domain::Sphere, 3);
             let wo = |t: f64| angles(5.0 + 80.0 * t, 720.0 * t);
             for step in 0..200 {
@@ -289,7 +289,7 @@ fn refusals_name_their_reason() {
     assert_eq!(spectrum(&one, at(wi, None), Interpolation::Constant), m_row(&one, 0));
 }
 
-/// The samples of a cell in either form.
+/// Samples of a cell in either form.
 fn cell(m: &Material, cell: usize) -> Vec<f32> {
     match m.function().unwrap().form() {
         Form::Samples(_) => m_row(m, cell).to_vec(),
@@ -334,7 +334,7 @@ pub(super) fn sampled() -> Vec<(&'static str, Material, Option<Direction>, Trian
     ]
 }
 
-/// By how much isotropic data are turned, in radians.
+/// Rotation of isotropic data in radians.
 fn turn(name: &str) -> f64 {
     if name == "isotropic" { 77_f64.to_radians() } else { 0.0 }
 }
@@ -363,9 +363,9 @@ fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// Pcg32 with state 0x5eed and the case as stream; 30 tests of one side at z < 3.5, so a false alarm of a correct sampler
-/// with fresh seeds has probability 30 × 2.3e-4 = 0.7 %. Bins are triangles one level finer than the leaves (they also
-/// see the distribution within a leaf), merged until 5 samples are expected.
+/// Pcg32 with state 0x5eed and the case as stream; 30 one-sided tests at z < 3.5. A false alarm of a correct sampler
+/// with fresh seeds thus has probability 30 × 2.3e-4 = 0.7 %. Bins are triangles one level finer than the leaves (they
+/// also see the distribution within a leaf), merged until 5 samples are expected.
 #[test]
 fn samples_follow_their_density() {
     const N: usize = 40_000;
@@ -435,8 +435,9 @@ fn weights_have_the_albedo_as_their_mean() {
         assert!((stored - expected).abs() < 1e-6 * expected, "{name}: {stored} {expected}");
         for (level, tolerance) in [(None, 1e-3), (Some(0), 1e-2)] {
             let options = SampleOptions { level, density: Density::Uniform, defensive: 0.0 };
-            // 256 × 256 strata with one jittered point each: weights of one cell vary by their cosine within a leaf (relative
-            // deviation below 1, so below 1/256 even if they were independent), at level 0 also between leaves.
+            // 256 × 256 strata with one jittered point each: weights of one cell vary by their cosine within a leaf
+            // (relative deviation below 1, so below 1/256 even if they were independent), at level 0 also between
+            // leaves.
             let n = 256_usize;
             let mut rng = Pcg32::new(4, 1);
             let mut stratum = |k: usize| (k as f64 + rng.random::<f64>()) / n as f64;
@@ -494,7 +495,7 @@ fn where_nothing_goes_nothing_is_drawn() {
     }
     assert_eq!(one.pdf(&[], None, sphere.centroid(78), by_tree).unwrap(), 0.0);
     assert_eq!(one.pdf(&[], None, sphere.centroid(78), CONSTANT).unwrap(), 0.0);
-    // With the defensive part anything that is known may be drawn, and nothing that is masked.
+    // With the defensive part, every unmasked triangle may be drawn and no masked one.
     let everything = SampleOptions { density: Density::Uniform, ..SampleOptions::default() };
     for (options, how) in [(SampleOptions::default(), Interpolation::Smooth), (everything, Interpolation::Constant)] {
         let mut drawn = 0;
@@ -563,7 +564,7 @@ fn directions_lead_back_to_their_point_and_wavelengths_have_their_own_trees() {
     for _ in 0..20_000 {
         let u = [rng.random(), rng.random()];
         let drawn = m.sample(&[], wi, u, None).unwrap().unwrap();
-        // Two nodes and the defensive part draw it, each from a point of its own.
+        // Two nodes and the defensive part draw the direction, each from a point of its own.
         let back = m.invert(&[], wi, drawn.direction, None).unwrap().unwrap();
         let again = m.sample(&[], wi, back, None).unwrap().unwrap();
         let cosine = dot(drawn.direction.xyz(), again.direction.xyz());
@@ -593,6 +594,6 @@ fn directions_lead_back_to_their_point_and_wavelengths_have_their_own_trees() {
         let options = SampleOptions { defensive, ..SampleOptions::default() };
         is_unfit(m.sample(&[], wi, [0.5; 2], options), "a defensive part of");
     }
-    // Outside the domain nothing leads to it.
+    // No point maps to a direction outside the domain.
     assert_eq!(m.invert(&[], wi, angles(120.0, 0.0), None).unwrap(), None);
 }

@@ -1,9 +1,9 @@
-//! The sampling trees of a material: one for every incoming node, built when a first direction is drawn.
+//! Sampling trees of a material: one for every incoming node, built when a first direction is drawn.
 //!
-//! A leaf weighs max(0, value) × the integral of |cos θ| over it (BRDF, BTDF, BSDF) or × its solid angle (emission, phase
-//! functions), the value being the mean over wavelengths or that at one wavelength: linear means, never those of logarithms.
-//! Of an entry of the incoming axis the value is that of the cell; of a node between entries it is the mean of the smooth
-//! function over the leaf, by its corners and its centroid.
+//! The weight of a leaf is max(0, value) × the integral of |cos θ| over it (BRDF, BTDF, BSDF) or × its solid angle
+//! (emission, phase functions). The value is the mean over wavelengths or that at one wavelength; means are linear,
+//! never of logarithms. For an entry of the incoming axis the value is that of the cell. For a node between entries it
+//! is the mean of the smooth function over the leaf, from its corners and its centroid.
 
 use super::background::Background;
 use super::carried::Carry;
@@ -13,21 +13,22 @@ use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
 use crate::domain::vector::Vector;
 use std::sync::Arc;
 
-/// The trees of all entries of the opaque axes.
+/// Trees of all entries of the opaque axes.
 #[derive(Debug)]
 pub(super) struct Trees {
     warps: Warps,
-    /// Trees of one entry of the opaque axes: of the entries of the incoming axis, then of the nodes between.
+    /// Number of trees for one entry of the opaque axes: first those of the incoming entries, then those of the nodes
+    /// between them.
     per_entry: usize,
     background: Arc<Background>,
-    /// What the value is made of: a weight for each sample of a spectrum.
+    /// Weight of each sample of a spectrum in the value.
     weights: Vec<f32>,
     carry: Option<Carry>,
     has_masked: bool,
 }
 
 impl Trees {
-    /// By the mean over wavelengths; directions stay.
+    /// Trees of the mean over wavelengths, whose directions stay.
     pub(super) fn of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Self {
         let measure =
             if function.geometry().quantity().has_cosine() { Measure::Projected } else { Measure::SolidAngle };
@@ -40,12 +41,12 @@ impl Trees {
         Self { warps, per_entry, background, weights, carry: None, has_masked }
     }
 
-    /// These trees, with directions carried by `carry`, or staying without one.
+    /// Sets the alignment that drawn directions follow; `None` lets them stay.
     pub(super) fn carried_by(self, carry: Option<Carry>) -> Self {
         Self { carry, ..self }
     }
 
-    /// By the inner product of spectra with `weights`, otherwise as these.
+    /// Trees of the inner product of spectra with `weights`, otherwise like `self`.
     pub(super) fn by(&self, function: &Function, lookup: &MeshLookup, weights: &[f32]) -> Self {
         Self {
             warps: Self::warps_by(self.warps.mesh(), function, lookup, weights),
@@ -100,14 +101,14 @@ impl Trees {
         &self.weights
     }
 
-    /// The alignment and the outgoing domain, if the directions of a density are carried.
+    /// Alignment and outgoing domain; `None` if directions of this density stay.
     #[inline]
     pub(super) fn carry(&self, density: Density) -> Option<Carry> {
         self.carry.filter(|_| density == Density::Linear)
     }
 
-    /// The defensive part of an entry of the opaque axes under an incoming direction: what was asked for, but all where no
-    /// tree has light, and nothing where no light is anywhere.
+    /// Defensive fraction of an entry of the opaque axes under an incoming direction. It is that of the options, but 1
+    /// if no tree has light, and 0 if there is no light anywhere.
     #[inline(always)]
     pub(super) fn defensive(&self, entry: usize, options: SampleOptions, has_light: bool) -> f64 {
         let is_defended = options.defensive > 0.0 && self.background.has_any(entry, options.density);
@@ -118,19 +119,20 @@ impl Trees {
         }
     }
 
-    /// Whether some cells are masked: a direction that is drawn there is none.
+    /// Returns true if some cells are masked: a direction drawn there is discarded.
     #[inline]
     pub(super) fn has_masked(&self) -> bool {
         self.has_masked
     }
 
-    /// The tree of a node.
+    /// Number of the tree of a node.
     #[inline]
     pub(super) fn tree(&self, entry: usize, node: usize) -> usize {
         entry * self.per_entry + node
     }
 
-    /// Memory in bytes of trees that are built already; of those that will be, but for a luminaire's dark cells.
+    /// Memory in bytes of built trees. The estimate for unbuilt ones, [`Trees::expected_memory`], excludes a
+    /// luminaire's table of lit cells.
     pub(super) fn memory(&self) -> usize {
         self.warps.memory() + self.warps.mesh().memory() + self.background.memory() + size_of_val(&*self.weights)
     }
@@ -142,7 +144,7 @@ impl Trees {
     }
 }
 
-/// The mean over a triangle of a function that is quadratic, by its corners and its centroid.
+/// Mean over a triangle of a quadratic function, from its corners and its centroid; NaN counts as 0.
 fn mean_over(corners: [f32; 3], centroid: f32) -> f32 {
     let known = |value: f32| if value.is_nan() { 0.0 } else { value };
     let [a, b, c] = corners.map(known);

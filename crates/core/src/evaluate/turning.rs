@@ -1,21 +1,22 @@
-//! The frame about an incoming direction: a function of the angle between two directions is drawn under light along `+z` and turned.
+//! Frame about an incoming direction. A function of the angle between two directions is drawn under light along `+z`
+//! and then rotated.
 
 use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, dot, scale};
 
-/// Three unit vectors at right angles, the third of which is an incoming direction.
+/// Three orthonormal vectors, the third of which is an incoming direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turning {
     axes: [Vector; 3],
 }
 
 impl Turning {
-    /// The incoming direction of every frame.
+    /// Incoming direction in every frame: `+z`.
     pub(super) fn up() -> Direction {
         Direction::from_unit([0.0, 0.0, 1.0])
     }
 
-    /// The frame about `wi` (Duff and others 2017); that of `+z` is the frame of the material.
+    /// Frame about `wi` (Duff et al. 2017); that of `+z` is the frame of the material.
     pub(super) fn about(wi: Direction) -> Self {
         let [x, y, z] = wi.xyz();
         let sign = if z < 0.0 { -1.0 } else { 1.0 };
@@ -26,12 +27,12 @@ impl Turning {
         Self { axes: [first, second, [x, y, z]] }
     }
 
-    /// Coordinates in this frame of a direction given in the frame of the material.
+    /// Converts a direction from the frame of the material to this frame.
     pub(super) fn inward(&self, direction: Direction) -> Direction {
         Direction::from_unit(self.axes.map(|axis| dot(axis, direction.xyz())))
     }
 
-    /// Coordinates in the frame of the material of a direction given in this frame.
+    /// Converts a direction from this frame to the frame of the material.
     pub(super) fn outward(&self, direction: Direction) -> Direction {
         let [x, y, z] = direction.xyz();
         let [first, second, third] = self.axes;

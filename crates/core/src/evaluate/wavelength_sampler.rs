@@ -10,7 +10,7 @@ use super::trees::Trees;
 use super::warp::SampleOptions;
 use crate::domain::Direction;
 
-/// Draws from a material by its values at one wavelength; as [`super::Material::sample`] and its kin do by the mean.
+/// Draws directions by the values at one wavelength, where [`super::Material::sample`] and its relatives use the mean.
 #[derive(Debug)]
 pub struct WavelengthSampler<'a> {
     function: &'a Function,
@@ -20,8 +20,9 @@ pub struct WavelengthSampler<'a> {
 }
 
 impl<'a> WavelengthSampler<'a> {
-    /// The sampler at `wavelength` in nm, linear between the samples of the spectra, of a function and the lobe beside it; with the tables of `mean`, the trees by
-    /// the mean; weights are those of `stated` where that is given. Refused outside the measured range.
+    /// Sampler at `wavelength` in nm, linear between the samples of the spectra, of a function and the lobe added to
+    /// it. It shares the tables of `mean`, the trees of the mean. Weights are those of `stated` if given. Fails outside
+    /// the measured range.
     pub(super) fn at(
         (function, lobe): (&'a Function, Option<&'a Lobed>),
         stated: Option<&'a Stated>,
@@ -48,7 +49,7 @@ impl<'a> WavelengthSampler<'a> {
         Sampler::new(self.function, self.lobe, &self.trees)
     }
 
-    /// As [`super::Material::sample`]; the weight is that of f at the wavelength.
+    /// Like [`super::Material::sample`]; the weight is that of f at the wavelength.
     pub fn sample(
         &self,
         index: &[usize],
@@ -62,7 +63,7 @@ impl<'a> WavelengthSampler<'a> {
         }
     }
 
-    /// As [`super::Material::pdf`].
+    /// Like [`super::Material::pdf`].
     pub fn pdf(
         &self,
         index: &[usize],
@@ -74,7 +75,7 @@ impl<'a> WavelengthSampler<'a> {
         self.sampler().pdf(index, wi, wo, options.into())
     }
 
-    /// As [`super::Material::invert`].
+    /// Like [`super::Material::invert`].
     pub fn invert(
         &self,
         index: &[usize],

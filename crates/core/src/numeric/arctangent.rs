@@ -1,11 +1,11 @@
-//! Angles of points in a plane, in arithmetic of the same bits on every machine, which loops turn into vector code.
+//! Angles of points in a plane, by arithmetic that gives identical bits on every machine and vectorises in loops.
 
-/// A point is turned back by this many degrees where it lies nearer to the diagonal than to an axis.
+/// Rotation in degrees that is applied to points nearer to the diagonal than to an axis.
 const DIAGONAL: f64 = 45.0;
-/// The tangent of half of that.
+/// Tangent of half of [`DIAGONAL`].
 const HALF_WAY: f64 = 0.414_213_562_373_095_03;
-/// The arc tangent of q in degrees is q times the sum of these times powers of q², for |q| up to [`HALF_WAY`]:
-/// interpolated at Chebyshev's points, with a relative error of 4e-17 before rounding.
+/// Coefficients of the arc tangent in degrees: atan q = q · Σ `TERMS[k]`·q²ᵏ for |q| up to [`HALF_WAY`]. Interpolated
+/// at Chebyshev points, with a relative error of 4e-17 before rounding.
 const TERMS: [f64; 11] = [
     57.295_779_513_082_316,
     -19.098_593_171_024_635,
@@ -24,12 +24,12 @@ const TERMS: [f64; 11] = [
 /// and an error below 1e-13 degrees elsewhere. Multiples of 45° are exact, the angle changes its sign with `y`, and
 /// that of (0, 0) is 0.
 ///
-/// Products and sums in one order, one quotient and no branch: what a machine computes side by side has the same bits.
+/// It uses products and sums in a fixed order, one quotient and no branch, so that vectorised code gives the same bits.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn atan2_degrees(y: f64, x: f64) -> f64 {
     let (up, along) = (y.abs(), x.abs());
-    // Below 0 where the point is nearer to the axis of y; NaN where a coordinate is none, and so are what is added to.
+    // Negative if the point is nearer to the y axis; NaN if a coordinate is NaN, which then propagates to the sums.
     let ahead = along - up;
     let low = if up < along { up } else { along } + 0.0 * ahead;
     let high = if up < along { along } else { up };
@@ -37,7 +37,7 @@ pub(crate) fn atan2_degrees(y: f64, x: f64) -> f64 {
     let numerator = low - where_negative(is_turned, high);
     let denominator = high + where_negative(is_turned, low);
     let q = numerator / if denominator > f64::MIN_POSITIVE { denominator } else { f64::MIN_POSITIVE };
-    // In pairs, whose steps need not wait for one another (Estrin 1960).
+    // Evaluated in independent pairs (Estrin 1960).
     let z = q * q;
     let pair = |k: usize| TERMS[k] + TERMS[k + 1] * z;
     let zz = z * z;
@@ -49,7 +49,8 @@ pub(crate) fn atan2_degrees(y: f64, x: f64) -> f64 {
     angle.copysign(y)
 }
 
-/// Returns `value` where `sign` has one, else 0: by their bits, as a branch would be guessed wrongly every other time.
+/// Returns `value` if the sign bit of `sign` is set, else 0. Bit operations avoid a branch that would be mispredicted
+/// every other time.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn where_negative(sign: f64, value: f64) -> f64 {
@@ -61,7 +62,7 @@ fn where_negative(sign: f64, value: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Points all around at many distances, those near axes and diagonals among them.
+    /// Returns points in all directions at many distances, including points near axes and diagonals.
     fn points() -> impl Iterator<Item = (f64, f64)> {
         let near = [1e-300, 1e-20, 1e-9, 1e-5].into_iter().flat_map(|d| [d, 1.0 - d, 1.0 + d]);
         let slopes: Vec<f64> = near.chain((0..20_000).map(|i| f64::from(i) * 1.3e-4)).collect();

@@ -1,21 +1,21 @@
-//! Linear interpolation in increasing lists: the two entries around a value, and their weights.
+//! Linear interpolation in increasing lists: the two entries around a value and their weights.
 
-/// Entries of a list that is counted rather than searched, at most.
+/// Longest list, in entries, that is scanned linearly instead of by binary search.
 const SHORT: usize = 16;
 
-/// Entries around a value, and the weight of the upper one; that of the lower is `1 − t`.
+/// The two entries around a value and the weight of the upper one; the lower one has weight `1 − t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bracket {
-    /// The entry at or below the value.
+    /// Index of the entry at or below the value.
     pub below: usize,
-    /// The entry above the value; equal to `below` beyond the ends of the list.
+    /// Index of the entry above the value; equal to `below` beyond the ends of the list.
     pub above: usize,
     /// Weight of the upper entry, 0..=1; 0 beyond the ends.
     pub t: f64,
 }
 
 impl Bracket {
-    /// Finds `x` in strictly increasing `values`, the first and the last of which hold beyond them; the first for a NaN.
+    /// Finds `x` in strictly increasing `values`. Beyond the ends it is the first or last entry, for NaN the first.
     #[inline]
     pub fn held(values: &[f64], x: f64) -> Self {
         let above = count_up_to(values, x);
@@ -33,7 +33,7 @@ impl Bracket {
         [(self.below, 1.0 - self.t), (self.above, self.t)]
     }
 
-    /// Replaces weights nearer to 0 or 1 than `rounding` by these.
+    /// Rounds weights within `rounding` of 0 or 1 to 0 or 1.
     #[must_use]
     pub fn snapped(self, rounding: f64) -> Self {
         let t = if self.t < rounding {
@@ -47,19 +47,20 @@ impl Bracket {
     }
 }
 
-/// The number of entries of increasing `values` that are at most `x`.
+/// Returns the number of entries of increasing `values` that are at most `x`.
 #[inline]
 pub fn count_up_to(values: &[f64], x: f64) -> usize {
     let is_below = |&v: &f64| v <= x;
     if values.len() <= SHORT {
-        // A search would guess which half wrongly every other time.
+        // The branches of a binary search would be mispredicted every other time.
         values.iter().filter(|v| is_below(v)).count()
     } else {
         values.partition_point(is_below)
     }
 }
 
-/// The entry of increasing `values` that is nearest to `x`: of two as near the first, as for an empty list and a NaN.
+/// Returns the index of the entry of increasing `values` nearest to `x`; of two equally near ones the first. It is 0
+/// for an empty list or NaN.
 #[inline]
 pub fn nearest(values: &[f64], x: f64) -> usize {
     let Some(last) = values.len().checked_sub(1) else { return 0 };
@@ -69,9 +70,9 @@ pub fn nearest(values: &[f64], x: f64) -> usize {
     below + (above - below) * usize::from(is_past_middle)
 }
 
-/// Returns the polyline through `(xs, ys)` at `x`, 0 outside of strictly increasing `xs`.
+/// Returns the polyline through `(xs, ys)` at `x`, 0 outside the strictly increasing `xs`.
 ///
-/// Not by [`Bracket`]: it divides last, and recorded luminous fluxes are sums of such products.
+/// It does not use [`Bracket`], because it divides last, and recorded luminous fluxes depend on this rounding.
 pub fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {
     match xs.partition_point(|&known| known <= x) {
         0 => 0.0,

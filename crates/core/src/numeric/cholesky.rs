@@ -1,23 +1,23 @@
-//! Cholesky's factors of symmetric matrices, in f64, in a fixed order.
+//! Cholesky factors of symmetric matrices, in f64, in a fixed order.
 //!
-//! A pivot vanishes where a matrix is singular but for rounding, and each use has its own answer. `Definite` refuses the
-//! matrix, because its caller has another way. `factor_clamped` goes on with the least pivot, because a fit must have some
-//! solution. `GramFactor` skips the column, because a decoder has to know which columns there are.
+//! If a matrix is singular up to rounding, a pivot vanishes. `Definite` then fails, because its caller has an
+//! alternative. `factor_clamped` continues with a smallest pivot, because a fit needs some solution. `GramFactor` skips
+//! the column, because a decoder must know which columns exist.
 
 use super::dense::dot;
 use super::wide;
 
-/// Factor of a positive definite matrix.
+/// Cholesky factor of a positive definite matrix.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Definite<const N: usize> {
-    /// The lower triangle.
+    /// Lower triangle.
     factor: [[f64; N]; N],
     n: usize,
 }
 
 impl<const N: usize> Definite<N> {
-    /// Factors the first `n` rows and columns of a matrix, of which the lower triangle is read; `None` at a pivot that is
-    /// not positive.
+    /// Factors the first `n` rows and columns of a matrix, of which only the lower triangle is read; `None` if a pivot
+    /// is not positive.
     #[inline]
     pub(crate) fn new(matrix: &[[f64; N]; N], n: usize) -> Option<Self> {
         let mut factor = [[0.0; N]; N];
@@ -37,7 +37,7 @@ impl<const N: usize> Definite<N> {
         Some(Self { factor, n })
     }
 
-    /// Solves for a right-hand side, whose entries beyond the factored ones stay.
+    /// Solves for a right-hand side; entries beyond the factored rows stay unchanged.
     #[inline]
     pub(crate) fn solve(&self, mut x: [f64; N]) -> [f64; N] {
         let Self { factor, n } = self;
@@ -52,13 +52,14 @@ impl<const N: usize> Definite<N> {
     }
 }
 
-/// Least pivot of [`factor_clamped`], in parts of the first diagonal entry.
+/// Smallest pivot of [`factor_clamped`], relative to the first diagonal entry.
 const LEAST_PIVOT: f64 = 1e-14;
 
-/// Replaces the lower triangle of the first `N` rows of a positive semidefinite matrix by its factor, with the diagonal
-/// inverted: solutions multiply by it. Pivots are clamped to 1e-14 of the first diagonal entry.
+/// Replaces the lower triangle of the first `N` rows of a positive semidefinite matrix by its factor. Diagonal entries
+/// are stored as reciprocals, by which solving multiplies. Pivots are clamped to 1e-14 of the first diagonal entry.
 ///
-/// Not by `Definite`: products are subtracted one after another, and recorded projections have this rounding.
+/// It does not use `Definite`: products are subtracted one after another, and recorded projections depend on this
+/// rounding.
 #[inline]
 pub fn factor_clamped<const N: usize, const M: usize>(matrix: &mut [[f64; M]; M]) {
     let least = (LEAST_PIVOT * matrix[0][0]).max(1e-300);
@@ -80,7 +81,7 @@ pub fn factor_clamped<const N: usize, const M: usize>(matrix: &mut [[f64; M]; M]
     }
 }
 
-/// Returns L⁻¹·x for the factor L of [`factor_clamped`], 0 beyond its rows.
+/// Returns L⁻¹·x for the factor L of [`factor_clamped`]; entries beyond its rows are 0.
 #[inline]
 pub fn forward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
     x[N..].fill(0.0);
@@ -93,7 +94,7 @@ pub fn forward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f
     x
 }
 
-/// Returns L⁻ᵀ·x for the factor L of [`factor_clamped`]; entries beyond its rows stay.
+/// Returns L⁻ᵀ·x for the factor L of [`factor_clamped`]; entries beyond its rows stay unchanged.
 #[inline]
 pub fn backward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
     for i in (0..N).rev() {
@@ -105,14 +106,15 @@ pub fn backward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [
     x
 }
 
-/// A column with less than this part of its square left by those before it is skipped.
+/// Threshold of independence: a column is skipped if its component orthogonal to the columns before has less than this
+/// fraction of its squared norm.
 const INDEPENDENT: f64 = 1e-4;
 
-/// Factor of the Gram matrix of columns, by which they become orthonormal: row-major lower triangle, with rows of zeros for
-/// columns that are skipped.
+/// Factor of the Gram matrix of columns, which makes them orthonormal: row-major lower triangle, with rows of zeros for
+/// skipped columns.
 ///
-/// Not by [`Definite`]: the size is known at run time, products of all rows are added up at once, and container files have
-/// this rounding.
+/// It does not use [`Definite`]: the size is known at run time only, products of all rows are summed at once, and
+/// container files depend on this rounding.
 #[derive(Default)]
 pub(crate) struct GramFactor {
     n: usize,
@@ -120,7 +122,8 @@ pub(crate) struct GramFactor {
 }
 
 impl GramFactor {
-    /// Factors a Gram matrix of `n` columns; skips those that depend on columns before them, and those that `keep` refuses.
+    /// Factors a Gram matrix of `n` columns; skips columns that depend on those before and columns for which `keep` is
+    /// false.
     pub(crate) fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
         wide(
             #[inline(always)]
@@ -135,7 +138,7 @@ impl GramFactor {
         let mut sums = vec![0.0; n];
         for i in (0..n).filter(|&i| keep(i)) {
             let row = &mut lower[i * n..][..n];
-            // Σ_k L_ik · L_jk of all j at once, in the order of k.
+            // Σ_k L_ik · L_jk for all j at once, in the order of k.
             sums.fill(0.0);
             for k in 0..i {
                 let column = &columns[k * n..][..i];
@@ -159,7 +162,7 @@ impl GramFactor {
         Self { n, lower }
     }
 
-    /// Whether a column was not skipped.
+    /// Returns true if a column was not skipped.
     pub(crate) fn keeps(&self, column: usize) -> bool {
         self.lower[column * self.n + column] > 0.0
     }
@@ -198,13 +201,13 @@ mod tests {
 
     const N: usize = 6;
 
-    /// A positive definite matrix and a right-hand side.
+    /// Returns a positive definite matrix and a right-hand side.
     fn system() -> ([[f64; N]; N], [f64; N]) {
         let entry = |i: usize, j: usize| 1.0 / (1 + i.abs_diff(j)) as f64 + if i == j { 0.3 * i as f64 } else { 0.0 };
         (std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))), std::array::from_fn(|i| 1.0 - 0.4 * i as f64))
     }
 
-    /// Gauss's solution of the first `n` rows.
+    /// Solves the first `n` rows by Gaussian elimination.
     fn plain(matrix: &[[f64; N]; N], right: &[f64; N], n: usize) -> Vec<f64> {
         let row = |i: usize| matrix[i][..n].iter().copied().chain([right[i]]).collect();
         dense::solve(&mut (0..n).map(row).collect::<Vec<Vec<f64>>>()).unwrap()
@@ -246,7 +249,7 @@ mod tests {
 
     #[test]
     fn a_vanishing_pivot_is_refused_clamped_or_skipped() {
-        // The third column is the second, and no step is rounded.
+        // The third column equals the second, and all steps are exact.
         let matrix = [[4.0, 2.0, 2.0, 0.0], [2.0, 5.0, 5.0, 0.0], [2.0, 5.0, 5.0, 0.0], [0.0, 0.0, 0.0, 9.0]];
         let right = [1.0, -2.0, 3.0, 6.0];
         assert!(Definite::new(&matrix, 4).is_none());

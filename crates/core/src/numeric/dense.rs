@@ -6,9 +6,9 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Returns Σ aᵢ·bᵢ in four sums of a fixed order, which a processor adds side by side.
+/// Returns Σ aᵢ·bᵢ as four interleaved sums of fixed order, which vectorise.
 ///
-/// Faster than [`dot`] for long vectors, with another rounding: results that are recorded with sums in order need [`dot`].
+/// Faster than [`dot`] for long vectors, but rounds differently: results recorded with sums in order need [`dot`].
 pub(crate) fn dot_by_four(a: &[f64], b: &[f64]) -> f64 {
     let (left, right) = (a.chunks_exact(4), b.chunks_exact(4));
     let rest: f64 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
@@ -63,8 +63,8 @@ pub(crate) fn solve(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
     Some(substitute(rows))
 }
 
-/// Solves a square system like [`solve`], but with the diagonal as pivots: container files hold the rounding of polynomials
-/// that were fitted without exchanges of rows. The matrix must be far from singular.
+/// Solves a square system like [`solve`], but without row exchanges: container files depend on the rounding of
+/// polynomials fitted in this way. The matrix must be far from singular.
 pub(crate) fn solve_in_order(rows: &mut [Vec<f64>]) -> Vec<f64> {
     for column in 0..rows.len() {
         eliminate(rows, column);
@@ -74,8 +74,8 @@ pub(crate) fn solve_in_order(rows: &mut [Vec<f64>]) -> Vec<f64> {
 
 /// Reduces rows `[A | B]` to `[1 | A⁻¹·B]` by the Gauss–Jordan method with partial pivoting; `A` must not be singular.
 ///
-/// Not by [`solve`]: rows are multiplied by the inverse of their pivot, and the wavelets at the ends of lines are defined by
-/// this rounding.
+/// It does not use [`solve`]: rows are multiplied by the inverse of their pivot, and the wavelets at the ends of lines
+/// are defined with this rounding.
 pub(crate) fn reduce(rows: &mut [Vec<f64>]) {
     for column in 0..rows.len() {
         let mut pivot = column;
@@ -97,7 +97,7 @@ pub(crate) fn reduce(rows: &mut [Vec<f64>]) {
     }
 }
 
-/// Makes a column zero below the diagonal; entries that are zero by then are not written.
+/// Eliminates a column below the diagonal; the resulting zeros are not written.
 fn eliminate(rows: &mut [Vec<f64>], column: usize) {
     let (above, below) = rows.split_at_mut(column + 1);
     let leader = &above[column];
@@ -121,7 +121,7 @@ fn substitute(rows: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Rows `[A | A·x]` of a matrix that is far from singular, and `x`.
+    /// Returns rows `[A | A·x]` of a matrix that is far from singular, and `x`.
     fn system(n: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
         let x: Vec<f64> = (0..n).map(|i| 1.0 - 0.3 * i as f64).collect();
         let rows = (0..n).map(|i| {

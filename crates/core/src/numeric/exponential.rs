@@ -1,30 +1,31 @@
-//! Exponentials in additions and multiplications only, so that every machine gets the same bits, however wide its vectors.
+//! Exponential functions by additions and multiplications only, so that results are identical on every machine,
+//! whatever its vector width.
 //!
-//! All three split x into k·ln 2 + r with |r| ≤ ln 2 / 2, and eˣ = 2ᵏ·eʳ. They differ in the polynomial for eʳ, and their
-//! bits are recorded: `exp_f64` is part of the container format, `exp_estrin` makes the answers of queries, and
-//! `exp_horner` the samples of projections.
+//! All three split x into k·ln 2 + r with |r| ≤ ln 2 / 2, so that eˣ = 2ᵏ·eʳ. They differ in the polynomial for eʳ, and
+//! recorded results depend on their bits: `exp_f64` is part of the container format, `exp_estrin` computes answers of
+//! queries, and `exp_horner` samples of projections.
 
 use ::wide::f32x4;
 
-/// Adding and subtracting this rounds an f64 to the nearest integer, ties to even, for |x| < 2^51.
+/// Rounding constant: adding and subtracting it rounds an f64 to the nearest integer, ties to even, for |x| < 2^51.
 const ROUNDER_F64: f64 = 6_755_399_441_055_744.0;
-/// ln 2 in two parts; the integers here times the first are exact.
+/// High and low part of ln 2; products of the high part with the integers used here are exact.
 const LN_2_HIGH_F64: f64 = 0.693_147_180_369_123_8;
 const LN_2_LOW_F64: f64 = 1.908_214_929_270_587_7e-10;
 const INVERSE_FACTORIALS: [f64; 10] =
     [1.0, 1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5_040.0, 1.0 / 40_320.0, 1.0 / 362_880.0];
 
-/// Adding 1.5 · 2²³ rounds an f32 to an integer, which is then in the low bits.
+/// Rounding constant 1.5 · 2²³: adding it rounds an f32 to an integer, which is then in the low bits.
 const ROUNDER_F32: f32 = 12_582_912.0;
-/// ln 2 in two parts, the first with few bits, so that its multiples are exact (Cody & Waite 1980).
+/// High and low part of ln 2; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
 const LN_2_HIGH_F32: f32 = 0.693_359_4;
 const LN_2_LOW_F32: f32 = -2.121_944_4e-4;
 
-/// Returns eˣ with a relative error below 1e-11, the decoder's; x is clamped to −120..=100, outside of which an f32
-/// underflows or overflows.
+/// Returns eˣ with a relative error below 1e-11, as used by the decoder. x is clamped to −120..=100, outside of which
+/// an f32 underflows or overflows.
 ///
-/// The polynomial is Σ rⁱ / i! for i = 0..=9 by Horner's rule. Its remainder is below 7e-12, far below the rounding to f32
-/// that follows.
+/// The polynomial is Σ rⁱ / i! for i = 0..=9 by Horner's rule. Its remainder is below 7e-12, far below the rounding to
+/// f32 that follows.
 #[inline]
 pub(crate) fn exp_f64(x: f64) -> f64 {
     let x = x.clamp(-120.0, 100.0);
@@ -35,14 +36,14 @@ pub(crate) fn exp_f64(x: f64) -> f64 {
     for i in (0..9).rev() {
         sum = sum * r + INVERSE_FACTORIALS[i];
     }
-    // The low bits of `shifted` hold k in two's complement; |k| < 200 keeps the exponent in range.
+    // The low bits of `shifted` are k in two's complement; |k| < 200 keeps the exponent in range.
     let exponent = (shifted.to_bits() & 0xFFF).wrapping_add(1023) & 0x7FF;
     sum * f64::from_bits(exponent << 52)
 }
 
 /// Returns eˣ to 2 units in the last place for −87..=88; 0 below and the largest finite power above.
 ///
-/// The polynomial is evaluated in pairs, whose steps need not wait for one another (Estrin 1960).
+/// The polynomial is evaluated in independent pairs (Estrin 1960).
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn exp_estrin(x: f32) -> f32 {
@@ -60,7 +61,7 @@ pub(crate) fn exp_estrin(x: f32) -> f32 {
     if x < -87.0 { 0.0 } else { value * power }
 }
 
-/// [`exp_estrin`] of four numbers, with the same bits, but for those of a NaN.
+/// Computes [`exp_estrin`] of four numbers, with identical bits except for NaN.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn exp_estrin_of_four(x: f32x4) -> f32x4 {
@@ -80,9 +81,9 @@ pub(crate) fn exp_estrin_of_four(x: f32x4) -> f32x4 {
     is_dark.bitselect(f32x4::ZERO, value * f32x4::new([a, b, c, d]))
 }
 
-/// Returns eˣ to some 2 units in the last place, 1 at 0; x is clamped to −87..=88, and NaN stays.
+/// Returns eˣ to about 2 units in the last place, exactly 1 at 0; x is clamped to −87..=88, and NaN gives NaN.
 ///
-/// The polynomial is Taylor's, by Horner's rule, without a branch.
+/// The polynomial is the Taylor polynomial, evaluated by Horner's rule without branches.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub fn exp_horner(x: f32) -> f32 {

@@ -2,14 +2,14 @@
 
 use super::dense::{dot, solve};
 
-/// Returns the `c` that minimises |Σ cₖ·columnₖ − target|² while Σ cₖ·constraint[j][k] = value[j]; columns may be of any
-/// scale. `None` if the columns or the constraints depend on each other.
+/// Returns the `c` that minimises |Σ cₖ·columnₖ − target|² subject to Σ cₖ·constraint[j][k] = value[j]. Columns may
+/// have any scale. `None` if the columns or the constraints are linearly dependent.
 pub(crate) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     let (k, m) = (columns.len(), constraints.len());
     if m > k {
         return None;
     }
-    // Unit columns: the normal equations square the condition, so at least the scales should not add to it.
+    // Normalise the columns: the normal equations square the condition number, and different scales would increase it.
     let scales: Vec<f64> = columns.iter().map(|c| 1.0 / dot(c, c).sqrt()).collect();
     if scales.iter().any(|s| !s.is_finite()) {
         return None;
@@ -58,7 +58,7 @@ mod tests {
         let constraint = (vec![1.0, 1.0, 1.0], 5.0);
         let bound = constrained(&columns, &target, std::slice::from_ref(&constraint)).unwrap();
         assert!((bound.iter().sum::<f64>() - 5.0).abs() < 1e-12);
-        // What remains is a multiple of the constraint's gradient.
+        // The residual is a multiple of the gradient of the constraint.
         let gradient: Vec<f64> = columns.iter().map(|column| dot(column, &residual(&bound))).collect();
         assert!((gradient[0] - gradient[1]).abs() < 1e-9 && (gradient[1] - gradient[2]).abs() < 1e-9);
     }

@@ -1,12 +1,12 @@
-//! Natural logarithm in additions and multiplications only, so that every machine gets the same bits.
+//! Natural logarithm by additions and multiplications only, so that results are identical on every machine.
 
 use std::ops::{Add, Mul, Sub};
 use wide::f32x4;
 
-/// ln 2 in two parts, the first with few bits, so that its multiples are exact (Cody & Waite 1980).
+/// High and low part of ln 2; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
-/// Mantissas below this are doubled, so that the polynomial's argument is at most √2 − 1 in size.
+/// Threshold below which mantissas are doubled, so that the argument of the polynomial is at most √2 − 1 in magnitude.
 const ROOT_HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// Returns ln x to 2 units in the last place (an absolute 1e-7 near 1) for positive normal x.
@@ -19,7 +19,7 @@ pub(crate) fn ln_f32(x: f32) -> f32 {
     combined(r, e)
 }
 
-/// Returns the logarithms of four numbers, with the bits of [`ln_f32`].
+/// Returns the logarithms of four numbers, with bits identical to [`ln_f32`].
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn ln_four(x: f32x4) -> f32x4 {

@@ -1,7 +1,7 @@
-//! Numeric routines that several rooms use, each in one place.
+//! Numeric routines shared by several modules.
 //!
-//! Results are recorded to the bit, in container files and in digests of projections, so the order of additions and
-//! multiplications of each routine is fixed. Routines that differ in it only stand side by side and say why.
+//! Container files and digests of projections record results to the bit, so each routine has a fixed order of additions
+//! and multiplications. Routines that differ only in this order are kept separately and give the reason.
 
 pub(crate) mod arctangent;
 pub mod bracket;

@@ -1,30 +1,30 @@
-//! Orthonormal vectors by the method of Gram and Schmidt, in order.
+//! Orthonormal vectors by the Gram–Schmidt method, in order.
 
 use super::dense::{dot, norm, scale, subtract};
 
-/// The squared lengths of a vector before and after its parts along others were subtracted.
+/// Squared lengths of a vector before and after its components along others were subtracted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Squares {
     pub(crate) before: f64,
     pub(crate) after: f64,
 }
 
-/// Subtracts the part of `vector` along `unit`, which has length 1.
+/// Subtracts the component of `vector` along `unit`, which has length 1.
 #[inline]
 pub(crate) fn take_one_away(vector: &mut [f64], unit: &[f64]) {
     let along = dot(vector, unit);
     subtract(vector, along, unit);
 }
 
-/// Subtracts the parts of `vector` along each of `units`, which have length 1, one after another.
+/// Subtracts the components of `vector` along each of `units`, which have length 1, one after another.
 pub(crate) fn take_away(vector: &mut [f64], units: &[Vec<f64>]) {
     for unit in units {
         take_one_away(vector, unit);
     }
 }
 
-/// Subtracts like [`take_away`], a second time for what rounding left of the first: twice is enough (Kahan; Parlett 1980,
-/// *The Symmetric Eigenvalue Problem*, section 6-9).
+/// Subtracts like [`take_away`], twice, to remove the rounding errors of the first pass; two passes suffice (Kahan;
+/// Parlett 1980, *The Symmetric Eigenvalue Problem*, section 6-9).
 pub(crate) fn take_away_twice(vector: &mut [f64], units: &[Vec<f64>]) -> Squares {
     let before = dot(vector, vector);
     for _ in 0..2 {
@@ -33,7 +33,8 @@ pub(crate) fn take_away_twice(vector: &mut [f64], units: &[Vec<f64>]) -> Squares
     Squares { before, after: dot(vector, vector) }
 }
 
-/// Returns what is left of `vector` beside `units`, of length 1; `None` where `is_independent` says that it is rounding.
+/// Returns the normalised component of `vector` orthogonal to `units`; `None` if `is_independent` classifies it as
+/// rounding error.
 pub(crate) fn remainder(
     mut vector: Vec<f64>,
     units: &[Vec<f64>],
@@ -49,7 +50,7 @@ pub(crate) fn remainder(
     })
 }
 
-/// Makes vectors orthonormal; those that `is_independent` refuses beside the vectors before them are left out.
+/// Makes vectors orthonormal; drops vectors that `is_independent` classifies as dependent on those before.
 pub(crate) fn orthonormalise(vectors: &mut Vec<Vec<f64>>, is_independent: impl Fn(Squares) -> bool) {
     let mut kept: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
     for vector in vectors.drain(..) {
@@ -58,10 +59,10 @@ pub(crate) fn orthonormalise(vectors: &mut Vec<Vec<f64>>, is_independent: impl F
     *vectors = kept;
 }
 
-/// Makes vectors orthonormal in place; a vector that depends on those before it becomes 0.
+/// Makes vectors orthonormal in place; a vector that depends on those before becomes 0.
 ///
-/// Not by [`orthonormalise`]: a decoder does this, too, and the container format defines one pass and a product with the
-/// inverse length.
+/// It does not use [`orthonormalise`]: decoders run it, and the container format defines one pass and a multiplication
+/// by the inverse length.
 pub(crate) fn orthonormalise_decoded(vectors: &mut [Vec<f64>]) {
     for i in 0..vectors.len() {
         let (before, rest) = vectors.split_at_mut(i);
@@ -76,7 +77,7 @@ pub(crate) fn orthonormalise_decoded(vectors: &mut [Vec<f64>]) {
 mod tests {
     use super::*;
 
-    /// Three independent vectors, with the sum of the first two in between.
+    /// Returns three independent vectors, with the sum of the first two as the third of four.
     fn vectors() -> Vec<Vec<f64>> {
         let a = vec![1.0, 2.0, 0.5, 4.0];
         let b = vec![0.0, 1.0, -1.0, 2.0];
@@ -84,7 +85,7 @@ mod tests {
         vec![a, b, sum, vec![3.0, 0.1, 1.0, 1.0]]
     }
 
-    /// The textbook's formula: each vector less its projections on those before it, at unit length.
+    /// Computes the textbook formula: each vector minus its projections on those before, normalised.
     fn plain() -> Vec<Vec<f64>> {
         let mut units: Vec<Vec<f64>> = Vec::new();
         for vector in [0, 1, 3].map(|i| vectors()[i].clone()) {

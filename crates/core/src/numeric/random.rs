@@ -1,15 +1,16 @@
-//! Uniform random numbers from a generator's bits.
+//! Uniform random numbers from the bits of a generator.
 //!
-//! Written here, not taken from `rand`, which may change its own between versions: a seed gives the same numbers for good.
+//! They are implemented here because `rand` may change its distributions between versions: a seed must always give the
+//! same numbers.
 
 use rand::Rng;
 
-/// Returns a number from [0, 1), a multiple of 2⁻⁵³.
+/// Returns a number in [0, 1), a multiple of 2⁻⁵³.
 pub fn half_open(random: &mut impl Rng) -> f64 {
     (random.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }
 
-/// Returns a number from (0, 1), an odd multiple of 2⁻⁵³: never an end.
+/// Returns a number in (0, 1), an odd multiple of 2⁻⁵³, never 0 or 1.
 pub fn open(random: &mut impl Rng) -> f64 {
     ((random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
 }
@@ -22,7 +23,7 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
     use std::convert::Infallible;
 
-    /// A generator of one number.
+    /// Generator that always returns the same number.
     struct Always(u64);
 
     impl TryRng for Always {

@@ -1,35 +1,37 @@
-//! Recursive least squares in f64: a growing system of normal equations, solved now and then by Cholesky's method.
+//! Recursive least squares in f64: growing normal equations, solved at intervals by Cholesky's method.
 //!
-//! The coefficients are part of the container format. Every sum has a fixed order, and loops that a compiler may run in wide
-//! vectors treat each entry by itself.
+//! The container format depends on the bits of the coefficients. Every sum has a fixed order, and loops that a compiler
+//! may vectorise treat each entry independently.
 
-/// Entries of a row are padded to a multiple of this.
+/// Rows are padded to a multiple of this number of entries.
 const LANES: usize = 4;
-/// Ridge in parts of the mean square of each feature.
+/// Ridge regularisation relative to the mean square of each feature. Raising it pulls coefficients towards the prior
+/// for longer.
 const RIDGE: f64 = 10.0;
-/// The system is solved again when its weight has grown by this part and one.
+/// Growth factor of the example count after which the system is solved again (at least one more example is added).
+/// Raising it solves less often.
 const GROWTH: f64 = 1.05;
 
-/// Linear prediction of a number by features, learned from all examples so far.
+/// Linear prediction of a number from features, learned from all examples so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Recursive {
     n: usize,
-    /// Entries of a row, a multiple of [`LANES`].
+    /// Padded length of a row, a multiple of [`LANES`].
     stride: usize,
-    /// Σ f·fᵀ, of which the upper triangle is used.
+    /// Sum Σ f·fᵀ over examples; only the upper triangle is used.
     gram: Vec<f64>,
-    /// Σ f·y.
+    /// Sum Σ f·y over examples.
     right: Vec<f64>,
-    /// Examples, those before a fading counted less.
+    /// Weighted number of examples; fading reduces the weight of earlier ones.
     count: f64,
-    /// The count at which the system is solved again.
+    /// Weighted number of examples at which the system is solved again.
     next: f64,
     factor: Vec<f64>,
     coefficients: Vec<f64>,
 }
 
 impl Recursive {
-    /// A system of `n` features without examples.
+    /// Creates a system of `n` features without examples.
     pub(crate) fn new(n: usize) -> Self {
         let stride = n.next_multiple_of(LANES);
         let vector = vec![0.0; stride];
@@ -45,23 +47,23 @@ impl Recursive {
         }
     }
 
-    /// Multiplies the weight of all examples so far; the next prediction solves anew.
+    /// Multiplies the weight of all examples so far by `by`, and makes a new solution due.
     pub(crate) fn fade(&mut self, by: f64) {
         self.gram.iter_mut().chain(&mut self.right).for_each(|x| *x *= by);
         self.count *= by;
         self.next = 0.0;
     }
 
-    /// Returns true where the coefficients are to be found anew.
+    /// Returns true if the system should be solved again.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn is_due(&self) -> bool {
         self.next <= 0.0 || self.count >= self.next
     }
 
-    /// Finds the coefficients that minimise the squared error plus a ridge towards `prior`, whose missing entries are 0; the
-    /// ridge of feature i is ten times its mean square plus `least`. They are `prior` itself where rounding makes the system
-    /// singular.
+    /// Computes the coefficients that minimise the squared error plus a ridge term towards `prior`, whose missing
+    /// entries are 0. The ridge of feature i is ten times its mean square plus `least`. If rounding makes the system
+    /// singular, the coefficients are `prior`.
     pub(crate) fn solve(&mut self, prior: &[f64], least: f64) {
         let (n, stride) = (self.n, self.stride);
         self.next = self.count * GROWTH + 1.0;
@@ -79,8 +81,8 @@ impl Recursive {
         }
     }
 
-    /// Replaces the matrix by its factor U, A = Uᵀ·U, row by row, and the right-hand side by the solution; false at a pivot
-    /// that is not positive.
+    /// Replaces the matrix by its factor U with A = Uᵀ·U, row by row, and the right-hand side by the solution. Returns
+    /// false if a pivot is not positive.
     fn eliminate(&mut self) -> bool {
         let (n, stride) = (self.n, self.stride);
         let x = &mut self.coefficients;
@@ -113,7 +115,8 @@ impl Recursive {
         true
     }
 
-    /// Returns Σ cᵢ·fᵢ (features are padded by 0 to a multiple of 4) in four sums, of i = 0, 4, 8, …, i = 1, 5, … and so on: (s₀ + s₂) + (s₁ + s₃).
+    /// Returns Σ cᵢ·fᵢ; features are padded with 0 to a multiple of 4. Four sums (s₀ of i = 0, 4, 8, …, s₁ of i = 1, 5,
+    /// …, and so on) are added as (s₀ + s₂) + (s₁ + s₃).
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn predict(&self, features: &[f64]) -> f64 {
@@ -126,7 +129,7 @@ impl Recursive {
         (sums[0] + sums[2]) + (sums[1] + sums[3])
     }
 
-    /// Adds an example; features are padded by 0 to a multiple of 4.
+    /// Adds an example; features are padded with 0 to a multiple of 4.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn learn(&mut self, features: &[f64], wanted: f64) {
@@ -174,7 +177,7 @@ mod tests {
             last = (system.predict(&f) - truth(&f)).abs();
             system.learn(&f, truth(&f));
         }
-        // The ridge keeps ten examples' worth of the prior.
+        // The ridge gives the prior the weight of ten examples.
         assert!(last < 0.05, "{last}");
     }
 

@@ -1,12 +1,12 @@
-//! Plain loops in the widest vectors that the processor has.
+//! Plain loops compiled for the widest vectors of the processor.
 //!
-//! The same operations in the same order on every machine, some of them at once: no sum is reordered and nothing is
+//! Operations and their order are the same on every machine, only some run in parallel. No sum is reordered or
 //! contracted, so the bits do not depend on the processor.
 
-/// Runs `work`, compiled for the instructions that this processor has; what it calls comes along if it is inlined.
+/// Runs `work`, compiled for the instruction set of this processor, together with all functions inlined into it.
 ///
-/// Every version is compiled wherever this is called, so there are few: builds for tests are made more often than run for
-/// long and do without AVX-512, and what SSE4.2 adds to the oldest processor is not used by these loops.
+/// Each call site compiles every version, so there are few versions. Test builds omit AVX-512, since they are compiled
+/// often and rarely run for long. There is no SSE4.2 version, since these loops gain nothing from it.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "what is not inlined is compiled for the oldest processor")]
 pub fn wide<R>(work: impl FnOnce() -> R) -> R {
@@ -22,6 +22,6 @@ pub fn wide<R>(work: impl FnOnce() -> R) -> R {
             return avx2.vectorize(work);
         }
     }
-    // Elsewhere the least processor has the vectors that the compiler uses anyway.
+    // On other architectures the compiler's default instruction set already includes these vectors.
     work()
 }

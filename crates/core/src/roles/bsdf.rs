@@ -1,4 +1,4 @@
-//! A surface: what it reflects and transmits.
+//! View of a material as a surface that reflects or transmits light.
 
 use super::error::RoleError;
 use super::sample::Sample;
@@ -13,7 +13,7 @@ const NEEDS: Needs = Needs {
     has_outgoing: true,
 };
 
-/// A surface that reflects or transmits: a BRDF, a BTDF or both, `f(wi, wo)` in sr⁻¹.
+/// View of a material as a surface that reflects or transmits: a BRDF, a BTDF or both, `f(wi, wo)` in sr⁻¹.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -34,65 +34,68 @@ const NEEDS: Needs = Needs {
 pub struct Bsdf<'a>(View<'a>);
 
 impl Material {
-    /// This material as a surface; refused for other quantities, and where there are index axes.
+    /// Views this material as a surface. Fails for other quantities and for materials with index axes.
     pub fn bsdf(&self) -> Result<Bsdf<'_>, RoleError> {
         self.bsdf_at(&[])
     }
 
-    /// Views one entry of the index axes as a surface: `index` has one number for each index axis, from 0.
+    /// Views one entry of the index axes as a surface; `index` has one number per index axis, from 0.
     pub fn bsdf_at(&self, index: &[usize]) -> Result<Bsdf<'_>, RoleError> {
         Ok(Bsdf(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Bsdf<'a> {
-    /// Samples in a spectrum.
+    /// Returns the number of samples of a spectrum.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// The material, for questions beyond the role.
+    /// Returns the material, for queries that the view does not offer.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// The spectrum of f at `wi` and `wo`, without a cosine.
+    /// Returns the spectrum of f at `wi` and `wo` in sr⁻¹, without a cosine.
     pub fn eval(&self, wi: Direction, wo: Direction) -> Vec<f32> {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// As [`Bsdf::eval`], into memory that is given.
+    /// Like [`Bsdf::eval`], but writes to `out`.
     ///
     /// # Panics
-    /// If `out` has not [`Bsdf::lambdas`] samples.
+    /// If the length of `out` is not [`Bsdf::lambdas`].
     pub fn eval_into(&self, wi: Direction, wo: Direction, out: &mut [f32]) {
         self.0.eval_into(Some(wi), Some(wo), out);
     }
 
-    /// Draws a direction from a point `u` of the unit square, by the mean over wavelengths; `None` where nothing is reflected or transmitted.
+    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
+    /// reflected or transmitted.
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// The density with which [`Bsdf::sample`] draws `wo`, sr⁻¹.
+    /// Returns the probability density, in sr⁻¹, with which [`Bsdf::sample`] draws `wo`.
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// The spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together, as it is stored.
-    /// Masked cells add nothing; NaN where all are masked. [`Material::integrated`] integrates what is evaluated.
+    /// Returns the spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together, for
+    /// the stored piecewise constant form. Masked cells count as 0; NaN if all are masked. [`Material::integrated`]
+    /// integrates the evaluated function instead.
     pub fn albedo(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
 
-    /// This surface at up to eight wavelengths in nm, linear between those measured; beyond their ends the value of the end holds.
-    /// Refused where there are no wavelengths (RGB, monochromatic).
+    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and constant
+    /// beyond them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<BsdfAt<'a, N>, RoleError> {
         Ok(BsdfAt(self.0.at(wavelengths, Beyond::Nearest)?))
     }
 }
 
-/// A surface at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
+/// View of a surface at chosen wavelengths. Queries do not allocate, except the first sample or density of a material,
+/// which builds its sampling trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -109,24 +112,24 @@ impl<'a> Bsdf<'a> {
 pub struct BsdfAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> BsdfAt<'_, N> {
-    /// The wavelengths in nm.
+    /// Returns the wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// As [`Bsdf::eval`], at the chosen wavelengths.
+    /// Like [`Bsdf::eval`], at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wi: Direction, wo: Direction) -> [f32; N] {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// As [`Bsdf::sample`], with a weight for each chosen wavelength, 0 where the value is masked.
+    /// Like [`Bsdf::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
     #[inline]
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// As [`Bsdf::pdf`].
+    /// Like [`Bsdf::pdf`].
     #[inline]
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)

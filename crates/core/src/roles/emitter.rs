@@ -1,4 +1,4 @@
-//! A light: how much it sends in each direction.
+//! View of a material as a light source: intensity by direction.
 
 use super::error::RoleError;
 use super::sample::Sample;
@@ -9,7 +9,7 @@ use crate::evaluate::{Beyond, Material};
 const NEEDS: Needs =
     Needs { quantities: &[Quantity::Edf], named: "an edf (a luminaire)", has_incoming: false, has_outgoing: true };
 
-/// A light: intensity by direction, in the material's unit ([`Material::unit`]).
+/// View of a material as a light source: intensity by direction, in the unit of the material ([`Material::unit`]).
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -27,65 +27,67 @@ const NEEDS: Needs =
 pub struct Emitter<'a>(View<'a>);
 
 impl Material {
-    /// This material as a light; refused for other quantities, and where there are index axes.
+    /// Views this material as a light source. Fails for other quantities and for materials with index axes.
     pub fn emitter(&self) -> Result<Emitter<'_>, RoleError> {
         self.emitter_at(&[])
     }
 
-    /// Views one entry of the index axes as a light: `index` has one number for each index axis, from 0.
+    /// Views one entry of the index axes as a light source; `index` has one number per index axis, from 0.
     pub fn emitter_at(&self, index: &[usize]) -> Result<Emitter<'_>, RoleError> {
         Ok(Emitter(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Emitter<'a> {
-    /// Samples in a spectrum.
+    /// Returns the number of samples of a spectrum.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// The material, for questions beyond the role.
+    /// Returns the material, for queries that the view does not offer.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// The spectrum of the intensity towards `wo`.
+    /// Returns the spectrum of the intensity towards `wo`.
     pub fn eval(&self, wo: Direction) -> Vec<f32> {
         self.0.eval(None, Some(wo))
     }
 
-    /// As [`Emitter::eval`], into memory that is given.
+    /// Like [`Emitter::eval`], but writes to `out`.
     ///
     /// # Panics
-    /// If `out` has not [`Emitter::lambdas`] samples.
+    /// If the length of `out` is not [`Emitter::lambdas`].
     pub fn eval_into(&self, wo: Direction, out: &mut [f32]) {
         self.0.eval_into(None, Some(wo), out);
     }
 
-    /// Draws a direction from a point `u` of the unit square, by the mean over wavelengths; `None` where nothing is emitted.
+    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
+    /// emitted.
     pub fn sample(&self, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(None, u)
     }
 
-    /// The density with which [`Emitter::sample`] draws `wo`, sr⁻¹.
+    /// Returns the probability density, in sr⁻¹, with which [`Emitter::sample`] draws `wo`.
     pub fn pdf(&self, wo: Direction) -> f64 {
         self.0.pdf(None, wo)
     }
 
-    /// The spectrum of the flux as it is stored: the intensity over all directions. Masked cells add nothing; NaN where all are
-    /// masked.
+    /// Returns the spectrum of the flux, the integral of the intensity over all directions, for the stored piecewise
+    /// constant form. Masked cells count as 0; NaN if all are masked.
     pub fn flux(&self) -> Vec<f32> {
         self.0.albedo(None)
     }
 
-    /// This light at up to eight wavelengths in nm, linear between those measured; beyond their ends there is no light.
-    /// Refused where there are no wavelengths (RGB, monochromatic).
+    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and 0 beyond
+    /// them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<EmitterAt<'a, N>, RoleError> {
         Ok(EmitterAt(self.0.at(wavelengths, Beyond::Zero)?))
     }
 }
 
-/// A light at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
+/// View of a light source at chosen wavelengths. Queries do not allocate, except the first sample or density of a
+/// material, which builds its sampling trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -101,24 +103,24 @@ impl<'a> Emitter<'a> {
 pub struct EmitterAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> EmitterAt<'_, N> {
-    /// The wavelengths in nm.
+    /// Returns the wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// As [`Emitter::eval`], at the chosen wavelengths.
+    /// Like [`Emitter::eval`], at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wo: Direction) -> [f32; N] {
         self.0.eval(None, Some(wo))
     }
 
-    /// As [`Emitter::sample`], with a weight for each chosen wavelength, 0 where the value is masked.
+    /// Like [`Emitter::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
     #[inline]
     pub fn sample(&self, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(None, u)
     }
 
-    /// As [`Emitter::pdf`].
+    /// Like [`Emitter::pdf`].
     #[inline]
     pub fn pdf(&self, wo: Direction) -> f64 {
         self.0.pdf(None, wo)

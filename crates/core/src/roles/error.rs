@@ -1,9 +1,9 @@
-//! Why a material does not play a role.
+//! Error type of the views of materials.
 
 use crate::domain::Quantity;
 use crate::evaluate::EvaluateError;
 
-/// Why a material cannot be viewed in a role.
+/// Reasons why a material cannot be viewed as a surface, light source, medium or spectrum.
 ///
 /// ```
 /// use wavelume_core::domain::Quantity;
@@ -20,25 +20,25 @@ use crate::evaluate::EvaluateError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RoleError {
-    /// The material is of another quantity.
+    /// The material has another quantity.
     #[error("this material is of quantity {found}, expected {expected}")]
     Quantity {
-        /// What the material is.
+        /// Quantity of the material.
         found: Quantity,
-        /// The quantities that play the role.
+        /// Quantities that the view accepts.
         expected: &'static str,
     },
-    /// The material has fewer directions, or more, than the role.
+    /// The directions of the material are not those of the view.
     #[error("this {quantity} has {found}, expected {expected}")]
     Directions {
-        /// What the material is.
+        /// Quantity of the material.
         quantity: Quantity,
-        /// The directions that it has.
+        /// Directions of the material.
         found: &'static str,
-        /// The directions of the role.
+        /// Directions of the view.
         expected: &'static str,
     },
-    /// The entry of the index axes, or the wavelengths, do not fit the material.
+    /// The entry of the index axes or the wavelengths do not fit the material.
     #[error(transparent)]
     Query(#[from] EvaluateError),
 }

@@ -1,4 +1,4 @@
-//! A medium: where it scatters light.
+//! View of a material as a scattering medium.
 
 use super::error::RoleError;
 use super::sample::Sample;
@@ -9,7 +9,8 @@ use crate::evaluate::{Beyond, Material};
 const NEEDS: Needs =
     Needs { quantities: &[Quantity::Phase], named: "a phase function", has_incoming: true, has_outgoing: true };
 
-/// A phase function: `p(wi, wo)` in sr⁻¹, about 1 over the sphere of `wo`. Forward is `wo` opposite to `wi`.
+/// View of a material as a phase function `p(wi, wo)` in sr⁻¹, whose integral over all `wo` is about 1. Forward
+/// scattering has `wo` opposite to `wi`.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -29,65 +30,67 @@ const NEEDS: Needs =
 pub struct Phase<'a>(View<'a>);
 
 impl Material {
-    /// This material as a phase function; refused for other quantities, and where there are index axes.
+    /// Views this material as a phase function. Fails for other quantities and for materials with index axes.
     pub fn phase(&self) -> Result<Phase<'_>, RoleError> {
         self.phase_at(&[])
     }
 
-    /// Views one entry of the index axes as a phase function: `index` has one number for each index axis, from 0.
+    /// Views one entry of the index axes as a phase function; `index` has one number per index axis, from 0.
     pub fn phase_at(&self, index: &[usize]) -> Result<Phase<'_>, RoleError> {
         Ok(Phase(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Phase<'a> {
-    /// Samples in a spectrum.
+    /// Returns the number of samples of a spectrum.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// The material, for questions beyond the role.
+    /// Returns the material, for queries that the view does not offer.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// The spectrum of p at `wi` and `wo`.
+    /// Returns the spectrum of p at `wi` and `wo` in sr⁻¹.
     pub fn eval(&self, wi: Direction, wo: Direction) -> Vec<f32> {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// As [`Phase::eval`], into memory that is given.
+    /// Like [`Phase::eval`], but writes to `out`.
     ///
     /// # Panics
-    /// If `out` has not [`Phase::lambdas`] samples.
+    /// If the length of `out` is not [`Phase::lambdas`].
     pub fn eval_into(&self, wi: Direction, wo: Direction, out: &mut [f32]) {
         self.0.eval_into(Some(wi), Some(wo), out);
     }
 
-    /// Draws a direction from a point `u` of the unit square, by the mean over wavelengths; `None` where nothing is scattered.
+    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
+    /// scattered.
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// The density with which [`Phase::sample`] draws `wo`, sr⁻¹.
+    /// Returns the probability density, in sr⁻¹, with which [`Phase::sample`] draws `wo`.
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// The spectrum of ∫ p dωo as it is stored: 1 for a phase function that is normalised. Masked cells add nothing; NaN where all
-    /// are masked.
+    /// Returns the spectrum of ∫ p dωo for the stored piecewise constant form, which is 1 for a normalised phase
+    /// function. Masked cells count as 0; NaN if all are masked.
     pub fn integral(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
 
-    /// This phase function at up to eight wavelengths in nm, linear between those measured; beyond their ends the value of the end holds.
-    /// Refused where there are no wavelengths (RGB, monochromatic).
+    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and constant
+    /// beyond them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<PhaseAt<'a, N>, RoleError> {
         Ok(PhaseAt(self.0.at(wavelengths, Beyond::Nearest)?))
     }
 }
 
-/// A phase function at chosen wavelengths; no query allocates but the first sample or density of a material, which builds its trees.
+/// View of a phase function at chosen wavelengths. Queries do not allocate, except the first sample or density of a
+/// material, which builds its sampling trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -106,24 +109,24 @@ impl<'a> Phase<'a> {
 pub struct PhaseAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> PhaseAt<'_, N> {
-    /// The wavelengths in nm.
+    /// Returns the wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// As [`Phase::eval`], at the chosen wavelengths.
+    /// Like [`Phase::eval`], at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wi: Direction, wo: Direction) -> [f32; N] {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// As [`Phase::sample`], with a weight for each chosen wavelength, 0 where the value is masked.
+    /// Like [`Phase::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
     #[inline]
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// As [`Phase::pdf`].
+    /// Like [`Phase::pdf`].
     #[inline]
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)

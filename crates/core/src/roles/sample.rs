@@ -1,8 +1,8 @@
-//! A direction that was drawn.
+//! Result of importance sampling.
 
 use crate::domain::Direction;
 
-/// A direction drawn by a role's `sample`, with what a renderer multiplies by.
+/// Direction returned by the `sample` method of a view, with its weight and probability density.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,11 +19,11 @@ use crate::domain::Direction;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample<W> {
-    /// The direction drawn.
+    /// Sampled direction.
     pub wo: Direction,
-    /// f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions: one number by the mean over wavelengths
-    /// (0 where that is negative), or one for each wavelength that was chosen.
+    /// Weight by which a renderer multiplies: f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions.
+    /// Either one number from the mean over wavelengths (0 if that is negative), or one per chosen wavelength.
     pub weight: W,
-    /// The probability density of the direction, sr⁻¹.
+    /// Probability density of the direction, in sr⁻¹.
     pub pdf: f64,
 }

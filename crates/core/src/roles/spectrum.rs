@@ -1,4 +1,4 @@
-//! A spectrum: a function of wavelength alone.
+//! View of a material as a function of wavelength alone.
 
 use super::error::RoleError;
 use super::view::{Needs, View};
@@ -8,7 +8,8 @@ use crate::evaluate::Material;
 const NEEDS: Needs =
     Needs { quantities: Quantity::ALL, named: "any quantity", has_incoming: false, has_outgoing: false };
 
-/// A function of wavelength alone: an illuminant, a reflectance, a transmittance, or any other quantity without directions.
+/// View of a material as a function of wavelength alone: an illuminant, a reflectance, a transmittance, or any other
+/// quantity without directions.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -25,40 +26,40 @@ const NEEDS: Needs =
 pub struct Spectrum<'a>(View<'a>);
 
 impl Material {
-    /// This material as a spectrum; refused where there are directions or index axes.
+    /// Views this material as a spectrum. Fails for materials with directions or index axes.
     pub fn spectrum(&self) -> Result<Spectrum<'_>, RoleError> {
         self.spectrum_at(&[])
     }
 
-    /// Views one entry of the index axes as a spectrum: `index` has one number for each index axis, from 0.
+    /// Views one entry of the index axes as a spectrum; `index` has one number per index axis, from 0.
     pub fn spectrum_at(&self, index: &[usize]) -> Result<Spectrum<'_>, RoleError> {
         Ok(Spectrum(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Spectrum<'a> {
-    /// The material, for questions beyond the role.
+    /// Returns the material, for queries that the view does not offer.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// The wavelengths of the samples; `None` for RGB and monochromatic data.
+    /// Returns the wavelengths of the samples in nm; `None` for RGB and monochromatic data.
     pub fn wavelengths(&self) -> Option<Vec<f64>> {
         self.0.material().wavelengths()
     }
 
-    /// Samples in the spectrum.
+    /// Returns the number of samples of the spectrum.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// The samples in the material's unit; NaN = masked.
+    /// Returns the samples in the unit of the material; NaN = masked.
     pub fn samples(&self) -> Vec<f32> {
         self.0.eval(None, None)
     }
 
-    /// The values at wavelengths in nm, linear between samples; NaN where a sample is masked and outside those measured.
-    /// Refused where there are no wavelengths.
+    /// Returns the values at wavelengths in nm, linear between samples; NaN at masked samples and outside the measured
+    /// range. Fails for materials without wavelengths.
     pub fn values_at<const N: usize>(&self, wavelengths: [f64; N]) -> Result<[f32; N], RoleError> {
         let mut out = [0.0; N];
         self.0.at_wavelengths(&wavelengths, &mut out)?;

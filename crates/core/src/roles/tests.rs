@@ -1,4 +1,4 @@
-//! Views give what the material gives, and refuse what is of another role before any query.
+//! Views return the values of the material, and are refused for materials of another role before any query.
 
 use super::RoleError;
 use crate::domain::{Axis, Direction, Domain, Measurement, Quantity, Sampling, Tensor, TriangleMesh, WavelengthGrid};
@@ -57,7 +57,7 @@ fn a_surface_answers_as_its_material_does() {
             }
         }
     }
-    // Beyond the last wavelength its value holds.
+    // Values are constant beyond the last wavelength.
     let f = bsdf.eval(wo, wo);
     assert!((at.eval(wo, wo)[2] / f[3] - 1.0).abs() < 1e-5);
 }

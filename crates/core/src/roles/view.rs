@@ -1,4 +1,4 @@
-//! What the views of all roles share: a material, an entry of its index axes, and the queries about them.
+//! Common part of the views of all roles: a material, an entry of its index axes, and the queries.
 
 use super::error::RoleError;
 use super::sample::Sample;
@@ -8,14 +8,14 @@ use crate::evaluate::{Beyond, Chosen, Interpolation, Material, Place, SampleOpti
 
 const HOW: Interpolation = Interpolation::Smooth;
 
-/// A material of the right quantity and directions, and an entry of its index axes.
+/// Material of a suitable quantity with suitable directions, and an entry of its index axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
     material: &'a Material,
     index: Index,
 }
 
-/// An entry of the index axes: one number for each.
+/// Entry of the index axes: one number per axis.
 #[derive(Clone, Copy, Debug)]
 struct Index {
     numbers: [usize; MAX_AXES],
@@ -23,7 +23,7 @@ struct Index {
 }
 
 impl Index {
-    /// The index that is given, which has at most as many numbers as there are axes.
+    /// Copies `index`, which has at most [`MAX_AXES`] numbers.
     fn new(index: &[usize]) -> Self {
         let mut numbers = [0; MAX_AXES];
         numbers[..index.len()].copy_from_slice(index);
@@ -35,7 +35,7 @@ impl Index {
     }
 }
 
-/// Quantities and directions that a role needs.
+/// Quantities and directions required by a role.
 pub(super) struct Needs {
     pub(super) quantities: &'static [Quantity],
     pub(super) named: &'static str,
@@ -79,10 +79,10 @@ impl<'a> View<'a> {
     }
 
     /// # Panics
-    /// If `out` has another length than a spectrum.
+    /// If the length of `out` is not that of a spectrum.
     pub(super) fn eval_into(&self, wi: Option<Direction>, wo: Option<Direction>, out: &mut [f32]) {
         assert_eq!(out.len(), self.lambdas(), "room for the samples of a spectrum");
-        // What else could be refused was looked at when the view was made: wi is outside its domain.
+        // Other errors were excluded on creation of the view, so wi is outside its domain.
         if self.material.evaluate(self.place(wi, wo), HOW, out).is_err() {
             out.fill(0.0);
         }
@@ -116,7 +116,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// A view at chosen wavelengths.
+/// View at chosen wavelengths.
 #[derive(Clone, Debug)]
 pub(super) struct ViewAt<'a, const N: usize> {
     view: View<'a>,
@@ -146,12 +146,12 @@ impl<const N: usize> ViewAt<'_, N> {
     }
 }
 
-/// The first of as many values as are chosen at most.
+/// Returns the first `N` values.
 fn first<const N: usize>(values: [f32; Chosen::MOST]) -> [f32; N] {
     std::array::from_fn(|i| values[i])
 }
 
-/// A point held inside the unit square.
+/// Clamps a point to the unit square; NaN becomes 0.
 fn in_square(u: [f64; 2]) -> [f64; 2] {
     u.map(|u| if u.is_nan() { 0.0 } else { u.clamp(0.0, 1.0) })
 }

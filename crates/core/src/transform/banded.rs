@@ -1,14 +1,14 @@
-//! Sparse square matrices that repeat every two rows between their ends: one level of a filter bank on n samples.
+//! Sparse square matrices whose inner rows repeat with period two: one level of a filter bank on n samples.
 
-/// An n × n matrix. Rows `head..tail` repeat with period two relative to the diagonal; the others are written out.
+/// n × n matrix. Rows `head..tail` repeat with period two relative to the diagonal; the others are stored explicitly.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Banded {
     n: usize,
     head: usize,
     tail: usize,
-    /// Column minus row, and weight, of inner even and odd rows.
+    /// Inner even and odd rows as pairs of (column − row, weight).
     stencils: [Vec<(i64, f64)>; 2],
-    /// Rows `0..head`, then `tail..n`.
+    /// Rows `0..head`, then `tail..n`, as pairs of (column, weight).
     edges: Vec<Vec<(usize, f64)>>,
 }
 
@@ -31,8 +31,8 @@ impl Row<'_> {
 }
 
 impl Banded {
-    /// The matrix with these inner rows between `head` and `tail` and `edge(row)` elsewhere. `head` may be raised and
-    /// `tail` lowered, until inner rows stay within the matrix.
+    /// Creates the matrix with the given inner rows between `head` and `tail` and `edge(row)` elsewhere. If inner rows
+    /// would leave the matrix, `head` is raised and `tail` lowered.
     pub(super) fn new(
         n: usize,
         (head, tail): (usize, usize),
@@ -47,7 +47,7 @@ impl Banded {
         Self { n, head, tail, stencils, edges }
     }
 
-    /// Rows and columns.
+    /// Returns the number of rows, which is that of columns.
     pub(super) fn len(&self) -> usize {
         self.n
     }
@@ -73,7 +73,7 @@ impl Banded {
             stencil.sort_by_key(|&(offset, _)| offset);
         }
         let (first, last) = reach(&self.stencils);
-        // Inner columns are touched by inner rows only.
+        // Inner columns have nonzeros in inner rows only.
         let columns = |rows: &[Vec<(usize, f64)>]| -> Vec<usize> { rows.iter().flatten().map(|&(c, _)| c).collect() };
         let above = columns(&self.edges[..self.head]).into_iter().max().map_or(0, |c| c + 1);
         let below = columns(&self.edges[self.head..]).into_iter().min().unwrap_or(self.n);
@@ -106,7 +106,7 @@ fn reach(stencils: &[Vec<(i64, f64)>; 2]) -> (i64, i64) {
     (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0))
 }
 
-/// A vector that is zero outside a range.
+/// Vector that is zero outside a range.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window {
     pub(super) first: usize,
@@ -122,12 +122,12 @@ impl Window {
         (self.first..).zip(self.values.iter().copied())
     }
 
-    /// The entries that are not zero.
+    /// Returns the nonzero entries as (index, value).
     pub(super) fn entries(&self) -> Vec<(u32, f64)> {
         self.iter().filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// `Σ vector[j] · matrix row (place(j))`, and whether every row used was an inner one.
+    /// Returns `Σ vector[j] · matrix row (place(j))`, and true if only inner rows were used.
     pub(super) fn through(&self, matrix: &Banded, place: impl Fn(usize) -> usize) -> (Self, bool) {
         let mut inner = true;
         let (mut first, mut last) = (usize::MAX, 0);
@@ -155,7 +155,7 @@ impl Window {
         (Self { first, values }, inner)
     }
 
-    /// `self + factor · other`.
+    /// Returns `self + factor · other`.
     pub(super) fn plus(&self, factor: f64, other: &Self) -> Self {
         if self.values.is_empty() {
             return Self { first: other.first, values: other.values.iter().map(|x| factor * x).collect() };
@@ -175,7 +175,7 @@ impl Window {
         Self { first, values }
     }
 
-    /// Without entries up to `least` at both ends.
+    /// Drops entries of magnitude up to `least` at both ends.
     pub(super) fn trimmed(mut self, least: f64) -> Self {
         let keep = |x: &f64| x.abs() > least;
         let end = self.values.iter().rposition(keep).map_or(0, |i| i + 1);

@@ -1,43 +1,45 @@
-//! What can happen to an axis, the bases on the sphere, and the list of all bases.
+//! Transform of one axis, the bases on the sphere, and the list of all bases.
 
 use super::basis_info::{BasisInfo, Space};
 use super::boundary::Boundary;
 use super::lines::LineBasis;
 
-/// In which inner product triangles are measured.
+/// Weights of triangles in the inner product.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Weights {
-    /// By their solid angle.
+    /// Each triangle is weighted by its solid angle.
     Area,
-    /// Every one the same.
+    /// All triangles have equal weights.
     Count,
 }
 
-/// A basis on the triangles of the sphere, per parent and its four children.
+/// Basis on the triangles of the sphere, which maps the four children of a parent to one smooth value and three
+/// details.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SphereBasis {
-    /// Bio-Haar (Schröder & Sweldens 1995, section 4, without lifting to neighbours): the parent is the children's
-    /// mean by area, the details are children 1, 2, 3 minus the parent; child 0 is implied. Smooth coefficients are means.
+    /// Bio-Haar (Schröder & Sweldens 1995, section 4, without lifting to neighbours). The parent is the area-weighted
+    /// mean of the children; the details are children 1, 2, 3 minus the parent, which determine child 0. Smooth
+    /// coefficients are means.
     BioHaar,
-    /// Symmetric orthonormal Haar: the Householder reflection that takes √(w / Σw) to the first unit vector.
-    /// The transform is orthonormal in the inner product `Σ w·f·g` of its weights: with `Area` a leaf enters as
-    /// √area·value, with `Count` as the value itself, so every coefficient's synthesis function has norm 1 there.
+    /// Symmetric orthonormal Haar: the Householder reflection that maps √(w / Σw) to the first unit vector. The
+    /// transform is orthonormal in the inner product `Σ w·f·g` of its weights, so that every synthesis function has
+    /// norm 1. With `Area` a leaf enters as √area·value, with `Count` as the value itself.
     Orthonormal(Weights),
 }
 
-/// What happens to one axis.
+/// Transform of one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisTransform {
-    /// Nothing.
+    /// No transform.
     Identity,
-    /// A wavelet on a line.
+    /// Wavelet transform along a line.
     Line {
-        /// The basis.
+        /// Wavelet basis.
         basis: LineBasis,
-        /// What is beyond the ends.
+        /// Boundary rule at both ends.
         boundary: Boundary,
     },
-    /// A wavelet on the sphere's triangles.
+    /// Wavelet transform on the triangles of the sphere.
     Sphere(SphereBasis),
 }
 
@@ -69,7 +71,7 @@ static ORTHONORMAL_COUNT: BasisInfo = sphere(
     "Householder reflection of (1/2, 1/2, 1/2, 1/2); after Lessig & Fiume 2008 with equal areas",
 );
 
-/// The spectral basis that is no table of filters.
+/// Spectral basis computed from the data instead of a filter table.
 static KLT: BasisInfo = BasisInfo {
     name: "klt",
     space: Space::Line,
@@ -86,11 +88,11 @@ static KLT: BasisInfo = BasisInfo {
 };
 
 impl SphereBasis {
-    /// Every basis on the sphere.
+    /// All bases on the sphere.
     pub const ALL: &'static [Self] =
         &[Self::BioHaar, Self::Orthonormal(Weights::Area), Self::Orthonormal(Weights::Count)];
 
-    /// What is known of it.
+    /// Returns the description of the basis.
     pub fn info(self) -> &'static BasisInfo {
         match self {
             Self::BioHaar => &BIO_HAAR,
@@ -101,12 +103,12 @@ impl SphereBasis {
 }
 
 impl AxisTransform {
-    /// `basis` on a line with its own rule at the ends.
+    /// Returns the transform along a line in `basis` with its default boundary rule.
     pub fn line(basis: LineBasis) -> Self {
         Self::Line { basis, boundary: basis.boundary() }
     }
 
-    /// The name of its basis; `identity` where there is none.
+    /// Returns the name of the basis, or `identity`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Identity => "identity",
@@ -116,7 +118,8 @@ impl AxisTransform {
     }
 }
 
-/// Every basis there is: wavelets on lines, the data's own basis, and those on the sphere.
+/// Returns the descriptions of all bases: wavelets on lines, the Karhunen-Loève basis of the data, and those on the
+/// sphere.
 pub fn bases() -> Vec<BasisInfo> {
     let lines = LineBasis::all().map(|basis| basis.info().clone());
     lines.chain([KLT.clone()]).chain(SphereBasis::ALL.iter().map(|basis| basis.info().clone())).collect()

@@ -1,9 +1,9 @@
-//! The description of a basis for people and tools: its name, family, filter lengths and properties.
+//! Description of a basis for people and tools: name, family, filter lengths and properties.
 
 use super::boundary::Boundary;
 use serde::Serialize;
 
-/// What a basis lives on.
+/// Kind of axis on which a basis is defined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Space {
@@ -13,30 +13,31 @@ pub enum Space {
     Sphere,
 }
 
-/// A basis for people and tools: `wavelume bases`.
+/// Description of a basis, as listed by `wavelume bases`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BasisInfo {
-    /// Its usual name.
+    /// Usual name of the basis.
     pub name: &'static str,
-    /// What it lives on.
+    /// Kind of axis on which the basis is defined.
     pub space: Space,
-    /// Its family.
+    /// Family of bases to which it belongs.
     pub family: &'static str,
-    /// Taps of the analysis low-pass filter; on the sphere the children it reads; 0 for the data's own basis.
+    /// Number of taps of the analysis low-pass filter; on the sphere, the number of children; 0 for `klt`.
     pub analysis_length: usize,
-    /// Taps of the synthesis low-pass filter; on the sphere the children it writes.
+    /// Number of taps of the synthesis low-pass filter; on the sphere, the number of children; 0 for `klt`.
     pub synthesis_length: usize,
-    /// Vanishing moments of the analysis wavelet: polynomials of lower degree have no details in the interior.
+    /// Number of vanishing moments of the analysis wavelet: polynomials of lower degree have no details in the
+    /// interior.
     pub vanishing_moments: usize,
-    /// Whether the filters are symmetric.
+    /// True if the filters are symmetric.
     pub symmetric: bool,
-    /// Whether it is orthonormal (on the sphere: in the inner product of its weights).
+    /// True if the basis is orthonormal (on the sphere: in the inner product of its weights).
     pub orthogonal: bool,
-    /// How far its filters are from perfect reconstruction (the largest deviation of an inner product of filters from 0
-    /// or 1). Above 1e-9 the inverse is computed, so that transforms are inverted exactly all the same.
+    /// Deviation of the filters from perfect reconstruction: the largest difference between an inner product of filters
+    /// and 0 or 1. Above 1e-9 the inverse is computed numerically, so that transforms are still inverted exactly.
     pub reconstruction_error: f64,
-    /// Its own rule at the ends; none on the sphere.
+    /// Default boundary rule; `None` on the sphere and for `klt`.
     pub boundary: Option<Boundary>,
-    /// Where it comes from.
+    /// Publication from which the basis is taken.
     pub source: &'static str,
 }

@@ -1,33 +1,33 @@
-//! What a line transform takes for granted beyond the ends of its axis.
+//! Boundary rules of line transforms: the treatment of filters that reach beyond the ends of an axis.
 
 use crate::domain::named;
 
-/// The rule at both ends of a line. Whatever the rule, a level of n samples has exactly n coefficients, ⌈n/2⌉ smooth ones
-/// and ⌊n/2⌋ details, at every n, and is inverted exactly: nothing is padded.
+/// Boundary rule at both ends of a line. Under every rule, a level of n samples has exactly n coefficients (⌈n/2⌉
+/// smooth ones and ⌊n/2⌋ details) at every n. It is inverted exactly, without padding.
 ///
-/// * **Symmetric filters under the extension of their own symmetry** (whole-sample for odd, half-sample for even lengths)
-///   are critically sampled by the extension itself (Brislawn 1996, *Classification of nonexpansive symmetric extension
-///   transforms for multirate filter banks*), at odd n too: an even filter then mirrors smooth coefficients at their last
-///   one and its details, odd there, need none.
-/// * **All other pairs of basis and rule** keep every filter that lies wholly inside and complete the rest: rows from the
-///   orthogonal complement of the inner ones, split into smooth and detail rows by what the rule asks for (Herley & Vetterli
-///   1994, *Orthogonal time-varying filter banks*; Cohen, Daubechies & Vial 1993, *Wavelets on the interval*). For an
-///   orthogonal basis the level is then an orthogonal matrix at every n, shorter than its filter too, which extensions
-///   cannot give: they need n + L − 2 coefficients, or an ill-conditioned inverse.
+/// * **Symmetric filters under the extension of their own symmetry** (whole-sample for odd, half-sample for even filter
+///   lengths) are critically sampled by the extension itself (Brislawn 1996, *Classification of nonexpansive symmetric
+///   extension transforms for multirate filter banks*). This includes odd n: a filter of even length then mirrors
+///   smooth coefficients at the last one. The details are antisymmetric there and need no extra coefficient.
+/// * **All other pairs of basis and rule** keep every filter that lies wholly inside. The remaining rows come from the
+///   orthogonal complement of the inner ones and are split into smooth and detail rows according to the rule (Herley &
+///   Vetterli 1994, *Orthogonal time-varying filter banks*; Cohen, Daubechies & Vial 1993, *Wavelets on the interval*).
+///   For an orthogonal basis, a level is then an orthogonal matrix at every n, even if n is shorter than the filter.
+///   Extensions cannot achieve this: they need n + L − 2 coefficients (L taps) or an ill-conditioned inverse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Boundary {
-    /// `x[n + i] = x[i]`. Of an odd number of samples no such level is critically sampled: from the first odd length on,
-    /// the basis' own rule (see [`super::LineBasis::boundary`]) goes on.
+    /// `x[n + i] = x[i]`. A level of odd length cannot be both periodic and critically sampled. From the first odd
+    /// length on, the default rule of the basis ([`super::LineBasis::boundary`]) takes over.
     Periodic,
     /// Mirrored between samples: `x[−1] = x[0]`.
     HalfSample,
     /// Mirrored at samples: `x[−1] = x[1]`.
     WholeSample,
-    /// Nothing beyond the ends: filters are cut there.
+    /// Samples beyond the ends are 0: filters are truncated there.
     Zero,
-    /// Rows of their own at the ends, which keep polynomials: details of polynomials vanish up to the ends and at all
-    /// levels, for degrees below the basis' vanishing moments and below 4.
+    /// Special filters at the ends, which preserve polynomials. Details of polynomials vanish up to the ends and at all
+    /// levels, for degrees below both 4 and the number of vanishing moments of the basis.
     Fitted,
 }
 named!(Boundary, "boundary rule", {
@@ -38,7 +38,7 @@ named!(Boundary, "boundary rule", {
     Fitted = "fitted",
 });
 
-/// Sample `i` of the extension of n samples.
+/// Returns the index of the sample to which sample `i` of the extension of n samples is equal.
 pub(super) fn folded(i: i64, n: usize, rule: Boundary) -> usize {
     let n = n as i64;
     let folded = match rule {

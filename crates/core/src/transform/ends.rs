@@ -1,14 +1,18 @@
-//! Rows for the ends of a line: what the inner filters leave free, split into smooth and detail rows.
+//! Filters for the ends of a line: the orthogonal complement of the inner filters, split into smooth and detail rows.
 //!
-//! Let the inner coefficients be those whose filters lie wholly inside. Analysis rows of the others must be orthogonal to
-//! all inner synthesis functions, so they are a basis of that orthogonal complement, which lives near the ends. Of it,
-//! smooth rows take what represents the polynomials to be kept, then what is nearest to the cut (or folded) low-pass
-//! filters; detail rows are the rest, so kept polynomials have no details. Polynomials are followed from level to level
-//! through the smooth rows, which makes this true at every level. All spans are built by Gram–Schmidt with the largest
-//! remainder first, ties to the lowest index, in f64: the same rows on any machine.
+//! Inner coefficients are those whose filters lie wholly inside. Analysis rows of the others must be orthogonal to all
+//! inner synthesis functions. They form a basis of that orthogonal complement, which is confined to the ends.
 //!
-//! Herley & Vetterli 1994, *Orthogonal time-varying filter banks and wavelet packets*, section III; Cohen, Daubechies & Vial
-//! 1993, *Wavelets on the interval and fast wavelet transforms*, section 4 (theirs preserve all moments and need tables).
+//! Smooth rows first span the polynomials to be preserved, then the directions nearest to the truncated (or folded)
+//! low-pass filters. Detail rows span the rest, so that preserved polynomials have no details. The coefficients of the
+//! polynomials are tracked from level to level, so that this is true at every level.
+//!
+//! All spans are built in f64 by Gram–Schmidt with the largest remainder first, ties to the lowest index, which gives
+//! identical rows on every machine.
+//!
+//! Herley & Vetterli 1994, *Orthogonal time-varying filter banks and wavelet packets*, section III; Cohen, Daubechies &
+//! Vial 1993, *Wavelets on the interval and fast wavelet transforms*, section 4 (theirs preserve all moments and need
+//! tables).
 
 use super::banded::Window;
 use super::boundary::{Boundary, folded};
@@ -17,24 +21,25 @@ use crate::numeric::dense::{dot, norm, reduce, scale};
 use crate::numeric::orthogonal::{take_away, take_one_away};
 use std::ops::Range;
 
-/// The rows of one level that are not inner filters.
+/// Rows of one level that are not inner filters.
 #[derive(Debug)]
 pub(super) struct Ends {
-    /// Which coefficients (of both channels) have their filters as they are.
+    /// Range of coefficients (in both channels) that use the unmodified filters.
     pub(super) inner: Range<usize>,
-    /// Interleaved index and row over samples.
+    /// Analysis rows: interleaved coefficient index, and weights over samples.
     pub(super) analysis: Vec<(usize, Window)>,
-    /// Interleaved index and synthesis function.
+    /// Synthesis functions: interleaved coefficient index, and values over samples.
     pub(super) synthesis: Vec<(usize, Window)>,
 }
 
-/// The smooth coefficients that enter a level, as far as the ends need to know them.
+/// Properties of the smooth coefficients that enter a level, as needed for the ends.
 #[derive(Debug)]
 pub(super) struct Sequence {
     length: usize,
-    /// How many at each end stand for something else than the inner ones.
+    /// Number of coefficients at each end that were computed by special rows of earlier levels.
     margins: [usize; 2],
-    /// The coefficients of 1, t, t², … (in a basis that is well-conditioned near that end), for each end; made when needed.
+    /// Smooth coefficients of polynomials of degree 0, 1, 2, … (in a basis that is well-conditioned near that end), for
+    /// each end; computed on first use.
     polynomials: Option<[Vec<Vec<f64>>; 2]>,
 }
 
@@ -47,12 +52,12 @@ impl Sequence {
         self.length
     }
 
-    /// After a level without rows of its own at the ends.
+    /// Advances past a level without special rows at the ends.
     pub(super) fn pass_regular(&mut self) {
         *self = Self::new(self.length.div_ceil(2));
     }
 
-    /// After a level with these rows.
+    /// Advances past a level with special rows `ends`.
     fn pass(&mut self, low: &Taps, ends: &Ends, keeps: bool) {
         let n = self.length;
         let length = n.div_ceil(2);
@@ -75,7 +80,8 @@ impl Sequence {
     }
 }
 
-/// Legendre polynomials of degree below `count` on the first 64 of `n` samples, continued; from the other end if `flip`.
+/// Returns the samples of Legendre polynomials of degree below `count`, scaled to the first 64 of `n` samples and
+/// continued beyond; counted from the other end if `flip`.
 fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
     let scale = n.min(64) as f64;
     let t = |i: usize| {
@@ -96,18 +102,20 @@ fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
     all
 }
 
-/// The ends of one level; `sequence` goes on to the next.
+/// Computes the special rows of one level that preserve polynomials of degree below `kept`, and advances `sequence` to
+/// the next level.
 pub(super) fn fitted(bank: &Bank, rule: Boundary, kept: usize, sequence: &mut Sequence) -> Ends {
     let n = sequence.length;
     let (lows, highs) = (n.div_ceil(2), n / 2);
     let (first, last) = bank.reach();
     let [left, right] = sequence.margins;
-    // Inner coefficients o have left ≤ 2o + first and 2o + last < n − right, and leave room for the kept polynomials.
+    // Inner coefficients o satisfy left ≤ 2o + first and 2o + last < n − right, and leave room for the preserved
+    // polynomials.
     let start = (left as i64 - first + 1).div_euclid(2).max(kept as i64);
     let end = ((n as i64 - right as i64 - 1 - last).div_euclid(2) + 1).min(highs as i64 - kept as i64);
     let inner = if start < end { start as usize..end as usize } else { 0..0 };
     let given = sequence.polynomials.get_or_insert_with(|| [false, true].map(|flip| polynomials(n, kept, flip)));
-    // The columns that the inner filters leave free at each end.
+    // Columns at each end that the inner filters do not span completely.
     let reach_left = (2 * inner.start as i64 - 1 + last).clamp(0, n as i64) as usize;
     let reach_right = (2 * inner.end as i64 + first).clamp(0, n as i64) as usize;
     let sides = if inner.is_empty() || reach_left > reach_right {
@@ -136,10 +144,10 @@ pub(super) fn fitted(bank: &Bank, rule: Boundary, kept: usize, sequence: &mut Se
     ends
 }
 
-/// One end of a level, or the whole of a short one.
+/// One end of a level, or an entire short level.
 struct Side<'a> {
     columns: Range<usize>,
-    /// The smooth and the detail coefficients to be made.
+    /// Smooth and detail coefficients that need special rows.
     slots: [Vec<usize>; 2],
     polynomials: &'a [Vec<f64>],
 }
@@ -179,13 +187,13 @@ impl Side<'_> {
         ends.analysis.extend(rows.into_iter().map(|(m, row)| (m, window(row))));
     }
 
-    /// An orthonormal basis, `count` vectors, of what is orthogonal to the inner filters `taps`.
+    /// Returns `count` orthonormal vectors that span the orthogonal complement of the inner filters `taps`.
     fn complement(&self, taps: &[Taps; 2], inner: &Range<usize>, count: usize) -> Vec<Vec<f64>> {
         let width = self.columns.len();
         let mut filters = Vec::new();
         let first = taps.iter().map(|t| t.first).min().unwrap_or(0);
         let last = taps.iter().map(Taps::last).max().unwrap_or(0);
-        // Those that touch these columns.
+        // Filters that overlap these columns.
         let from = (self.columns.start as i64 - last).div_euclid(2).max(inner.start as i64) as usize;
         let to = ((self.columns.end as i64 - first).div_euclid(2) + 1).clamp(0, inner.end as i64) as usize;
         for o in from..to {
@@ -201,7 +209,7 @@ impl Side<'_> {
         greedy(units.collect(), &taken, count)
     }
 
-    /// The filters of one channel that are not inner, cut or folded, with their coefficients.
+    /// Returns the truncated or folded filters of one channel that are not inner, with their coefficients.
     fn cut_filters(&self, taps: &Taps, rule: Boundary, n: usize, inner: &Range<usize>) -> Vec<(i64, Vec<f64>)> {
         let (from, to) = match self.columns.start {
             0 if self.columns.len() == n => (-taps.last(), n as i64 - taps.first),
@@ -219,7 +227,7 @@ impl Side<'_> {
             .collect()
     }
 
-    /// The filter of coefficient `o` on the columns of this side.
+    /// Returns the filter of coefficient `o` on the columns of this side.
     fn cut(&self, taps: &Taps, o: i64, place: impl Fn(i64) -> Option<usize>) -> Vec<f64> {
         let mut row = vec![0.0; self.columns.len()];
         for (k, w) in taps.iter() {
@@ -232,7 +240,8 @@ impl Side<'_> {
         row
     }
 
-    /// Another orthonormal basis of the span of `rows`, each vector as near as can be to the cut filter of its coefficient.
+    /// Rotates the orthonormal `rows` within their span so that each vector is as near as possible to the truncated
+    /// filter of its coefficient.
     fn placed(&self, rows: Vec<Vec<f64>>, channel: usize, cut: &[(i64, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
         let slots = &self.slots[channel];
         let near: Vec<&(i64, Vec<f64>)> =
@@ -254,7 +263,7 @@ impl Side<'_> {
         placed.sort_by_key(|(o, _)| *o);
         for (o, row) in &mut placed {
             let filter = near.iter().find(|(at, _)| *at == *o as i64).map(|(_, filter)| filter);
-            // A single smooth row stands for the mean: it is positive whatever the filter's lobes are here.
+            // A single smooth row represents the mean: its sum is made positive, whatever the sign of the filter here.
             let sum = match filter {
                 Some(filter) if channel == 1 || slots.len() > 1 => dot(row, filter),
                 _ => row.iter().sum(),
@@ -267,8 +276,8 @@ impl Side<'_> {
     }
 }
 
-/// Extends the orthonormal `rows`, all orthogonal to `against`, to `count` vectors within the span of `free`: first what the
-/// candidates add, the largest remainder first, then whatever is left.
+/// Extends the orthonormal `rows`, orthogonal to `against`, to `count` vectors within the span of `free`: first from
+/// the candidates `cut`, the largest remainder first, then from the rest of the span.
 fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64>)], free: &[Vec<f64>], count: usize) {
     let remainder = |rows: &[Vec<f64>], vector: &[f64]| {
         let mut rest = vector.to_vec();
@@ -291,7 +300,8 @@ fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64
     rows.extend(greedy(free.to_vec(), &taken, missing));
 }
 
-/// `count` orthonormal vectors from the span of `candidates` after `against`, the largest remainder first.
+/// Returns `count` orthonormal vectors from the span of `candidates`, orthogonal to `against`, the largest remainder
+/// first.
 fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
     let mut rest = candidates;
     for row in &mut rest {
@@ -310,7 +320,7 @@ fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<
     chosen
 }
 
-/// Takes out the vector of the largest norm, if that is above `least`.
+/// Takes the vector of the largest norm out of `rest`, if that norm exceeds `least`.
 fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
     let mut best = (0, least);
     for (i, row) in rest.iter().enumerate() {
@@ -323,17 +333,17 @@ fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
     (size > least).then(|| (at, rest[at].clone()))
 }
 
-/// Orthogonal to `basis` to the last digit, and of norm 1.
+/// Orthogonalises `row` against `basis` to the last digit and normalises it.
 fn finish(row: &mut [f64], basis: &[Vec<f64>]) {
     scale(row, 1.0 / norm(row));
     take_away(row, basis);
     scale(row, 1.0 / norm(row));
 }
 
-/// The functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`.
+/// Returns the functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`.
 fn dual(rows: &[(usize, Vec<f64>)], functions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = rows.len();
-    // Augmented [R·F | 1]; its inverse's column j mixes the functions into the dual of row j.
+    // Augmented [R·F | 1]; column j of the inverse combines the functions into the dual of row j.
     let mut matrix: Vec<Vec<f64>> = rows
         .iter()
         .enumerate()

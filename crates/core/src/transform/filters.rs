@@ -1,25 +1,25 @@
-//! A table of one or two low-pass filters → the two-channel bank: all four filters, their symmetry, their error.
+//! Two-channel filter bank derived from one or two low-pass filters: all four filters, their symmetry and error.
 
 use super::boundary::Boundary;
 
-/// The low-pass filters of a basis, over increasing samples.
+/// Low-pass filters of a basis, over increasing samples.
 ///
-/// A filter of even length 2r reaches from sample 2o + 1 − r to 2o + r, one of odd length 2r + 1 from 2o − r to 2o + r, for
-/// the coefficient o: PyWavelets' periodization has the same place.
+/// For coefficient o, a filter of even length 2r covers samples 2o + 1 − r to 2o + r; one of odd length 2r + 1 covers
+/// 2o − r to 2o + r. PyWavelets' mode `periodization` uses the same positions.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Filters {
-    /// Analysis and synthesis with the same filter.
+    /// One filter for both analysis and synthesis.
     Orthogonal(&'static [f64]),
-    /// Analysis with one, synthesis with the other.
+    /// Different filters for analysis and synthesis.
     Biorthogonal {
-        /// Samples to smooth coefficients.
+        /// Low-pass filter from samples to smooth coefficients.
         analysis: &'static [f64],
-        /// Smooth coefficients to samples.
+        /// Low-pass filter from smooth coefficients to samples.
         synthesis: &'static [f64],
     },
 }
 
-/// The weights of one filter; the first belongs to sample 2o + `first` of coefficient o.
+/// Weights of one filter. For coefficient o, the first weight applies to sample 2o + `first`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Taps {
     pub(super) first: i64,
@@ -27,36 +27,37 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// The last sample relative to 2o.
+    /// Returns the last sample relative to 2o.
     pub(super) fn last(&self) -> i64 {
         self.first + self.weights.len() as i64 - 1
     }
 
-    /// The weight of sample 2o + `k`.
+    /// Returns the weight of sample 2o + `k`.
     pub(super) fn at(&self, k: i64) -> f64 {
         usize::try_from(k - self.first).ok().and_then(|i| self.weights.get(i)).copied().unwrap_or(0.0)
     }
 
-    /// Every sample relative to 2o with its weight.
+    /// Returns all samples relative to 2o, with their weights.
     pub(super) fn iter(&self) -> impl Iterator<Item = (i64, f64)> + '_ {
         (self.first..).zip(self.weights.iter().copied())
     }
 }
 
-/// Both channels, analysis and synthesis; `[low, high]`.
+/// Analysis and synthesis filters of both channels, `[low, high]`.
 #[derive(Clone, Debug)]
 pub(super) struct Bank {
     pub(super) analysis: [Taps; 2],
     pub(super) synthesis: [Taps; 2],
-    /// The symmetric extension under which symmetric filters are critically sampled; `None` if they are not symmetric.
+    /// Symmetric extension under which the filters are critically sampled; `None` if they are not symmetric.
     pub(super) symmetry: Option<Boundary>,
-    /// Whether analysis and synthesis share their filters.
+    /// True if analysis and synthesis use the same filters.
     pub(super) orthogonal: bool,
-    /// The largest deviation of ⟨analysis, shifted synthesis⟩ from 1 and 0.
+    /// Largest deviation of ⟨analysis, shifted synthesis⟩ from 1 or 0.
     pub(super) error: f64,
 }
 
-/// Banks whose error is larger than this get a computed inverse.
+/// Largest reconstruction error of a bank that is inverted by its own filters; for larger errors the inverse is
+/// computed numerically.
 pub(super) const PERFECT: f64 = 1e-9;
 
 impl Bank {
@@ -66,7 +67,7 @@ impl Bank {
             Filters::Biorthogonal { analysis, synthesis } => (analysis, synthesis, false),
         };
         let longest = analysis.len().max(synthesis.len());
-        // PyWavelets alternates signs from the end of a filter padded to even length.
+        // As in PyWavelets, signs alternate from the end of a filter padded to even length.
         let sign = if longest.div_ceil(2) % 2 == 1 { 1.0 } else { -1.0 };
         let (low, dual_low) = (placed(analysis), placed(synthesis));
         let error = biorthogonality_error(&low, &dual_low);
@@ -79,7 +80,7 @@ impl Bank {
         Self { analysis: [low, high], synthesis: [dual_low, dual_high], symmetry, orthogonal, error }
     }
 
-    /// The first and the last sample, relative to 2o, that any of the four filters reaches.
+    /// Returns the first and last sample, relative to 2o, covered by any of the four filters.
     pub(super) fn reach(&self) -> (i64, i64) {
         let taps = || self.analysis.iter().chain(&self.synthesis);
         let first = taps().map(|t| t.first).min().unwrap_or(0);
@@ -94,7 +95,7 @@ fn placed(filter: &[f64]) -> Taps {
     Taps { first, weights: filter.to_vec() }
 }
 
-/// `sign · (−1)^k · low[1 − k]`.
+/// Returns the high-pass filter `sign · (−1)^k · low[1 − k]`.
 fn modulated(low: &Taps, sign: f64) -> Taps {
     let first = 1 - low.last();
     let weights = (first..=1 - low.first).map(|k| if k % 2 == 0 { sign } else { -sign } * low.at(1 - k)).collect();

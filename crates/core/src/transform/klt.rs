@@ -1,65 +1,67 @@
-//! A basis from the data: the Karhunen–Loève transform of rows (principal components), for spectra.
+//! Spectral basis computed from the data: the Karhunen–Loève transform of rows (principal components).
 //!
-//! Eigenvectors by Jacobi's method in fixed cyclic order (Golub & Van Loan, *Matrix Computations*, 4th ed., section 8.5),
-//! with square roots and divisions only, and sums in a fixed order: the same vectors on any machine and thread count.
+//! Eigenvectors are computed by Jacobi's method in fixed cyclic order (Golub & Van Loan, *Matrix Computations*, 4th
+//! ed., section 8.5). Only square roots and divisions are used, and sums have a fixed order, so that the vectors are
+//! identical on every machine and number of threads.
 
 use crate::numeric::orthogonal::{Squares, orthonormalise};
 use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Entries of a row: the covariance of more would take gigabytes and hours.
+/// Largest length of a row for the full basis. The covariance of longer rows would take gigabytes and hours.
 const MAX_KLT_LENGTH: usize = 1024;
 
-/// Vectors carried along beside those wanted, so that the wanted ones converge.
+/// Number of extra vectors in subspace iteration, which speed up the convergence of the requested ones.
 const SPARE: usize = 8;
-/// Rounds of subspace iteration, and rows that take part in one.
+/// Number of rounds of subspace iteration; `ITERATED` is the approximate number of rows used per round.
 const ITERATIONS: usize = 3;
 const ITERATED: usize = 4096;
-/// Rows summed together before the sums are added in order.
+/// Number of rows per partial sum; the partial sums are then added in order.
 const CHUNK: usize = 1024;
-/// Rows whose products are added at a time, one after the other.
+/// Number of rows whose products are added in one pass over the matrix, one after the other.
 const AT_ONCE: usize = 8;
-/// Entries of a row whose products are added side by side.
+/// Number of entries of a row whose products are added in parallel (SIMD lanes).
 const LANES: usize = 8;
 
-/// The mean row and the directions of largest variance, as plain data.
+/// Mean row and directions of largest variance (principal components), as plain data.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Klt {
-    /// The mean of the rows.
+    /// Mean of the rows.
     pub mean: Vec<f64>,
-    /// Orthonormal rows, each as long as the mean, by falling variance; the largest entry of each is positive.
+    /// Orthonormal vectors, each as long as the mean, by falling variance. The entry of largest magnitude of each is
+    /// positive.
     pub vectors: Vec<Vec<f64>>,
-    /// The variance along each vector: the mean square of its coefficient.
+    /// Variance along each vector: the mean square of its coefficient.
     pub variances: Vec<f64>,
 }
 
-/// Why there is no basis for these rows.
+/// Reasons why rows have no basis.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KltError {
-    /// Not whole rows, or none.
+    /// The samples are not whole rows, or there are none.
     #[error("{samples} samples in rows of {length}, expected at least one whole row")]
     Shape {
-        /// Samples given.
+        /// Number of samples.
         samples: usize,
-        /// The length of a row.
+        /// Length of a row.
         length: usize,
     },
-    /// Rows too long.
+    /// The rows are too long; contains their length.
     #[error("rows of {0} entries, expected at most {MAX_KLT_LENGTH}")]
     Length(usize),
-    /// A sample that is masked or infinite.
+    /// A sample is masked (NaN) or infinite.
     #[error("entry {entry} of row {row} is not a finite number: fill masked samples first")]
     NotFinite {
-        /// Its row.
+        /// Row of the sample, from 0.
         row: usize,
-        /// Its place in the row.
+        /// Position in the row, from 0.
         entry: usize,
     },
 }
 
 impl Klt {
-    /// The basis of rows of `length` samples, all weighing the same.
+    /// Computes the basis of rows of `length` samples, with equal weights.
     pub fn of(rows: &[f32], length: usize) -> Result<Self, KltError> {
         if length > MAX_KLT_LENGTH {
             return Err(KltError::Length(length));
@@ -81,7 +83,7 @@ impl Klt {
         variances = order.iter().map(|&i| variances[i].max(0.0)).collect();
         vectors = order.iter().map(|&i| std::mem::take(&mut vectors[i])).collect();
         for vector in &mut vectors {
-            // Entries that are equal but for rounding tie: the first of them decides.
+            // Entries that differ only by rounding are ties: the first of them determines the sign.
             let largest = vector.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             let leading = vector.iter().find(|x| x.abs() >= largest * (1.0 - 1e-9));
             if leading.is_some_and(|&x| x < 0.0) {
@@ -93,8 +95,9 @@ impl Klt {
         Ok(Self { mean, vectors, variances })
     }
 
-    /// The first `rank` vectors for rows of any length, by subspace iteration (Golub & Van Loan, section 8.2.4) from rows of
-    /// the data's own: exact where the rows have no higher rank, and close where later vectors are small.
+    /// Computes the first `rank` vectors for rows of any length, by subspace iteration (Golub & Van Loan, section
+    /// 8.2.4) that starts from rows of the data. The result is exact if the rows have no higher rank, and close if the
+    /// later variances are small.
     pub fn leading(rows: &[f32], length: usize, rank: usize) -> Result<Self, KltError> {
         let mean = mean_of(rows, length)?;
         let count = rows.len() / length;
@@ -119,7 +122,7 @@ impl Klt {
             vectors = covariance_times(if few.is_empty() { rows } else { &few }, &mean, &vectors);
             orthonormalise(&mut vectors, is_independent);
         }
-        // Within the subspace found, the principal components are those of the projected rows.
+        // The principal components within the subspace are those of the projected rows.
         let found = vectors.len();
         if found == 0 {
             let vectors = (0..rank.min(length)).map(|k| (0..length).map(|i| f64::from(u8::from(i == k))).collect());
@@ -143,33 +146,34 @@ impl Klt {
         Ok(klt)
     }
 
-    /// The entries of a row.
+    /// Returns the number of entries of a row.
     pub fn length(&self) -> usize {
         self.mean.len()
     }
 
-    /// The coefficients of a row.
+    /// Returns the number of coefficients of a row.
     pub fn rank(&self) -> usize {
         self.vectors.len()
     }
 
-    /// Keeps the first `rank` vectors; of all ways to keep so many, this loses least in the mean square.
+    /// Keeps only the first `rank` vectors, the choice of smallest mean square error.
     pub fn truncate(&mut self, rank: usize) {
         self.vectors.truncate(rank);
         self.variances.truncate(rank);
     }
 
-    /// The part of the variance that is lost with all but the first `rank` vectors, 0..1.
+    /// Returns the fraction of the variance, 0..1, lost if only the first `rank` vectors are kept.
     pub fn lost(&self, rank: usize) -> f64 {
         let total: f64 = self.variances.iter().sum();
         let lost: f64 = self.variances.iter().skip(rank).sum();
         if total > 0.0 { lost / total } else { 0.0 }
     }
 
-    /// Rows of [`Klt::length`] samples to rows of [`Klt::rank`] coefficients, ⟨row − mean, vector⟩ in f64.
+    /// Transforms rows of [`Klt::length`] samples to rows of [`Klt::rank`] coefficients ⟨row − mean, vector⟩, computed
+    /// in f64.
     ///
     /// # Panics
-    /// If `rows` are not whole rows.
+    /// If `rows` does not consist of whole rows.
     pub fn forward(&self, rows: &[f32]) -> Vec<f32> {
         let (n, r) = (self.length(), self.rank());
         assert!(rows.len().is_multiple_of(n), "rows of {n} samples");
@@ -192,10 +196,10 @@ impl Klt {
         coefficients
     }
 
-    /// Rows of [`Klt::rank`] coefficients to rows of [`Klt::length`] samples.
+    /// Transforms rows of [`Klt::rank`] coefficients to rows of [`Klt::length`] samples.
     ///
     /// # Panics
-    /// If `coefficients` are not whole rows.
+    /// If `coefficients` does not consist of whole rows.
     pub fn inverse(&self, coefficients: &[f32]) -> Vec<f32> {
         let (n, r) = (self.length(), self.rank());
         assert!(r > 0 && coefficients.len().is_multiple_of(r), "rows of {r} coefficients, at least one");
@@ -215,8 +219,8 @@ impl Klt {
     }
 }
 
-/// Adds (row − mean)ᵀ (row − mean) of every row, in order, to the lower triangle of a matrix whose rows are filled up to
-/// whole lanes; above the diagonal anything may stand.
+/// Adds (row − mean)ᵀ (row − mean) of every row, in order, to the lower triangle of a matrix whose rows are padded to
+/// whole lanes. Entries above the diagonal are undefined.
 fn add_products(rows: &[f32], mean: &[f64], sum: &mut [f64]) {
     let n = mean.len();
     let width = n.next_multiple_of(LANES);
@@ -242,7 +246,7 @@ fn add_products(rows: &[f32], mean: &[f64], sum: &mut [f64]) {
     }
 }
 
-/// The same of `ROWS` centred rows of so many lanes.
+/// Adds the products of `ROWS` centred rows, each padded to `lanes` groups of [`LANES`] entries.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn add_products_of<const ROWS: usize>(centred: &[[f64; LANES]], lanes: usize, sum: &mut [[f64; LANES]]) {
@@ -260,10 +264,11 @@ fn add_products_of<const ROWS: usize>(centred: &[[f64; LANES]], lanes: usize, su
     }
 }
 
-/// A sum over rows: chunks of a fixed size in parallel, then one after another; `add` adds the rows of a chunk in order.
+/// Sums over rows: chunks of fixed size in parallel, whose sums are then added in order. `add` adds the rows of a chunk
+/// in order.
 fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64]) + Sync) -> Vec<f64> {
     let mut total = vec![0.0; size];
-    // A few chunks at a time, so that their sums fit the memory.
+    // A few chunks at a time, to bound the memory of their sums.
     for group in rows.chunks(16 * CHUNK * length) {
         let parts: Vec<Vec<f64>> = group
             .par_chunks(CHUNK * length)
@@ -280,7 +285,7 @@ fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64
     total
 }
 
-/// Eigenvalues and eigenvectors (as rows) of a symmetric n × n matrix.
+/// Returns eigenvalues and eigenvectors (as rows) of a symmetric n × n matrix.
 fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     let mut vectors: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else { 0.0 }).collect()).collect();
     let size: f64 = a.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -316,7 +321,7 @@ fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     ((0..n).map(|i| a[i * n + i]).collect(), vectors)
 }
 
-/// The mean of whole rows of finite numbers; refuses any others.
+/// Returns the mean row; fails unless `rows` consists of whole rows of finite numbers.
 fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
         return Err(KltError::Shape { samples: rows.len(), length });
@@ -341,12 +346,12 @@ fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     Ok(mean)
 }
 
-/// Whether a vector of these squared lengths is more than rounding beside the vectors before it.
+/// Returns true if a vector, after orthogonalisation to those before it, is more than rounding error.
 fn is_independent(squares: Squares) -> bool {
     squares.after.sqrt() > 1e-9 * squares.before.sqrt()
 }
 
-/// The covariance of `rows` times each vector, but for a factor.
+/// Returns the covariance of `rows` times each vector, up to a common factor.
 fn covariance_times(rows: &[f32], mean: &[f64], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let (n, k) = (mean.len(), vectors.len());
     let mut columns = vec![0.0; n * k];
@@ -387,7 +392,7 @@ fn rotate(p: &mut [f64], q: &mut [f64], c: f64, s: f64) {
 mod tests {
     use super::*;
 
-    /// Rows of rank three plus a little noise.
+    /// Returns rows of rank three plus little noise.
     fn rows(count: usize, n: usize) -> Vec<f32> {
         let mut state = 7_u32;
         let mut noise = || {
@@ -467,7 +472,7 @@ mod tests {
             let whole = Klt::of(&rows, n).unwrap();
             let leading = Klt::leading(&rows, n, 3).unwrap();
             assert_eq!((leading.length(), leading.rank()), (n, 3));
-            // The third of these rows is hardly more than their noise: any vector of the noise has nearly its variance.
+            // The third component hardly exceeds the noise, so its direction is poorly determined.
             for (k, tolerance) in [(0, 1e-6), (1, 1e-6), (2, 0.2)] {
                 let product: f64 = whole.vectors[k].iter().zip(&leading.vectors[k]).map(|(a, b)| a * b).sum();
                 assert!(k == 2 || product.abs() > 1.0 - tolerance, "{count} {n} {k}: {product}");

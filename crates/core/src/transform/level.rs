@@ -1,27 +1,29 @@
-//! One level of a line transform as matrices: analysis, synthesis and their transposes, for every basis, rule and length.
+//! One level of a line transform as matrices: analysis, synthesis and their transposes, for every basis, boundary rule
+//! and length.
 //!
-//! Rows and columns are interleaved: coefficient m is smooth where m is even, a detail where m is odd. Banks that are not
-//! perfect by their tables (`dmey`, the quadrature mirror filter, cut splines) are inverted exactly all the same: their
-//! synthesis rows are those of the analysis matrix' inverse, by iterative refinement to 1e-13 from the bank's own synthesis.
+//! Rows and columns are interleaved: coefficient m is smooth for even m and a detail for odd m. Banks whose filters do
+//! not reconstruct perfectly (`dmey`, the quadrature mirror filter, truncated splines) are nevertheless inverted
+//! exactly. Their synthesis is the inverse of the analysis matrix, computed by iterative refinement to 1e-13 that
+//! starts from the synthesis filters.
 
 use super::banded::{Banded, Window};
 use super::boundary::{Boundary, folded};
 use super::ends::{Ends, Sequence, fitted};
 use super::filters::{Bank, PERFECT, Taps};
 
-/// The four matrices of a level.
+/// Four matrices of a level.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Level {
-    /// Row m: what coefficient m takes of each sample.
+    /// Row m: the weights of the samples in coefficient m.
     pub(super) analysis: Banded,
     pub(super) analysis_transposed: Banded,
-    /// Row i: what sample i takes of each coefficient.
+    /// Row i: the weights of the coefficients in sample i.
     pub(super) synthesis: Banded,
     /// Row m: the synthesis function of coefficient m.
     pub(super) synthesis_transposed: Banded,
 }
 
-/// All levels of a line of `n` samples, finest first; `limit` at most.
+/// Computes all levels of a line of `n` samples, finest first, but at most `limit`.
 pub(super) fn levels(
     bank: &Bank,
     own: Boundary,
@@ -55,8 +57,8 @@ pub(super) fn levels(
     levels
 }
 
-/// All levels of the unbalanced Haar transform (Girardi & Sweldens 1997): a coefficient that stands for w samples holds
-/// √w times their mean. Fitted ends, with every pair by itself.
+/// Computes all levels of the unbalanced Haar transform (Girardi & Sweldens 1997), in which a coefficient of w samples
+/// is √w times their mean. These are fitted ends with independent pairs.
 pub(super) fn unbalanced(length: usize, limit: u32) -> Vec<Level> {
     let mut levels = Vec::new();
     let (mut n, mut stride) = (length, 1);
@@ -90,7 +92,7 @@ pub(super) fn unbalanced(length: usize, limit: u32) -> Vec<Level> {
     levels
 }
 
-/// `(α, β)` of the pair whose left coefficient lies at sample `left`, both at this stride.
+/// Returns `(α, β)` of the pair at this stride whose left coefficient lies at sample `left`.
 pub(super) fn pair_weights(left: usize, stride: usize, length: usize) -> (f64, f64) {
     let right_count = stride.min(length - left - stride);
     let total = (stride + right_count) as f64;
@@ -98,7 +100,7 @@ pub(super) fn pair_weights(left: usize, stride: usize, length: usize) -> (f64, f
 }
 
 impl Level {
-    /// Periodic, or under the symmetric extension of the bank's own symmetry.
+    /// Computes a level under periodic extension, or under the symmetric extension that suits the filters.
     fn extended(bank: &Bank, rule: Boundary, n: usize) -> Self {
         let analysis = {
             let edge = |m: usize| {
@@ -113,7 +115,7 @@ impl Level {
                 let i = i as i64;
                 let mut entries = Vec::new();
                 for (parity, taps) in bank.synthesis.iter().enumerate() {
-                    // Coefficients o with first ≤ i − 2o ≤ last.
+                    // Coefficients o that satisfy first ≤ i − 2o ≤ last.
                     for o in (i - taps.last()).div_euclid(2)..=(i - taps.first).div_euclid(2) {
                         let w = taps.at(i - 2 * o);
                         if let Some((m, sign)) = coefficient(o, parity, n, rule) {
@@ -128,7 +130,7 @@ impl Level {
         Self::of(analysis, synthesis.transposed(), synthesis, bank)
     }
 
-    /// Inner filters as they are, rows of their own at the ends.
+    /// Computes a level with unmodified inner filters and special rows `ends`.
     fn completed(bank: &Bank, ends: &Ends, n: usize) -> Self {
         let inner = (2 * ends.inner.start, 2 * ends.inner.end);
         let pick = |rows: &[(usize, Window)], m: usize| -> Vec<(usize, f64)> {
@@ -161,11 +163,11 @@ impl Level {
     }
 }
 
-/// The rows of the transposed inverse of `analysis`, from approximate ones.
+/// Computes the transposed inverse of `analysis` by refining the approximation `dual`.
 fn inverted(analysis: &Banded, dual: &Banded) -> Banded {
     let n = analysis.len();
     let transposed = analysis.transposed();
-    // Row m of A⁻ᵀ is x with A·x = e: x ← x + S(e − A·x). Whether only inner rows had a part tells that it repeats.
+    // Row m of A⁻ᵀ solves A·x = e, by x ← x + S(e − A·x). A row computed from inner rows alone repeats.
     let solve = |m: usize| -> (Window, bool) {
         let unit = Window::unit(m);
         let (mut x, mut inner) = unit.through(dual, |j| j);
@@ -225,7 +227,7 @@ fn inverted(analysis: &Banded, dual: &Banded) -> Banded {
     Banded::new(n, (start, end), stencils, edge)
 }
 
-/// Inner rows of coefficients over samples.
+/// Returns the inner rows of coefficients over samples.
 fn rows(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     let relative = |parity: usize| {
         let entries = taps[parity].iter().map(|(k, w)| (k - parity as i64, w));
@@ -234,12 +236,12 @@ fn rows(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     [relative(0), relative(1)]
 }
 
-/// Inner rows of samples over coefficients.
+/// Returns the inner rows of samples over coefficients.
 fn columns(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     let mut stencils = [Vec::new(), Vec::new()];
     for (parity, taps) in taps.iter().enumerate() {
         for (k, w) in taps.iter().filter(|(_, w)| *w != 0.0) {
-            // Sample 2o + k takes of coefficient 2o + parity.
+            // Weight of coefficient 2o + parity in sample 2o + k.
             stencils[k.rem_euclid(2) as usize].push((parity as i64 - k, w));
         }
     }
@@ -249,12 +251,12 @@ fn columns(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     stencils
 }
 
-/// Coefficient `o` of one channel of the extension, as interleaved index and sign; `None` where it is zero.
+/// Returns the interleaved index and sign of coefficient `o` of one channel of the extension; `None` if it is zero.
 fn coefficient(o: i64, parity: usize, n: usize, rule: Boundary) -> Option<(usize, f64)> {
     let at = 2 * o + parity as i64;
     match rule {
         Boundary::HalfSample => {
-            // Half-sample symmetric smooth, antisymmetric detail coefficients: o ↔ −1 − o, o ↔ n − 1 − o.
+            // Smooth coefficients are half-sample symmetric, details antisymmetric: o ↔ −1 − o, o ↔ n − 1 − o.
             let o = o.rem_euclid(n as i64);
             let count = if parity == 0 { n.div_ceil(2) } else { n / 2 } as i64;
             if o < count {
@@ -264,12 +266,12 @@ fn coefficient(o: i64, parity: usize, n: usize, rule: Boundary) -> Option<(usize
             let sign = if parity == 0 { 1.0 } else { -1.0 };
             (mirrored < count).then_some((2 * mirrored as usize + parity, sign))
         }
-        // Interleaved they mirror as the samples do.
+        // Interleaved coefficients are mirrored like the samples.
         _ => Some((folded(at, n, rule), 1.0)),
     }
 }
 
-/// Entries of the same column added, in the order of columns.
+/// Sums entries of the same column, in the order of columns.
 fn gathered(entries: impl Iterator<Item = (usize, f64)>) -> Vec<(usize, f64)> {
     let mut entries: Vec<_> = entries.collect();
     entries.sort_by_key(|&(column, _)| column);

@@ -1,8 +1,9 @@
-//! Wavelets on a line of any length, in place: at stride s the even multiples stay smooth, the odd ones become details.
+//! Wavelets on a line of any length, in place: at stride s, even multiples of s become smooth coefficients, odd ones
+//! details.
 //!
-//! Every level is a banded matrix between rows (`level.rs`). Lifting and Haar do the same arithmetic in place: the synthesis
-//! of a symmetric lifting scheme mirrors samples at both ends (`x[−1] = x[1]`, `x[n] = x[n − 2]`), so any length is
-//! critically sampled and perfectly reconstructed (Daubechies & Sweldens 1998; ISO 15444-1 annex F).
+//! Every level is a banded matrix between rows (`level.rs`); lifting and Haar compute it in place. A symmetric lifting
+//! scheme mirrors samples at both ends (`x[−1] = x[1]`, `x[n] = x[n − 2]`), so that any length is critically sampled
+//! and perfectly reconstructed (Daubechies & Sweldens 1998; ISO 15444-1 annex F).
 
 use super::banded::{Banded, Row, Window};
 use super::boundary::Boundary;
@@ -10,7 +11,7 @@ use super::level::{self, Level, pair_weights};
 use super::lines::{Lifting, LineBasis, Parity, Scheme};
 use super::rows::{Pass, axpy, axpy2, combine, reflect, scale};
 
-/// A line with its levels, finest first.
+/// Transform of a line, with its levels, finest first.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LinePlan {
     length: usize,
@@ -19,7 +20,7 @@ pub(super) struct LinePlan {
     levels: Vec<Level>,
 }
 
-/// How many levels a line of `n` samples has until one smooth coefficient is left.
+/// Returns the number of levels after which a line of `n` samples has one smooth coefficient.
 pub(super) fn levels(n: usize) -> u32 {
     n.next_power_of_two().trailing_zeros()
 }
@@ -34,7 +35,7 @@ impl LinePlan {
         Self { length, basis, boundary, levels }
     }
 
-    /// How many levels are transformed.
+    /// Returns the number of levels of the transform.
     pub(super) fn depth(&self) -> u32 {
         self.levels.len() as u32
     }
@@ -44,7 +45,7 @@ impl LinePlan {
         &self.levels
     }
 
-    /// One pass over the rows of a line.
+    /// Applies one pass to the rows of a line.
     pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
         let mut scratch = Vec::new();
         match pass {
@@ -78,17 +79,17 @@ impl LinePlan {
         }
     }
 
-    /// The synthesis function of coefficient `index`, and whether it keeps clear of the ends.
+    /// Returns the synthesis function of coefficient `index`, and true if the ends do not affect it.
     pub(super) fn footprint(&self, index: usize) -> (Window, bool) {
         self.descend(index, |level| &level.synthesis_transposed)
     }
 
-    /// What coefficient `index` takes of each sample.
+    /// Returns the weight of each sample in coefficient `index`.
     pub(super) fn analysis_row(&self, index: usize) -> Window {
         self.descend(index, |level| &level.analysis).0
     }
 
-    /// What sample `index` takes of each coefficient.
+    /// Returns the weight of each coefficient in sample `index`.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::new();
         let mut smooth = Window::unit(index);
@@ -108,7 +109,7 @@ impl LinePlan {
         let height = if index == 0 { depth } else { depth.min(index.trailing_zeros() as usize) };
         let (mut window, mut inner) = (Window::unit(index >> height), true);
         if let Some(level) = self.levels.get(height) {
-            // A detail: its own level takes it as it stands, finer ones as their smooth coefficients.
+            // A detail enters at its own level; at finer levels the result is treated as smooth coefficients.
             (window, inner) = window.through(matrix(level), |m| m);
         }
         for level in self.levels[..height].iter().rev() {
@@ -119,7 +120,7 @@ impl LinePlan {
         (window, inner)
     }
 
-    /// The norms of the synthesis functions of every index, all samples weighing the same.
+    /// Returns the norms of the synthesis functions of all indices, with equal weights of the samples.
     pub(super) fn norms(&self) -> Vec<f64> {
         let n = self.length;
         let orthogonal = self.basis.info().orthogonal
@@ -136,7 +137,7 @@ impl LinePlan {
                 let (footprint, inner) = self.footprint(place);
                 (libm::sqrt(footprint.values.iter().map(|x| x * x).sum()), inner)
             };
-            // Functions that keep clear of the ends are the same but for a shift, so one of them is measured for all.
+            // Functions not affected by the ends are shifts of each other, so one norm serves all.
             let mut from = 0;
             let mut same = None;
             while from < places.len() && same.is_none() {
@@ -162,7 +163,7 @@ impl LinePlan {
     }
 }
 
-/// The rows at a stride become `matrix` times them.
+/// Multiplies the rows at a stride by `matrix`.
 fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut Vec<f32>) {
     let width = rows.first().map_or(0, |row| row.len());
     scratch.resize(matrix.len() * width, 0.0);
@@ -180,7 +181,8 @@ fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut 
     }
 }
 
-/// Unbalanced Haar: the last one of an odd level has no partner and passes unchanged. Only the last pair can be unequal.
+/// Applies unbalanced Haar to all pairs at a stride. The last value of an odd level has no partner and passes
+/// unchanged. Only the last pair can represent unequal numbers of samples.
 fn pairs(rows: &mut [&mut [f32]], stride: usize) {
     let n = rows.len();
     for left in (0..n).step_by(2 * stride) {
@@ -231,13 +233,13 @@ fn scale_both(rows: &mut [&mut [f32]], stride: usize, low: f32, high: f32) {
     }
 }
 
-/// The samples of one parity at a stride, each with its left and right neighbour, mirrored at the ends.
+/// Returns the samples of one parity at a stride with their left and right neighbours, `None` beyond the ends.
 fn places(n: usize, stride: usize, parity: Parity) -> impl Iterator<Item = (Option<usize>, usize, Option<usize>)> {
     let first = if parity == Parity::Even { 0 } else { stride };
     (first..n).step_by(2 * stride).map(move |i| (i.checked_sub(stride), i, Some(i + stride).filter(|&r| r < n)))
 }
 
-/// Each sample of `parity` gets `c` times the sum of its neighbours.
+/// Adds `c` times the sum of its neighbours to each sample of `parity`.
 fn gather(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     for (left, i, right) in places(rows.len(), stride, parity) {
         let (before, rest) = rows.split_at_mut(i);
@@ -251,7 +253,7 @@ fn gather(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     }
 }
 
-/// The transpose of [`gather`]: each sample of `parity` gives `c` times itself to its neighbours.
+/// Adds `c` times each sample of `parity` to its neighbours: the transpose of [`gather`].
 fn scatter(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     for (left, i, right) in places(rows.len(), stride, parity) {
         let (before, rest) = rows.split_at_mut(i);

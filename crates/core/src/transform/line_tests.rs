@@ -8,7 +8,7 @@ use super::{AxisTransform, Boundary, LineBasis, Plan, lines};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// To how many digits a table is published.
+/// Returns the tolerance that the published digits of a table allow.
 fn tolerance(basis: LineBasis) -> f64 {
     match basis.name() {
         "brislawn10.10" => 5e-8,
@@ -19,7 +19,7 @@ fn tolerance(basis: LineBasis) -> f64 {
     }
 }
 
-/// Σ (−1)^k · (2k / length)^power · low[k]: zero where a moment of the wavelet of the other side vanishes.
+/// Returns Σ (−1)^k · (2k / length)^power · low[k], which is 0 if this moment of the opposite wavelet vanishes.
 fn moment(low: &Taps, power: i32) -> f64 {
     let half = low.weights.len() as f64 / 2.0;
     let term = |(k, w): (i64, f64)| if k % 2 == 0 { w } else { -w } * (k as f64 / half).powi(power);
@@ -59,8 +59,8 @@ fn low_pass_filters_grow_a_constant_by_the_root_of_two() {
     }
 }
 
-// Two-sided: as many moments as claimed vanish to the digits of the table, and the next one does not: it is at least twenty
-// times as large as the last that do (it falls with the order, to 1e-20 for coif17).
+// Two-sided check: the claimed moments vanish to the digits of the table, and the next one does not. It must be at
+// least twenty times as large as the last vanishing one (moments decrease with the order, to 1e-20 for coif17).
 #[test]
 fn as_many_moments_vanish_as_claimed() {
     for basis in LineBasis::all() {
@@ -72,7 +72,7 @@ fn as_many_moments_vanish_as_claimed() {
             assert!(found < tolerance(basis), "{basis} moment {power}: {found}");
             last = if power >= claimed - 3 { last.max(found) } else { last };
         }
-        // By symmetry one moment more can vanish in this frame of reference, which is not that of the wavelet.
+        // By symmetry one more moment can vanish about this origin, which is not the centre of the wavelet.
         let next = moment(low, claimed).max(moment(low, claimed + 1));
         assert!(next > 20.0 * last, "{basis} moment {claimed}: {next} after {last}");
     }
@@ -113,12 +113,13 @@ fn distinct() -> Vec<LineBasis> {
     LineBasis::distinct().collect()
 }
 
-/// Everything that must hold of one plan.
+/// Checks all identities of one plan.
 fn check(basis: LineBasis, boundary: Boundary, n: usize) {
     let plan = LinePlan::new(n, basis, boundary, u32::MAX);
     let name = format!("{basis} {boundary} {n}");
     plan.check_levels(&name);
-    // Passes in f32 against each other; ill-conditioned splines (3.x of short duals) lose digits with the levels.
+    // Compares passes in f32 with each other; ill-conditioned splines (3.x with short duals) lose digits with each
+    // level.
     let lanes = 3;
     let pass = |data: &[f32], pass: Pass| {
         let mut data = data.to_vec();
@@ -153,7 +154,7 @@ fn check(basis: LineBasis, boundary: Boundary, n: usize) {
 }
 
 impl LinePlan {
-    /// Analysis and synthesis of each level are inverse to each other, in f64; orthogonal where that is promised.
+    /// Checks in f64 that analysis and synthesis of each level are inverse to each other.
     fn check_levels(&self, name: &str) {
         for (k, level) in self.levels().iter().enumerate() {
             let n = level.analysis.len();
@@ -161,7 +162,7 @@ impl LinePlan {
                 if n > 300 { (0..100).chain(n / 2..n / 2 + 4).chain(n - 100..n).collect() } else { (0..n).collect() };
             let size = |matrix: &Banded, row: usize| Window::unit(row).through(matrix, |j| j).0;
             for &m in &places {
-                // Synthesis function m has coefficients e_m.
+                // The analysis of synthesis function m is the unit vector e_m.
                 let function = size(&level.synthesis_transposed, m);
                 let (image, _) = function.through(&level.analysis_transposed, |j| j);
                 let rest = image.plus(-1.0, &Window::unit(m));
@@ -171,7 +172,7 @@ impl LinePlan {
         }
     }
 
-    /// The largest norm of a synthesis function.
+    /// Returns the largest norm of a synthesis function, at least 1.
     fn growth(&self) -> f32 {
         self.norms().into_iter().fold(1.0, f64::max) as f32
     }
@@ -184,7 +185,7 @@ fn every_basis_rule_and_length_is_inverted_exactly() {
         .enumerate()
         .flat_map(|(b, basis)| {
             Boundary::ALL.iter().flat_map(move |&boundary| {
-                // The long length by turns: each basis and each rule has some.
+                // The long length only for some pairs of basis and rule, each basis and each rule among them.
                 let lengths = LENGTHS
                     .into_iter()
                     .filter(move |&n| n < 2101 || boundary == basis.boundary() || b % 5 == boundary as usize);
@@ -195,8 +196,8 @@ fn every_basis_rule_and_length_is_inverted_exactly() {
     cases.into_par_iter().for_each(|(basis, boundary, n)| check(basis, boundary, n));
 }
 
-/// Under its own rule a basis with a vanishing moment gives constants no details, at any length; fitted ends give none to
-/// every polynomial they keep.
+/// Details of constants vanish at any length, for a basis with a vanishing moment under its default rule. With fitted
+/// ends, details of all preserved polynomials vanish.
 #[test]
 fn kept_polynomials_have_no_details() {
     for basis in distinct() {
@@ -211,7 +212,7 @@ fn kept_polynomials_have_no_details() {
                         let row = plan.analysis_row(i);
                         let detail: f64 = row.iter().map(|(j, w)| w * t(j).powi(degree as i32)).sum();
                         let size: f64 = row.iter().map(|(_, w)| w.abs()).sum();
-                        // A level keeps as many polynomials as it has smooth coefficients.
+                        // A level preserves at most as many polynomials as it has smooth coefficients.
                         let kept = n.div_ceil(2 << i.trailing_zeros());
                         let vanishes = detail.abs() < 1e-7 * size.max(1.0);
                         assert!(vanishes || degree >= kept, "{basis} {boundary} {n}, degree {degree}, {i}: {detail}");
@@ -264,17 +265,18 @@ fn lifting_is_its_filters() {
     }
 }
 
-/// Coefficients of PyWavelets, see `tests/golden/pywavelets.py`.
+/// Returns reference coefficients of PyWavelets, see `tests/golden/pywavelets.py`.
 fn golden() -> serde_json::Value {
     serde_json::from_str(include_str!("../../../../tests/golden/pywavelets.json")).unwrap()
 }
 
-/// `(i*i*7) % 31 - 15`.
+/// Returns the samples `(i*i*7) % 31 - 15`.
 fn squares(n: u32) -> Vec<f32> {
     (0..n).map(|i| ((i * i * 7) % 31) as f32 - 15.0).collect()
 }
 
-/// The coefficient of a line of `levels` levels at this place of PyWavelets' list, smooth ones first, then coarse to fine.
+/// Returns the coefficient indices of a line with `levels` levels in the order of PyWavelets: smooth ones, then details
+/// from coarse to fine.
 fn listed(n: usize, levels: u32) -> Vec<usize> {
     let smooth = (0..n).step_by(1 << levels);
     let details = (0..levels).rev().flat_map(|height| (1 << height..n).step_by(2 << height));

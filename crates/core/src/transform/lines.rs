@@ -1,7 +1,7 @@
-//! The registry: every basis on a line, one line each, with the number it has in files.
+//! Registry of all bases on a line: one table row per basis, with its number in files.
 //!
-//! Adding a basis: a table in `tables/`, and one line at the end of [`LINES`] with the next number. Numbers never change
-//! and lines are never removed, because files name bases by them.
+//! To add a basis, add a table in `tables/` and one row at the end of [`LINES`] with the next number. Never change a
+//! number or remove a row: files refer to bases by number.
 #![allow(clippy::wildcard_imports, reason = "the registry names every table there is")]
 
 use super::basis_info::{BasisInfo, Space};
@@ -26,35 +26,37 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::LazyLock;
 
-/// A basis on a line (wavelength, elevation, or any ordered entries): a handle into the registry. All are critically
-/// sampled at every length and have the sign, scale (low-pass gain √2 at zero frequency) and place of PyWavelets.
+/// Basis on a line (wavelengths, elevations, or any ordered entries): a handle into the registry. All bases are
+/// critically sampled at every length. Sign, scale (low-pass gain √2 at zero frequency) and position agree with
+/// PyWavelets.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LineBasis(u16);
 
-/// One line of the registry.
+/// One row of the registry.
 pub(super) struct Line {
     code: u16,
     name: &'static str,
     family: &'static Family,
     filters: Filters,
-    /// Moments of the analysis wavelet that vanish.
+    /// Number of vanishing moments of the analysis wavelet.
     moments: usize,
-    /// How a level under the basis' own rule is computed faster than by its filters.
+    /// Arithmetic for a level under the default boundary rule, if there is a faster one than the filters.
     pub(super) scheme: Scheme,
 }
 
-/// Bases of one origin.
+/// Bases of common origin.
 struct Family {
     name: &'static str,
     source: &'static str,
 }
 
-/// How the even (smooth) and odd (detail) samples of one level are computed.
+/// Arithmetic that turns the samples of one level into smooth (even) and detail (odd) coefficients.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Scheme {
-    /// By the filters.
+    /// Sums over filter taps.
     Filters,
-    /// Each pair is reflected: `(α·a + β·b, β·a − α·b)` with α² + β² = 1 from how many samples each stands for.
+    /// Reflection of each pair: `(α·a + β·b, β·a − α·b)` with α² + β² = 1. The ratio α/β follows from the number of
+    /// samples that each value represents.
     Pairs,
     /// Lifting steps.
     Lifting(&'static Lifting),
@@ -63,9 +65,10 @@ pub(super) enum Scheme {
 /// Lifting steps, then even × `low`, odd × −1/`low` (Daubechies & Sweldens 1998).
 #[derive(Debug)]
 pub(super) struct Lifting {
-    /// In order: which samples change, and by which multiple of the sum of their two neighbours.
+    /// Steps in order: the parity of the samples that change, and the factor of the sum of their two neighbours added
+    /// to them.
     pub(super) steps: &'static [(Parity, f32)],
-    /// The scale of the smooth samples.
+    /// Scale factor of the smooth samples.
     pub(super) low: f32,
 }
 
@@ -86,7 +89,7 @@ static LIFTING_9_7: Lifting = Lifting {
         (Parity::Odd, 0.882_911_1),
         (Parity::Even, 0.443_506_85),
     ],
-    // Daubechies & Sweldens' ζ, with which a constant grows by √2 a level.
+    // ζ of Daubechies & Sweldens, with which a constant grows by √2 per level.
     low: 1.149_604_4,
 };
 
@@ -275,7 +278,7 @@ static LINES: &[Line] = &[
     line(122, "battle-lemarie5", &BATTLE_LEMARIE, Orthogonal(&SPLINE5), 2),
 ];
 
-/// What follows from the tables, in the order of [`LINES`].
+/// Filter banks and descriptions derived from the tables, in the order of [`LINES`].
 static KNOWN: LazyLock<Vec<(Bank, BasisInfo)>> = LazyLock::new(|| {
     LINES
         .iter()
@@ -299,7 +302,8 @@ static KNOWN: LazyLock<Vec<(Bank, BasisInfo)>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Fitted ends keep an orthogonal basis orthogonal; the others are symmetric, or nearly orthogonal and symmetric.
+/// Returns the default boundary rule: the symmetric extension for symmetric filters that are not orthogonal, else
+/// fitted ends, which keep an orthogonal basis orthogonal.
 fn own_rule(bank: &Bank) -> Boundary {
     match bank.symmetry {
         Some(symmetry) if !bank.orthogonal || bank.error >= PERFECT => symmetry,
@@ -308,19 +312,20 @@ fn own_rule(bank: &Bank) -> Boundary {
 }
 
 impl LineBasis {
-    /// Haar; with fitted ends unbalanced at odd lengths (Girardi & Sweldens 1997), so that it stays orthonormal.
+    /// Haar basis. With fitted ends it is unbalanced at odd lengths (Girardi & Sweldens 1997), and thus orthonormal.
     pub const HAAR: Self = Self(0);
-    /// Cohen–Daubechies–Feauveau 5/3 (of Le Gall and Tabatabai), by lifting under whole-sample extension.
+    /// Cohen–Daubechies–Feauveau 5/3 basis (Le Gall and Tabatabai), computed by lifting under whole-sample extension.
     pub const BIOR22: Self = Self(78);
-    /// Cohen–Daubechies–Feauveau 9/7 (Antonini, Brislawn), by lifting under whole-sample extension.
+    /// Cohen–Daubechies–Feauveau 9/7 basis (Antonini, Brislawn), computed by lifting under whole-sample extension.
     pub const BIOR44: Self = Self(87);
 
-    /// Every basis on a line, in the order of its number.
+    /// Returns all bases on a line, by number.
     pub fn all() -> impl ExactSizeIterator<Item = Self> + Clone {
         (0..LINES.len() as u16).map(Self)
     }
 
-    /// Every basis on a line once, however many names it has: the one of the lowest number.
+    /// Returns all different bases on a line. Of bases with several names, only the one with the lowest number is
+    /// included.
     pub fn distinct() -> impl Iterator<Item = Self> + Clone {
         Self::all().filter(|basis| {
             let (bank, _) = &KNOWN[basis.index()];
@@ -331,27 +336,28 @@ impl LineBasis {
         })
     }
 
-    /// The stable name, for PyWavelets' bases that of PyWavelets.
+    /// Returns the stable name; bases of PyWavelets have the same name there.
     pub fn name(self) -> &'static str {
         self.line().name
     }
 
-    /// The number in files; it never changes.
+    /// Returns the number in files, which never changes.
     pub fn code(self) -> u16 {
         self.line().code
     }
 
-    /// The basis of a number.
+    /// Returns the basis with this number.
     pub fn from_code(code: u16) -> Option<Self> {
         LINES.iter().position(|line| line.code == code).map(|i| Self(i as u16))
     }
 
-    /// What is known of it.
+    /// Returns the description of the basis.
     pub fn info(self) -> &'static BasisInfo {
         &KNOWN[self.index()].1
     }
 
-    /// Its own rule at the ends: the extension of its symmetry; fitted ends for what is orthogonal or not symmetric.
+    /// Returns the default boundary rule: fitted ends for orthogonal or asymmetric bases, otherwise the symmetric
+    /// extension.
     pub fn boundary(self) -> Boundary {
         own_rule(self.bank())
     }
@@ -410,7 +416,7 @@ impl<'de> Deserialize<'de> for LineBasis {
 mod tests {
     use super::*;
 
-    /// Grows at the end only: files hold these numbers.
+    /// Append only: files contain these numbers.
     const NUMBERS: &str = "0=haar 1=db1 2=db2 3=db3 4=db4 5=db5 6=db6 7=db7 8=db8 9=db9 10=db10 11=db11 12=db12 13=db13 14=db14 15=db15 \
         16=db16 17=db17 18=db18 19=db19 20=db20 21=db21 22=db22 23=db23 24=db24 25=db25 26=db26 27=db27 28=db28 \
         29=db29 30=db30 31=db31 32=db32 33=db33 34=db34 35=db35 36=db36 37=db37 38=db38 39=sym2 40=sym3 41=sym4 \

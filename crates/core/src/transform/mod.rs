@@ -1,15 +1,16 @@
-//! The generic wavelet transform: a tensor's axes, each with its own basis, transformed in place between rows.
+//! Generic wavelet transform of a tensor: each axis has its own basis and is transformed in place, by arithmetic
+//! between rows.
 //!
-//! A *generic coefficient* over an axis (Claustres, Paulin & Boucher 2006, section 4, equations 11–12) is the contiguous
-//! row behind one index of that axis; a transform over the axis is arithmetic between such rows, whatever they hold.
-//! Transforming axis after axis is the *standard* decomposition (a tensor product of one-space transforms), not the
-//! square one.
+//! A *generic coefficient* over an axis (Claustres, Paulin & Boucher 2006, section 4, equations 11–12) is the
+//! contiguous row at one index of that axis. A transform over the axis is arithmetic between such rows, whatever they
+//! contain. Transforming axis after axis is the *standard* decomposition (a tensor product of transforms of one axis),
+//! not the square one.
 //!
-//! Coefficients stay where the tree has them: nothing moves. [`AxisTree`] says which level each index belongs to, who its
-//! parent is, and in which order to read them coarse to fine.
+//! Coefficients are not reordered. [`AxisTree`] gives the level and parent of each index, and the order from coarse to
+//! fine.
 //!
-//! Any part can be had without the rest ([`Plan::reconstruct`]): one direction, one level, one wavelength; and
-//! [`Plan::footprint`] is one coefficient's synthesis function. [`Klt`] is a spectral basis made from the data.
+//! [`Plan::reconstruct`] computes one direction, level or wavelength without the rest. [`Plan::footprint`] returns the
+//! synthesis function of one coefficient. [`Klt`] is a spectral basis computed from the data.
 //!
 //! Adding a basis on a line: one table in `tables/`, one line in `lines.rs`.
 

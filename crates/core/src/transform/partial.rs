@@ -1,29 +1,30 @@
-//! Parts of a synthesis: one coefficient's function, one sample's coefficients, one direction, one level, one wavelength.
+//! Partial synthesis: the function of one coefficient, the coefficients of one sample, one direction, level or
+//! wavelength.
 //!
-//! Nothing else is undone: a sample needs a handful of coefficients of each axis (3 a level on triangles, a filter's length a
-//! level on a line), so one direction's spectrum costs as many row additions (Claustres, Paulin & Boucher 2006, section 3:
-//! undo S² first for the direction asked for, then the spectrum).
+//! Only the required part of the transform is inverted. A sample depends on few coefficients of each axis: 3 per level
+//! on triangles, a filter length per level on a line. The spectrum of one direction costs as many row additions
+//! (Claustres, Paulin & Boucher 2006, section 3: first the sphere for the requested direction, then the spectrum).
 
 use super::plan::{Operator, Plan};
 use super::rows::Pass;
 use std::ops::Range;
 
-/// Which part of an axis to reconstruct.
+/// Part of an axis to reconstruct.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
     /// All samples from all coefficients.
     All,
-    /// The sample of one index; the axis is gone from the result.
+    /// The sample of one index; the result does not have this axis.
     At(usize),
-    /// All samples, from the coefficients of these levels of the tree only (0 is the smooth one).
+    /// All samples, from the coefficients of these tree levels only (0 is the smooth level).
     Levels(Range<usize>),
 }
 
 impl Plan {
-    /// The synthesis function of coefficient `index` of axis `axis`: samples and weights, by index.
+    /// Returns the synthesis function of coefficient `index` of axis `axis`: pairs of sample and weight, by sample.
     ///
     /// # Panics
-    /// If there is no such axis or coefficient.
+    /// If `axis` or `index` is out of range.
     pub fn footprint(&self, axis: usize, index: usize) -> Vec<(u32, f64)> {
         match self.operator(axis, index) {
             Operator::Identity => vec![(index as u32, 1.0)],
@@ -32,10 +33,10 @@ impl Plan {
         }
     }
 
-    /// What coefficient `index` of axis `axis` is computed from: samples and weights, by index.
+    /// Returns the samples and weights from which coefficient `index` of axis `axis` is computed, by sample.
     ///
     /// # Panics
-    /// If there is no such axis or coefficient.
+    /// If `axis` or `index` is out of range.
     pub fn analysis_row(&self, axis: usize, index: usize) -> Vec<(u32, f64)> {
         match self.operator(axis, index) {
             Operator::Identity => vec![(index as u32, 1.0)],
@@ -44,11 +45,11 @@ impl Plan {
         }
     }
 
-    /// The coefficients that the sample at `index` of axis `axis` is made of, and their weights, by index: the transpose of
-    /// [`Plan::footprint`].
+    /// Returns the coefficients and weights from which sample `index` of axis `axis` is computed, by coefficient: the
+    /// transpose of [`Plan::footprint`].
     ///
     /// # Panics
-    /// If there is no such axis or sample.
+    /// If `axis` or `index` is out of range.
     pub fn synthesis_row(&self, axis: usize, index: usize) -> Vec<(u32, f64)> {
         match self.operator(axis, index) {
             Operator::Identity => vec![(index as u32, 1.0)],
@@ -57,7 +58,8 @@ impl Plan {
         }
     }
 
-    /// The samples at the given indices, all of an axis where there is none: the row of the remaining axes, row-major.
+    /// Reconstructs the samples at the given index of each axis; `None` reconstructs all samples of the axis. The
+    /// result is row-major over the axes without an index.
     ///
     /// # Panics
     /// As [`Plan::reconstruct`].
@@ -66,12 +68,11 @@ impl Plan {
         self.reconstruct(coefficients, &parts)
     }
 
-    /// A part of the samples, row-major over the axes that are left. What is not asked for is not undone; sums over the
-    /// coefficients of a single index are in f64.
+    /// Reconstructs a part of the samples, row-major over the remaining axes. Other samples are not computed. Sums over
+    /// the coefficients of a single index are in f64.
     ///
-    /// # Panics
-    /// If there are not as many coefficients as the axes have entries, not one part for each axis, or an index outside its
-    /// axis.
+    /// # Panics If the number of coefficients is not that of the axes' entries, the number of parts is not that of
+    /// axes, or an index is out of range.
     pub fn reconstruct(&self, coefficients: &[f32], parts: &[Part]) -> Vec<f32> {
         assert_eq!(coefficients.len(), self.samples(), "as many coefficients as the plan's axes have entries");
         assert_eq!(parts.len(), self.axes(), "one part for each of the plan's axes");
@@ -107,7 +108,7 @@ impl Plan {
     }
 }
 
-/// Of slabs of n rows of `inner` values: the sum of the rows with these weights.
+/// Returns the weighted sum of the n rows (of `inner` values) of each slab of `data`.
 fn contracted(data: &[f32], n: usize, inner: usize, weights: &[(u32, f64)]) -> Vec<f32> {
     let mut result = Vec::with_capacity(data.len() / n);
     let mut sums = vec![0.0_f64; inner];
@@ -137,7 +138,7 @@ mod tests {
         Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap())
     }
 
-    /// Axes of every kind with transforms of every kind.
+    /// Returns axes of every kind with transforms of every kind.
     fn cases() -> Vec<(Axis, AxisTransform)> {
         let lines = ["haar", "db3", "coif1", "bior3.3", "bior4.4", "rbio2.6", "adelson9"];
         let lines = lines.iter().flat_map(|name| {
@@ -231,7 +232,7 @@ mod tests {
             sum.iter_mut().zip(part).for_each(|(s, p)| *s += p);
         }
         close(&sum, samples.iter().copied());
-        // Bio-Haar's smooth level alone: the mean over each octant, here of one direction and wavelength.
+        // The smooth level of bio-Haar is the mean over each octant, here at one direction and wavelength.
         let smooth = plan.reconstruct(&coefficients, &[Part::Levels(0..1), Part::At(9), Part::At(2)]);
         assert!(smooth.chunks(4).all(|octant| octant.iter().all(|x| (x - octant[0]).abs() < 1e-4)));
     }

@@ -1,4 +1,4 @@
-//! A plan: which transform each axis gets, as plain data with its tables, and the four passes over a flat tensor.
+//! Plan of a transform: the transform of each axis with its tables, and the four passes over a flat tensor.
 
 use super::basis::{AxisTransform, Weights};
 use super::line::{self, LinePlan};
@@ -9,13 +9,15 @@ use crate::domain::{Axis, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
 
-/// Samples that the second-level cache holds.
+/// Largest number of samples of a slab of the last axes, so that it fits the second-level cache (2 MiB). All its axes
+/// are transformed slab by slab.
 const CACHED: usize = 1 << 19;
-/// Samples below which slabs are taken together.
+/// Smaller slabs are grouped to about this number of samples per task.
 const GROUPED: usize = 1 << 16;
 
-/// The transforms of a tensor's axes. Passes work in place on all samples, row-major, in `f32`; the result is the same
-/// to the last bit on any number of threads. A NaN spreads to every coefficient it meets: fill masked samples first.
+/// Transforms of the axes of a tensor. Passes work in place on all samples, row-major, in `f32`. Results are identical
+/// to the last bit on any number of threads. A NaN spreads to every coefficient computed from it, so fill masked
+/// samples first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     axes: Vec<AxisPlan>,
@@ -30,7 +32,7 @@ struct AxisPlan {
     operator: Operator,
 }
 
-/// What an axis' transform needs, worked out once.
+/// Precomputed tables of the transform of one axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Operator {
     Identity,
@@ -38,45 +40,45 @@ pub(super) enum Operator {
     Sphere(SphereTables),
 }
 
-/// Why axes and transforms do not make a plan.
+/// Reasons why axes and transforms do not fit together.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// Not one transform for each axis.
+    /// The number of transforms differs from that of axes.
     #[error("{transforms} transforms for {axes} axes, expected one each")]
     Count {
-        /// Axes given.
+        /// Number of axes.
         axes: usize,
-        /// Transforms given.
+        /// Number of transforms.
         transforms: usize,
     },
-    /// An axis without entries.
+    /// An axis has no entries.
     #[error("axis {axis} has no entries, expected at least one")]
     Empty {
-        /// Its position, from 0.
+        /// Position of the axis, from 0.
         axis: usize,
     },
-    /// A transform on an axis it is not made for.
+    /// A transform does not apply to this kind of axis.
     #[error("axis {axis}: `{transform}` on {found}, expected {expected}")]
     Unfit {
-        /// Its position, from 0.
+        /// Position of the axis, from 0.
         axis: usize,
-        /// The basis asked for.
+        /// Name of the requested basis.
         transform: &'static str,
-        /// The axis found.
+        /// Description of the axis.
         found: String,
-        /// The axes it is made for.
+        /// Kinds of axis to which the basis applies.
         expected: &'static str,
     },
 }
 
 impl Plan {
-    /// Plans one transform for each axis: sphere bases on triangles only, line bases on everything else.
+    /// Plans one transform per axis: sphere bases for triangles only, line bases for all other axes.
     pub fn new(axes: &[Axis], transforms: &[AxisTransform]) -> Result<Self, PlanError> {
         Self::with_levels(axes, transforms, &vec![None; axes.len()])
     }
 
-    /// As [`Plan::new`], but each line axis with a number goes down that many levels only (or as many as it has). The smooth
-    /// coefficients then lie at the multiples of 2^levels.
+    /// Like [`Plan::new`], but with at most the given number of levels on each line axis. The smooth coefficients then
+    /// lie at the multiples of 2^levels.
     pub fn with_levels(axes: &[Axis], transforms: &[AxisTransform], levels: &[Option<u8>]) -> Result<Self, PlanError> {
         if axes.len() != transforms.len() || axes.len() != levels.len() {
             return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len().min(levels.len()) });
@@ -86,64 +88,66 @@ impl Plan {
         Ok(Self { axes: axes.collect::<Result<_, _>>()? })
     }
 
-    /// Samples to coefficients, first axis first.
+    /// Transforms samples to coefficients, first axis first.
     ///
     /// # Panics
-    /// If there are not as many samples as the axes have entries.
+    /// If the number of samples is not the product of the lengths of the axes.
     pub fn forward(&self, samples: &mut [f32]) {
         self.pass(samples, Pass::Forward);
     }
 
-    /// Coefficients to samples: undoes [`Plan::forward`] in reverse order.
+    /// Transforms coefficients to samples: the inverse of [`Plan::forward`], last axis first.
     ///
     /// # Panics
-    /// If there are not as many coefficients as the axes have entries.
+    /// If the number of coefficients is not the product of the lengths of the axes.
     pub fn inverse(&self, coefficients: &mut [f32]) {
         self.pass(coefficients, Pass::Inverse);
     }
 
-    /// The adjoint of [`Plan::forward`]: ⟨forward u, v⟩ = ⟨u, `forward_transposed` v⟩ in the plain sum over entries.
+    /// Applies the adjoint of [`Plan::forward`]: ⟨forward u, v⟩ = ⟨u, `forward_transposed` v⟩ in the plain sum over
+    /// entries.
     ///
     /// # Panics
-    /// If there are not as many coefficients as the axes have entries.
+    /// If the number of coefficients is not the product of the lengths of the axes.
     pub fn forward_transposed(&self, coefficients: &mut [f32]) {
         self.pass(coefficients, Pass::ForwardTransposed);
     }
 
-    /// The adjoint of [`Plan::inverse`]: its entries are the inner products of the samples with the synthesis functions.
+    /// Applies the adjoint of [`Plan::inverse`]: the results are the inner products of the samples with the synthesis
+    /// functions.
     ///
     /// # Panics
-    /// If there are not as many samples as the axes have entries.
+    /// If the number of samples is not the product of the lengths of the axes.
     pub fn inverse_transposed(&self, samples: &mut [f32]) {
         self.pass(samples, Pass::InverseTransposed);
     }
 
-    /// How many axes there are.
+    /// Returns the number of axes.
     pub fn axes(&self) -> usize {
         self.axes.len()
     }
 
-    /// The transform of axis `axis`.
+    /// Returns the transform of axis `axis`.
     ///
     /// # Panics
-    /// If there is no such axis.
+    /// If `axis` is out of range.
     pub fn transform(&self, axis: usize) -> AxisTransform {
         self.axes[axis].transform
     }
 
-    /// The coefficient tree of axis `axis`.
+    /// Returns the coefficient tree of axis `axis`.
     ///
     /// # Panics
-    /// If there is no such axis.
+    /// If `axis` is out of range.
     pub fn tree(&self, axis: usize) -> &AxisTree {
         &self.axes[axis].tree
     }
 
-    /// The L2 norm of the synthesis function of each index of axis `axis`; on several axes a coefficient's norm is the
-    /// product. `weights` says how triangles are measured; on every other axis each entry weighs 1 either way.
+    /// Returns the L2 norm of the synthesis function of each index of axis `axis`. The norm of a coefficient over
+    /// several axes is the product. `weights` applies to triangles only; on other axes each entry has weight 1.
     ///
     /// # Panics
-    /// If there is no such axis.
+    /// If `axis` is out of range.
     pub fn norms(&self, axis: usize, weights: Weights) -> Vec<f64> {
         let axis = &self.axes[axis];
         match (axis.transform, axis.mesh) {
@@ -156,7 +160,7 @@ impl Plan {
         }
     }
 
-    /// How many samples the axes have together.
+    /// Returns the product of the lengths of the axes.
     pub(super) fn samples(&self) -> usize {
         self.axes.iter().map(|axis| axis.length).product()
     }
@@ -165,21 +169,22 @@ impl Plan {
         self.axes[axis].length
     }
 
-    /// The operator of axis `axis`, which has an entry `index`.
+    /// Returns the operator of axis `axis` after checking that `index` is in range.
     pub(super) fn operator(&self, axis: usize, index: usize) -> &Operator {
         let axis = &self.axes[axis];
         assert!(index < axis.length, "index {index} on an axis of {} entries", axis.length);
         &axis.operator
     }
 
-    /// One pass over one axis, of rows of `inner` samples.
+    /// Applies one pass along one axis, whose rows have `inner` samples.
     pub(super) fn pass_axis(&self, axis: usize, data: &mut [f32], inner: usize, pass: Pass) {
         self.axes[axis].pass(data, inner, pass);
     }
 
     fn pass(&self, data: &mut [f32], pass: Pass) {
         assert_eq!(data.len(), self.samples(), "as many samples as the plan's axes have entries");
-        // The last axes, as many as a cache holds together, are done slab by slab; the others one by one over everything.
+        // The last axes that together fit the cache are transformed slab by slab; each other axis over the whole
+        // tensor.
         let inner = |axis: usize| -> usize { self.axes[axis..].iter().map(|axis| axis.length).product() };
         let split = (0..self.axes.len()).find(|&axis| inner(axis) <= CACHED).unwrap_or(self.axes.len());
         let slab = inner(split);

@@ -1,27 +1,32 @@
-//! Predicts the details of a triangle from the means of the triangles around it: a smooth function needs no details.
+//! Prediction of the children of a triangle from the means of the triangles around it: details of smooth functions
+//! become small.
 //!
-//! Around a node the function is taken to be a quadratic polynomial of the tangent plane's coordinates whose means over the
-//! node and over its neighbours are the given ones: exactly the node's own, the others by weighted least squares. Its means
-//! over the four children are the prediction. A mean is that over the centroids of the leaves, all weighing the same, as
-//! the samples do. Square roots and divisions only, in a fixed order: the same weights on any machine.
+//! Around a node the function is modelled as a quadratic polynomial of tangent-plane coordinates. The mean of the
+//! polynomial over the node is exact; its means over the neighbours are fitted by weighted least squares. Its means
+//! over the four children are the prediction.
+//!
+//! A mean is taken over the centroids of the leaves with equal weights, as for the samples. Only square roots and
+//! divisions are used, in a fixed order, so that the weights are identical on every machine.
 
 use crate::domain::vector::{Vector, cross, dot, norm, scale, sub, unit};
 use crate::domain::{MOST_NEIGHBOURS, Neighbours, TriangleMesh};
 use crate::numeric::cholesky::Definite;
 use std::cmp::Ordering;
 
-/// Unknowns of the quadratic beside its constant: u, v, u², uv, v².
+/// Number of unknowns of the quadratic polynomial without its constant: u, v, u², uv, v².
 const TERMS: usize = 5;
-/// A quadratic needs this many neighbours, a plane three.
+/// Smallest number of neighbours for a quadratic fit; a linear fit needs three.
 const FOR_QUADRATIC: usize = 7;
-/// Keeps one-sided fits at the edge of a hemisphere from running away.
+/// Regularisation of the least-squares fit, which keeps one-sided fits at the edge of a hemisphere bounded. Raising it
+/// damps all predictions.
 const RIDGE: f64 = 1e-4;
 
-/// The prediction at every node of one level.
+/// Prediction weights of all nodes of one level.
 #[derive(Clone, Debug)]
 pub(crate) struct Prediction {
     neighbours: Neighbours,
-    /// By node: the weight of each neighbour's difference from the node in the means of corner children 0, 1 and 2; a zero.
+    /// Per node and neighbour: weights of the difference neighbour − node in the means of corner children 0, 1 and 2,
+    /// then a 0.
     weights: Vec<[[f32; 4]; MOST_NEIGHBOURS]>,
 }
 
@@ -46,7 +51,7 @@ impl Moments {
         mean
     }
 
-    /// The mean of (p·a)(p·b).
+    /// Returns the mean of (p·a)(p·b).
     fn product(&self, a: Vector, b: Vector) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.second;
         let row =
@@ -54,14 +59,14 @@ impl Moments {
         dot(a, row)
     }
 
-    /// The means of the polynomial's terms in the frame (a, b).
+    /// Returns the means of the terms u, v, u², uv, v² in the frame (a, b).
     fn terms(&self, a: Vector, b: Vector) -> [f64; TERMS] {
         [dot(self.first, a), dot(self.first, b), self.product(a, a), self.product(a, b), self.product(b, b)]
     }
 }
 
 impl Prediction {
-    /// Those of the levels 0 … `mesh.level() − 1` of a mesh, coarse first.
+    /// Computes the predictions of levels 0 … `mesh.level() − 1` of a mesh, coarsest first.
     pub(crate) fn levels(mesh: TriangleMesh) -> Vec<Self> {
         let mut children: Vec<Moments> = (0..mesh.len()).map(|i| Moments::of_point(mesh.centroid(i).xyz())).collect();
         let mut levels = Vec::new();
@@ -85,12 +90,12 @@ impl Prediction {
         Self { weights: weights.collect(), neighbours }
     }
 
-    /// The triangles around node `i`.
+    /// Returns the neighbours of node `i`.
     pub(crate) fn around(&self, i: usize) -> &[u32] {
         self.neighbours.around(i)
     }
 
-    /// The four children of node `i` as deviations from its mean, given the means of all nodes of its level.
+    /// Predicts the four children of node `i` as deviations from its mean; `means` are those of all nodes of its level.
     #[inline]
     pub(crate) fn children(&self, i: usize, means: &[f32]) -> [f32; 4] {
         let own = means[i];
@@ -103,7 +108,7 @@ impl Prediction {
     }
 }
 
-/// The weights at node `i`: zero where there are too few neighbours.
+/// Computes the weights at node `i`; all are 0 if there are too few neighbours for a fit.
 fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) -> [[f32; MOST_NEIGHBOURS]; 3] {
     let mut result = [[0.0; MOST_NEIGHBOURS]; 3];
     let terms = if around.len() >= FOR_QUADRATIC {
@@ -120,7 +125,7 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
     let b = cross(normal, a);
     let distances: Vec<f64> = around.iter().map(|&j| norm(sub(unit(nodes[j as usize].first), normal))).collect();
     let nearest = distances.iter().fold(f64::INFINITY, |m, &d| m.min(d));
-    // In units of the distance to the nearest neighbour all terms have like sizes.
+    // In units of the distance to the nearest neighbour, all terms have similar magnitudes.
     let (a, b) = (scale(a, 1.0 / nearest), scale(b, 1.0 / nearest));
     let centre = own.terms(a, b);
     let relative = |moments: &Moments| {
@@ -159,19 +164,20 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
     result
 }
 
-/// The orthonormal basis of the deviations of two, three or four siblings from their mean: the reflection that takes
-/// (1, …, 1)/√n to the last of them, without its last row.
+/// Orthonormal basis of the deviations of two, three or four siblings from their mean: the reflection that maps (1, …,
+/// 1)/√n to the last unit vector, without its last row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Householder {
     siblings: usize,
-    /// The reflection's vector has `alpha` at all siblings but the last, and `beta` there; `scale` is 2 / its square.
+    /// The Householder vector has `alpha` at all siblings but the last and `beta` at the last; `scale` is 2 / its
+    /// squared norm.
     alpha: f32,
     beta: f32,
     scale: f32,
 }
 
 impl Householder {
-    /// For `siblings` children, 2, 3 or 4.
+    /// Creates the basis for `siblings` = 2, 3 or 4 children.
     pub(crate) fn new(siblings: usize) -> Self {
         let n = siblings as f64;
         let alpha = 1.0 / n.sqrt();
@@ -179,12 +185,12 @@ impl Householder {
         Self { siblings, alpha: alpha as f32, beta: beta as f32, scale: (1.0 / (1.0 - alpha)) as f32 }
     }
 
-    /// Details there are: one less than siblings.
+    /// Returns the number of details: one less than siblings.
     pub(crate) fn details(self) -> usize {
         self.siblings - 1
     }
 
-    /// The details of the values of the siblings; what they have in common does not count.
+    /// Returns the details of the siblings' values; a common offset has no effect.
     #[inline]
     pub(crate) fn analyse(self, values: &[f32; 4]) -> [f32; 3] {
         let n = self.siblings;
@@ -196,7 +202,7 @@ impl Householder {
         std::array::from_fn(|k| if k < n - 1 { values[k] - along } else { 0.0 })
     }
 
-    /// The deviations of the siblings from their mean.
+    /// Returns the deviations of the siblings from their mean.
     #[inline]
     pub(crate) fn synthesise(self, details: &[f32; 3]) -> [f32; 4] {
         let n = self.siblings;

@@ -1,6 +1,8 @@
-//! Arithmetic between rows, and the cutting of a flat tensor into rows that fit the cache and spread over threads.
+//! Arithmetic between rows, and the division of a flat tensor into blocks of rows that fit the cache and are processed
+//! in parallel.
 //!
-//! Every kernel works element by element along the rows, so blocks, lanes and threads change no bit of a result.
+//! Every kernel works element by element along the rows, so blocks, lanes and threads do not change any bit of a
+//! result.
 
 use rayon::prelude::*;
 
@@ -17,12 +19,12 @@ pub(super) enum Pass {
     InverseTransposed,
 }
 
-/// Rows narrower than this are packed side by side into lanes of a small scratch.
+/// Rows of fewer samples than this are packed side by side into the lanes of a small scratch buffer.
 const NARROW: usize = 16;
 const LANES: usize = 32;
-/// Samples in a block of columns: small enough for a second-level cache.
+/// Number of samples in a block of columns, which fits the second-level cache.
 const BLOCK: usize = 1 << 16;
-/// Samples below which a thread is not worth its start.
+/// Smallest number of samples per parallel task; smaller tasks cost more to start than they save.
 const TASK: usize = 1 << 15;
 
 /// Runs `kernel` over every slab `[n, inner]` of `data` as `n` rows, in parallel over disjoint parts.
@@ -42,7 +44,7 @@ where
             .for_each_init(|| vec![0.0; n * pack * inner], |scratch, slabs| packed(slabs, n, inner, scratch, &kernel));
         return;
     }
-    // A slab that fits a second-level cache stays whole; else blocks of whole cache lines.
+    // A slab that fits the second-level cache stays whole; larger ones are split into blocks of whole cache lines.
     let width = if slab <= 2 * BLOCK { inner } else { (BLOCK / n / LANES * LANES).max(2 * LANES) };
     data.par_chunks_mut(slab).with_min_len(TASK.div_ceil(slab)).for_each(|slab| {
         if inner <= width {
@@ -60,7 +62,8 @@ where
     });
 }
 
-/// Slabs with narrow rows: transposed into rows of lanes, transformed together, and put back.
+/// Runs `kernel` on slabs with narrow rows, which are transposed into rows of lanes, transformed together and
+/// transposed back.
 fn packed(slabs: &mut [f32], n: usize, inner: usize, scratch: &mut [f32], kernel: &impl Fn(&mut [&mut [f32]])) {
     let lanes = scratch.len() / n;
     let used = slabs.len() / n;
@@ -88,10 +91,10 @@ fn packed(slabs: &mut [f32], n: usize, inner: usize, scratch: &mut [f32], kernel
     }
 }
 
-/// Side of the squares that are transposed at once.
+/// Side of the square blocks of the transposition, in samples.
 const SQUARE: usize = 4;
 
-/// Rows of `n` become columns of `target`, whose rows are `lanes` wide.
+/// Transposes rows of length `n` to columns of `target`, whose rows have `lanes` entries.
 fn transpose(source: &[f32], n: usize, target: &mut [f32], lanes: usize) {
     let groups = source.chunks(SQUARE * n);
     for (g, group) in groups.enumerate() {
@@ -110,7 +113,7 @@ fn transpose(source: &[f32], n: usize, target: &mut [f32], lanes: usize) {
     }
 }
 
-/// Columns of `source`, whose rows are `lanes` wide, become rows of `n`.
+/// Transposes columns of `source`, whose rows have `lanes` entries, to rows of length `n`.
 fn transpose_back(source: &[f32], lanes: usize, target: &mut [f32], n: usize) {
     for (g, group) in target.chunks_mut(SQUARE * n).enumerate() {
         let full = if group.len() == SQUARE * n { n / SQUARE * SQUARE } else { 0 };
@@ -137,28 +140,28 @@ fn turned(s: [[f32; SQUARE]; SQUARE]) -> [[f32; SQUARE]; SQUARE] {
     [0, 1, 2, 3].map(|j| [s[0][j], s[1][j], s[2][j], s[3][j]])
 }
 
-/// `target += c·source`.
+/// Computes `target += c·source`.
 pub(super) fn axpy(target: &mut [f32], c: f32, source: &[f32]) {
     for (t, s) in target.iter_mut().zip(source) {
         *t += c * s;
     }
 }
 
-/// `target += c·(left + right)`.
+/// Computes `target += c·(left + right)`.
 pub(super) fn axpy2(target: &mut [f32], c: f32, left: &[f32], right: &[f32]) {
     for ((t, l), r) in target.iter_mut().zip(left).zip(right) {
         *t += c * (l + r);
     }
 }
 
-/// `row *= c`.
+/// Computes `row *= c`.
 pub(super) fn scale(row: &mut [f32], c: f32) {
     for x in row {
         *x *= c;
     }
 }
 
-/// `(a, b) = (α·a + β·b, β·a − α·b)`: its own inverse and transpose when α² + β² = 1.
+/// Computes `(a, b) = (α·a + β·b, β·a − α·b)`, which is its own inverse and transpose if α² + β² = 1.
 pub(super) fn reflect(a: &mut [f32], b: &mut [f32], alpha: f32, beta: f32) {
     for (a, b) in a.iter_mut().zip(b) {
         let (x, y) = (*a, *b);
@@ -167,7 +170,7 @@ pub(super) fn reflect(a: &mut [f32], b: &mut [f32], alpha: f32, beta: f32) {
     }
 }
 
-/// The four rows become `H` times them, H the reflection that takes (1, 1, 1, 1) / 2 to the first unit vector; it is its own
+/// Multiplies four rows by the reflection `H` that maps (1, 1, 1, 1) / 2 to the first unit vector. `H` is its own
 /// inverse and transpose.
 pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
@@ -179,7 +182,7 @@ pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut 
     }
 }
 
-/// The first row becomes the mean by `w`, the others what they differ from it.
+/// Replaces the first row by the mean with weights `w`, and the others by their differences from it.
 pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = (w[0] * *a + w[1] * *b) + (w[2] * *c + w[3] * *d);
@@ -190,7 +193,7 @@ pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [
     }
 }
 
-/// Undoes [`mean_and_rest`]; `w` are the weights of the last three by that of the first.
+/// Inverts [`mean_and_rest`]; `w` are the weights of the last three rows divided by that of the first.
 pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = *a;
@@ -201,7 +204,7 @@ pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &
     }
 }
 
-/// The four rows become `matrix` times them.
+/// Multiplies four rows by `matrix`.
 pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     let [m0, m1, m2, m3] = matrix;
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
@@ -213,7 +216,7 @@ pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut 
     }
 }
 
-/// `target = Σ weight · source row`; the source rows lie one after another, each as wide as the target.
+/// Computes `target = Σ weight · source row`; the source rows are contiguous, each as wide as the target.
 pub(super) fn combine<T>(target: &mut [f32], source: &[f32], taps: T)
 where
     T: Iterator<Item = (usize, f32)> + Clone,

@@ -1,4 +1,4 @@
-//! Haar-type wavelets on the triangle tree: a 4 × 4 matrix for every parent and its children, in place.
+//! Haar-type wavelets on the triangle tree: in-place products with one 4 × 4 matrix per parent.
 //!
 //! At level l the value of node n lies at index n·4^(L−l). Analysis turns the four children of a node, at
 //! n·4^(L−l) + k·4^(L−l−1), into its smooth value at k = 0 and three details at k = 1, 2, 3.
@@ -10,15 +10,16 @@ use crate::domain::{Domain, TriangleMesh};
 type Matrix = [[f32; 4]; 4];
 type Exact = [[f64; 4]; 4];
 
-/// The matrices of a mesh and basis. The octants of the octahedron are congruent, so one octant's serve all.
+/// Matrices of a mesh and basis. The octants of the octahedron are congruent, so the matrices of one octant serve all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SphereTables {
     basis: SphereBasis,
     level: u8,
-    /// Forward and inverse of each parent, level by level from the bases (the parent's level is the outer index). A
-    /// single pair stands for a whole level.
+    /// Forward and inverse matrix of each parent; the outer index is the level of the parent, coarsest first. A level
+    /// with a single pair uses it for all parents.
     nodes: Vec<Vec<(Matrix, Matrix)>>,
-    /// What a mesh of level 0 is multiplied with: it has no parents to carry the leaves' scale.
+    /// Scale factor of the samples of a mesh of level 0, which has no parents whose matrices could contain it;
+    /// otherwise 1.
     bare: f32,
 }
 
@@ -51,7 +52,7 @@ impl SphereTables {
         Self { basis, level: finest, nodes, bare }
     }
 
-    /// One pass over the rows of a mesh.
+    /// Applies one pass to the rows of a mesh.
     pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
         if self.bare != 1.0 {
             let by = match pass {
@@ -68,7 +69,7 @@ impl SphereTables {
         }
     }
 
-    /// One pass over the rows of a node and all below, depth first: what is touched together is near in time.
+    /// Applies one pass to the rows of a node and its descendants, depth first for cache locality.
     fn pass_node(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
         if level == self.level {
             return;
@@ -88,7 +89,8 @@ impl SphereTables {
         }
     }
 
-    /// One pass between a node's smooth value and its four children, each in the first row of a quarter.
+    /// Applies one pass between the smooth value of a node and its four children, each in the first row of a quarter of
+    /// `rows`.
     fn mix(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
         let (a, rest) = rows.split_at_mut(rows.len() / 4);
         let (b, rest) = rest.split_at_mut(a.len());
@@ -109,17 +111,17 @@ impl SphereTables {
         }
     }
 
-    /// The synthesis function of coefficient `index`.
+    /// Returns the synthesis function of coefficient `index`.
     pub(super) fn footprint(&self, index: usize) -> Vec<(u32, f64)> {
         self.descend(index, 1.0 / f64::from(self.bare), |(_, inverse), coefficient, child| inverse[child][coefficient])
     }
 
-    /// What coefficient `index` takes of each leaf.
+    /// Returns the weight of each leaf in coefficient `index`.
     pub(super) fn analysis_row(&self, index: usize) -> Vec<(u32, f64)> {
         self.descend(index, f64::from(self.bare), |(forward, _), coefficient, child| forward[coefficient][child])
     }
 
-    /// What the leaf `index` takes of each coefficient.
+    /// Returns the weight of each coefficient in leaf `index`.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::with_capacity(3 * usize::from(self.level) + 1);
         let mut smooth = 1.0 / f64::from(self.bare);
@@ -139,7 +141,8 @@ impl SphereTables {
         row.into_iter().map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// A coefficient's weights on the leaves, from its node down; `weight` is a matrix' entry for a coefficient and a child.
+    /// Computes the weights of a coefficient on the leaves, from its node down. `weight` selects the matrix entry for a
+    /// coefficient and a child.
     fn descend(
         &self,
         index: usize,
@@ -151,7 +154,7 @@ impl SphereTables {
         while !within.is_multiple_of(self.place(level)) {
             level += 1;
         }
-        // The first of the nodes, at `level`, and what they get.
+        // First of the nodes at `level`, and their weights.
         let mut first = index / self.place(level);
         let mut weights = vec![bare];
         if level > 0 {
@@ -173,25 +176,27 @@ impl SphereTables {
         (first..).zip(weights).filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Leaves below a node of `level`.
+    /// Returns the number of leaves below a node of `level`.
     fn place(&self, level: u8) -> usize {
         1 << (2 * u32::from(self.level - level))
     }
 
     fn node(&self, parent_level: u8, node: usize) -> &(Matrix, Matrix) {
         let matrices = &self.nodes[usize::from(parent_level)];
-        // One for all, or as many as an octant has nodes: a power of two, which needs no division.
+        // One for all nodes, or one per node of an octant: a power of two, so that a mask replaces a division.
         &matrices[node & (matrices.len() - 1)]
     }
 }
 
-/// The norms of the synthesis functions of every index of `mesh`, in closed form: on each child a function is constant.
+/// Returns the norms of the synthesis functions of all indices of `mesh`, in closed form: a function is constant on
+/// each child.
 pub(super) fn norms(mesh: TriangleMesh, basis: SphereBasis, measure: Weights) -> Vec<f64> {
     let areas = octant_areas(mesh.level());
     let finest = mesh.level();
     let octant = areas[usize::from(finest)].len();
     let leaves = |level: u8| (1_u64 << (2 * u32::from(finest - level))) as f64;
-    // The value, on the leaves below, of a smooth coefficient 1 of a node with this area and level; and their measure.
+    // Value, on the leaves below a node of this area and level, of its smooth coefficient 1; then the measure of the
+    // leaves.
     let height = |area: f64, level: u8| match basis {
         SphereBasis::BioHaar => 1.0,
         SphereBasis::Orthonormal(Weights::Area) => 1.0 / libm::sqrt(area),
@@ -224,7 +229,7 @@ pub(super) fn norms(mesh: TriangleMesh, basis: SphereBasis, measure: Weights) ->
     (0..mesh.len()).map(|i| norms[i % octant]).collect()
 }
 
-/// The areas of the nodes of one octant, level by level; a parent's is the sum of its children's.
+/// Returns the areas of the nodes of one octant, level by level; that of a parent is the sum over its children.
 fn octant_areas(level: u8) -> Vec<Vec<f64>> {
     let leaves = 1_usize << (2 * u32::from(level));
     let finest: Vec<f64> = TriangleMesh::new(Domain::Hemisphere, level)
@@ -244,7 +249,7 @@ fn four(children: &[f64], parent: usize) -> [f64; 4] {
     [c[0], c[1], c[2], c[3]]
 }
 
-/// The analysis and synthesis matrix of a parent whose children weigh `w` by area.
+/// Returns the analysis and synthesis matrices of a parent whose children have areas `w`.
 fn node(basis: SphereBasis, w: [f64; 4]) -> (Exact, Exact) {
     let total = w[0] + w[1] + w[2] + w[3];
     match basis {
@@ -269,7 +274,7 @@ fn node(basis: SphereBasis, w: [f64; 4]) -> (Exact, Exact) {
     }
 }
 
-/// The reflection that takes the unit vector `u` to (1, 0, 0, 0); symmetric and its own inverse.
+/// Returns the reflection that maps the unit vector `u` to (1, 0, 0, 0); it is symmetric and its own inverse.
 fn householder(u: [f64; 4]) -> Exact {
     let v = [u[0] - 1.0, u[1], u[2], u[3]];
     let square = v.iter().map(|x| x * x).sum::<f64>();

@@ -12,7 +12,7 @@ fn triangles(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-/// Every axis and basis to test, with a name.
+/// Returns every axis and basis to test, with a name.
 fn cases() -> Vec<(String, Axis, AxisTransform)> {
     let mut cases = vec![("identity 5".to_owned(), index(5), AxisTransform::Identity)];
     for basis in [LineBasis::HAAR, LineBasis::BIOR22, LineBasis::BIOR44] {
@@ -31,7 +31,7 @@ fn cases() -> Vec<(String, Axis, AxisTransform)> {
     cases
 }
 
-/// Deterministic noise in −1..1.
+/// Returns deterministic noise in −1..1.
 fn noise(n: usize, seed: u32) -> Vec<f32> {
     let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(12_345);
     (0..n)
@@ -58,7 +58,7 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Plans of one axis, and of that axis between two others (narrow and wide rows behind it).
+/// Returns plans of one axis, and of that axis between two others (which makes its rows narrow or wide).
 fn plans() -> impl Iterator<Item = (String, Plan, usize)> {
     cases().into_iter().flat_map(|(name, axis, transform)| {
         let n = axis.len();
@@ -72,7 +72,7 @@ fn plans() -> impl Iterator<Item = (String, Plan, usize)> {
     })
 }
 
-// Tolerances: values are within ±1 and a pass has at most about 4 roundings of f32 (6e-8) in each of up to 12 levels.
+// Tolerances: values lie within ±1, and a pass has about 4 roundings of f32 (6e-8) in each of up to 12 levels.
 #[test]
 fn reconstruction_is_perfect_both_ways() {
     for (name, plan, n) in plans() {
@@ -131,7 +131,7 @@ fn constants_have_only_smooth_coefficients() {
         for (i, &level) in plan.tree(0).level.iter().enumerate() {
             let c = coefficients[i];
             if level > 0 {
-                // A level's smooth value has grown by √2 a level, and so has its rounding.
+                // Smooth values grow by √2 per level, and so does their rounding error.
                 assert!(c.abs() < 3e-6 * (axis.len() as f32).sqrt(), "{name}: detail {i} is {c}");
             } else {
                 assert!(c > 0.0, "{name}: smooth {i} is {c}");
@@ -278,8 +278,8 @@ fn interior_details_are_those_of_pywavelets() {
     }
 }
 
-/// Lifting in NumPy, f64, of `(i*i*7) % 31 - 15`, i = 0..11, mirrored with `np.concatenate([s[1:], s[-1:]])` and the like
-/// at both ends, down to one sample.
+/// Lifting in NumPy, f64, of `(i*i*7) % 31 - 15`, i = 0..11, mirrored with `np.concatenate([s[1:], s[-1:]])` and the
+/// like at both ends, down to one sample.
 #[test]
 fn an_odd_length_is_mirrored_at_both_ends() {
     let golden: [(LineBasis, [f32; 11]); 2] = [

@@ -1,39 +1,41 @@
-//! Where the coefficients of one axis lie in their tree: level, parent, and the order from coarse to fine.
+//! Tree of the coefficients of one axis: level and parent of each, and the order from coarse to fine.
 
 use super::basis::AxisTransform;
 use crate::domain::TriangleMesh;
 
-/// The tree of one axis' coefficients, by index along the axis.
+/// Tree of the coefficients of one axis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AxisTree {
-    /// 0 for smooth coefficients (everything, where the axis is not transformed), then 1 for the coarsest details, …
+    /// Level by index along the axis: 0 for smooth coefficients (all, if the axis is not transformed), 1 for the
+    /// coarsest details, and so on.
     pub level: Vec<u8>,
-    /// The coefficient one level coarser whose support covers this one's place; `None` at level 0.
+    /// Parent by index: the coefficient one level coarser whose support covers this one; `None` at level 0.
     ///
-    /// On a line the j-th detail's parent is detail j / 2 of the level above; on triangles detail k of a node has detail
-    /// k of the node's parent. Details of level 1 have the smooth coefficient over them.
+    /// On a line, the parent of detail j is detail j / 2 of the next coarser level. On triangles, the parent of detail
+    /// k of a node is detail k of the parent node. The parents of details of level 1 are smooth coefficients.
     pub parent: Vec<Option<u32>>,
     /// All indices, by level, then by index.
     pub order: Vec<u32>,
-    /// `order[starts[l]..starts[l + 1]]` are the indices of level `l`; one longer than there are levels.
+    /// Positions in `order`: `order[starts[l]..starts[l + 1]]` are the indices of level `l`. One entry more than
+    /// levels.
     pub starts: Vec<usize>,
 }
 
 impl AxisTree {
-    /// How many levels there are, the smooth one included.
+    /// Returns the number of levels, including the smooth one.
     pub fn levels(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The indices of level `level`, in order.
+    /// Returns the indices of level `level`, in increasing order.
     ///
     /// # Panics
-    /// If there is no such level.
+    /// If `level` is out of range.
     pub fn at_level(&self, level: usize) -> &[u32] {
         &self.order[self.starts[level]..self.starts[level + 1]]
     }
 
-    /// The tree of a transformed axis; on a line of `depth` levels.
+    /// Creates the tree of a transformed axis; `depth` is the number of levels of details on a line.
     pub(super) fn new(length: usize, mesh: Option<TriangleMesh>, transform: AxisTransform, depth: u32) -> Self {
         let (level, parent) = match (transform, mesh) {
             (AxisTransform::Sphere(_), Some(mesh)) => sphere(mesh),
@@ -63,7 +65,7 @@ fn sphere(mesh: TriangleMesh) -> (Vec<u8>, Vec<Option<u32>>) {
             if within == 0 {
                 return (0, None);
             }
-            // The lowest digit to base 4 that is not 0 is the detail's k; how many follow it is its height.
+            // In base 4, the lowest nonzero digit is the detail's k; the number of zeros after it is its height.
             let height = within.trailing_zeros() / 2;
             let level = finest - height;
             let place = 1_usize << (2 * height);
@@ -88,10 +90,11 @@ fn on_line(n: usize, depth: u32) -> (Vec<u8>, Vec<Option<u32>>) {
             }
             let level = depth - height;
             let parent = if level == 1 {
-                // The smooth coefficient to its left.
+                // The smooth coefficient to the left.
                 i - (1 << height)
             } else {
-                // Detail j of stride s lies at (2j + 1)s. The level above may have one detail fewer than j / 2 asks for.
+                // Detail j of stride s lies at (2j + 1)s. The coarser level may have no detail j / 2; its last one is
+                // used then.
                 let stride = 2_usize << height;
                 let details = n.div_ceil(stride) / 2;
                 let j = (i >> (height + 1)) / 2;
@@ -162,7 +165,7 @@ mod tests {
                     if tree.level[i] > 0 && tree.level[i] < level {
                         assert_eq!(tree.parent.iter().filter(|p| **p == Some(i as u32)).count(), 4);
                     }
-                    // The parent's support holds the child's place.
+                    // The support of the parent contains the position of the child.
                     if let Some(parent) = tree.parent[i] {
                         let node = 1 << (2 * u32::from(level - tree.level[parent as usize]));
                         let group = if tree.level[parent as usize] == 0 { node } else { 4 * node };

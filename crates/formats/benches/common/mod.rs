@@ -7,10 +7,10 @@ use wavelume_core::domain::{Measurement, Silent};
 use wavelume_formats::formats::{self, Interpretation};
 use wavelume_formats::projection::{self, AxesRequest};
 
-/// Times in ms: by the clock, and of the processor where the system tells (Linux): what a busy machine leaves comparable.
+/// Times in ms: wall clock, and processor time where available (Linux), which is comparable on a busy machine.
 pub(crate) type Times = [f64; 2];
 
-/// Does `work`, and keeps its times where they are less than the best so far.
+/// Runs `work` and updates `best` with its times if they are smaller.
 pub(crate) fn least(best: &mut Times, work: impl FnOnce()) {
     let processor = || -> Option<f64> {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
@@ -24,7 +24,7 @@ pub(crate) fn least(best: &mut Times, work: impl FnOnce()) {
     best[1] = best[1].min(after.zip(before).map_or(f64::NAN, |(after, before)| after - before));
 }
 
-/// The measurement in a file of the project.
+/// Returns the measurement in a file of the project.
 pub(crate) fn measurement(path: &str) -> Measurement {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
     let document = std::fs::read(&path).unwrap_or_else(|e| unreachable!("{}: {e}", path.display()));

@@ -5,7 +5,8 @@ use wavelume_formats::formats::write_npy;
 
 const LAMBDAS: usize = 64;
 
-/// An array of spectra: float32 as this crate writes it, float64, big-endian float32, or float32 in Fortran order.
+/// Returns an array of spectra: float32 as this crate writes it, float64, big-endian float32, or float32 in Fortran
+/// order.
 pub(crate) fn array(kind: &str, fortran: bool, bytes: usize) -> Vec<u8> {
     let mut values = Values(1);
     let size = if kind.ends_with('8') { 8 } else { 4 };
@@ -26,13 +27,13 @@ pub(crate) fn array(kind: &str, fortran: bool, bytes: usize) -> Vec<u8> {
     [b"\x93NUMPY\x01\0\x76\0", header.as_bytes(), &body].concat()
 }
 
-/// A MERL table, 35 MB whatever is asked for.
+/// Returns a MERL table, which always has 35 MB.
 pub(crate) fn merl() -> Vec<u8> {
     let head: Vec<u8> = [90_i32, 90, 180].iter().flat_map(|n| n.to_le_bytes()).collect();
     [head, Values(1).doubles(3 * 90 * 90 * 180)].concat()
 }
 
-/// Reflection in RGB at as many polar angles as it takes, 181 azimuths.
+/// Returns a reflection table in RGB with enough polar angles for the size, and 181 azimuths.
 pub(crate) fn mbsdf(bytes: usize) -> Vec<u8> {
     let theta = ((bytes / (12 * 181)) as f64).sqrt() as usize;
     let mut file = b"NVIDIA ARC MBSDF V1\nMBSDF_DATA_REFLECTION=\n".to_vec();
@@ -41,7 +42,7 @@ pub(crate) fn mbsdf(bytes: usize) -> Vec<u8> {
     file
 }
 
-/// A tensor file of an isotropic material: 30 elevations, 64 × 64 values, as many wavelengths as it takes.
+/// Returns a tensor file of an isotropic material: 30 elevations, 64 × 64 values, and enough wavelengths for the size.
 pub(crate) fn rgl(bytes: usize) -> Vec<u8> {
     const THETA: u64 = 30;
     const SIDE: u64 = 64;
@@ -83,7 +84,8 @@ pub(crate) fn rgl(bytes: usize) -> Vec<u8> {
     [table, body].concat()
 }
 
-/// An Arrow stream: four columns of angles in float64, a list of float32 for each spectrum, batches of 65,536 rows.
+/// Returns an Arrow stream: four columns of angles in float64, a list of float32 for each spectrum, batches of 65,536
+/// rows.
 pub(crate) fn arrow(scattered: bool, bytes: usize) -> Vec<u8> {
     const BATCH: usize = 1 << 16;
     let rows = bytes / (4 * LAMBDAS + 32);
@@ -149,7 +151,7 @@ fn schema(flat: &mut Flat) {
     }
 }
 
-/// A message before its body: its header of a kind as the function writes it.
+/// Returns a message without its body; `header` writes its header of the given kind.
 fn message(kind: u8, body: usize, header: impl Fn(&mut Flat)) -> Vec<u8> {
     let mut flat = Flat(vec![0; 4]);
     flat.point(0);
@@ -161,17 +163,17 @@ fn message(kind: u8, body: usize, header: impl Fn(&mut Flat)) -> Vec<u8> {
     [b"\xff\xff\xff\xff", (flat.0.len() as u32).to_le_bytes().as_slice(), &flat.0].concat()
 }
 
-/// A flatbuffer that is written from its beginning: a reference is filled in when what it leads to is appended.
+/// Flatbuffer written from its beginning; a reference is filled in when its target is appended.
 struct Flat(Vec<u8>);
 
 impl Flat {
-    /// The table that is appended next is what the reference at `at` leads to.
+    /// Makes the reference at `at` point to the table that is appended next.
     fn point(&mut self, at: usize) {
         let distance = (self.0.len() - at) as u32;
         self.0[at..at + 4].copy_from_slice(&distance.to_le_bytes());
     }
 
-    /// A table of fields, each with its slot, and where each of them stands. Its vtable lies behind it.
+    /// Appends a table of fields with their slots, followed by its vtable. Returns the position of each field.
     fn table(&mut self, fields: &[(usize, &[u8])]) -> Vec<usize> {
         let start = self.0.len();
         let size = 4 + 8 * fields.len();
@@ -191,7 +193,7 @@ impl Flat {
         places
     }
 
-    /// A list of references that are filled in later, and where each stands.
+    /// Appends a list of references to be filled in later. Returns the position of each.
     fn references(&mut self, count: usize) -> Vec<usize> {
         self.0.extend((count as u32).to_le_bytes());
         let start = self.0.len();
@@ -210,7 +212,7 @@ impl Flat {
         self.0.push(0);
     }
 
-    /// A column: numbers of a precision (1 float32, 2 float64), or (0) lists of float32.
+    /// Appends a column: numbers of a precision (1 float32, 2 float64), or (0) lists of float32.
     fn field(&mut self, name: &str, precision: i16) {
         const FLOAT: u8 = 3;
         const LISTS: u8 = 16;

@@ -1,4 +1,4 @@
-//! How fast files are read, one row a format, beside a copy and a scan of the same bytes in the same run.
+//! Speed of reading files, one row per format, beside a copy and a scan of the same bytes in the same run.
 //!
 //! `cargo bench -p wavelume-formats --bench formats [-- MEGABYTES] [NAME]`; with `RAYON_NUM_THREADS=1` on one core. A
 //! large file of a lab: `WAVELUME_BENCH_FILE=measurement.arrow`.
@@ -13,10 +13,10 @@ use std::time::Instant;
 use wavelume_core::domain::Quantity;
 use wavelume_formats::formats::{Interpretation, Normalization, Samples, read};
 
-/// Runs of which the fastest counts: others may work beside it.
+/// Number of runs, of which the fastest counts, because other programs may use the machine.
 const RUNS: usize = 9;
 
-/// Megabytes in a second, and what the last run gave.
+/// Returns the speed in megabytes per second, and the result of the last run.
 fn best<T>(bytes: &[u8], run: impl Fn(&[u8]) -> T) -> (f64, T) {
     let timed = || {
         let start = Instant::now();

@@ -7,7 +7,7 @@ const HEADER: &str = "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr
                       # angle_unit: deg\n# wavelength_unit: nm\n";
 const LAMBDAS: usize = 81;
 
-/// The grid as `radiometric-csv`; scattered: no two directions alike; sigma: an uncertainty beside each value.
+/// Returns the grid as `radiometric-csv`. `scattered`: all directions differ; `sigma`: each value has an uncertainty.
 pub(crate) fn measurement(wide: bool, scattered: bool, sigma: bool, bytes: usize) -> Vec<u8> {
     let mut text = format!("{HEADER}theta_i,phi_i,theta_o,phi_o");
     for l in 0..if wide { LAMBDAS } else { 0 } {
@@ -40,7 +40,7 @@ pub(crate) fn measurement(wide: bool, scattered: bool, sigma: bool, bytes: usize
     text.into_bytes()
 }
 
-/// A luminaire of as many planes as it takes.
+/// Returns a luminaire with enough planes for the size.
 pub(crate) fn luminaire(ldt: bool, bytes: usize) -> Vec<u8> {
     const ANGLES: usize = 721;
     // An EULUMDAT file has at most as many planes.
@@ -88,7 +88,7 @@ pub(crate) fn spectra(columns: usize, rows: usize, separator: char) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// A phase function at as many angles as there may be, in columns or as one line over the cosine.
+/// Returns a phase function at the largest allowed number of angles, in columns or as one line over the cosine.
 pub(crate) fn phase(columns: usize, rows: usize) -> Vec<u8> {
     let mut values = Values(1);
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! What the example programs share: exit codes, and materials of virtual measurements.
+//! Shared code of the example programs: exit codes, and materials of virtual measurements.
 
 use std::error::Error;
 use std::io::{StdoutLock, Write};
@@ -8,8 +8,8 @@ use wavelume_core::domain::Silent;
 use wavelume_formats::formats::Interpretation;
 use wavelume_formats::pipeline::{self, Input, Request};
 
-/// Runs a program with the file that its only argument names, if there is one: 0 where it says that all is well, 1 where it
-/// does not, 2 and a line on stderr where it fails.
+/// Runs a program with the file named by its only argument, if any. Exit codes: 0 if its checks pass, 1 if they do not,
+/// 2 with a line on stderr if it fails.
 pub(crate) fn main(
     name: &str,
     run: impl FnOnce(Option<&str>, &mut StdoutLock<'static>) -> Result<bool, Box<dyn Error>>,
@@ -25,7 +25,7 @@ pub(crate) fn main(
     }
 }
 
-/// The bytes of the material in `path`, or of a virtual measurement compressed to er(L2) 1 %.
+/// Returns the bytes of the material in `path`, or of a virtual measurement compressed to er(L2) 1 %.
 #[allow(dead_code, reason = "some programs bring no measurement of their own")]
 pub(crate) fn material(path: Option<&str>, document: &str) -> Result<Vec<u8>, Box<dyn Error>> {
     if let Some(path) = path {

@@ -1,5 +1,5 @@
-//! An analytic surface: GGX with height-correlated Smith shadowing and Schlick's Fresnel term (F0 = 0.04) over a coloured
-//! diffuse base.
+//! An analytic surface: GGX with height-correlated Smith shadowing and Schlick's Fresnel term (F0 = 0.04) over a
+//! coloured diffuse base.
 
 use std::f64::consts::PI;
 
@@ -7,23 +7,23 @@ pub(crate) type Vector = [f64; 3];
 
 pub(crate) struct Gloss {
     pub(crate) alpha: f64,
-    /// The albedo of the base at long wavelengths.
+    /// Albedo of the base at long wavelengths.
     pub(crate) diffuse: f64,
 }
 
 impl Gloss {
-    /// f at a wavelength in nm, sr⁻¹.
+    /// Returns f in sr⁻¹ at a wavelength in nm.
     #[allow(dead_code, reason = "some programs take the mean over wavelengths")]
     pub(crate) fn value(&self, wi: Vector, wo: Vector, lambda: f64) -> f64 {
         self.base(lambda) + self.lobe(wi, wo)
     }
 
-    /// What the base sends into every direction.
+    /// Returns the diffuse part, which is constant over directions.
     pub(crate) fn base(&self, lambda: f64) -> f64 {
         self.diffuse * (0.6 + 0.4 / (1.0 + (-(lambda - 520.0) / 30.0).exp())) / PI
     }
 
-    /// The specular lobe.
+    /// Returns the specular lobe.
     pub(crate) fn lobe(&self, wi: Vector, wo: Vector) -> f64 {
         let h = [0, 1, 2].map(|k| wi[k] + wo[k]);
         let length = dot(h, h).sqrt();

@@ -1,7 +1,7 @@
-//! A material's spectra → linear sRGB, as weights computed once: what a picture is made of.
+//! Conversion of a material's spectra to linear sRGB for pictures, with weights per wavelength computed once.
 //!
-//! Where the wavelengths are not enough for a colour by the standards, but hold most of the visible range, pictures make do
-//! with straight lines between them; elsewhere (ultraviolet lamps, one wavelength) they are grey.
+//! Some wavelength grids are too coarse or too short for a standard colour but cover most of the visible range. Such
+//! spectra are interpolated linearly. Elsewhere (ultraviolet lamps, a single wavelength) the result is grey.
 
 use super::emission::{JOULES_PER_MICROMOLE, counts_photons, emits};
 use super::viewing::Viewing;
@@ -13,15 +13,16 @@ use crate::evaluate::Material;
 #[derive(Clone, Debug)]
 pub(crate) struct Channels {
     weights: Vec<[f32; 3]>,
-    /// Whether hue means something.
+    /// True if hue is meaningful; false for grey approximations.
     coloured: bool,
 }
 
-/// Wavelengths that must have been measured for an approximate colour, nm.
+/// Wavelength range in nm that a spectrum must cover for an approximate colour.
 const MOST_OF_THE_VISIBLE: (f64, f64) = (480.0, 620.0);
-/// Their fewest.
+/// Lower bound on the number of wavelengths between 400 and 700 nm for an approximate colour. Raising it turns more
+/// sparse spectra grey.
 const FEWEST: usize = 3;
-/// Wavelengths that are summed side by side.
+/// Number of partial sums accumulated independently, so that the compiler can vectorise.
 const LANES: usize = 8;
 
 impl Channels {
@@ -49,10 +50,10 @@ impl Channels {
         self.coloured
     }
 
-    /// Linear sRGB, out of gamut where the colour is. Masked samples are passed over, the others weigh more; NaN where all
-    /// are masked.
+    /// Returns linear sRGB, unclipped: components outside 0..=1 are out of gamut. Masked samples are skipped and the
+    /// remaining weights renormalised. A channel with no more than half of its weight measured is NaN.
     pub(crate) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
-        // Sums side by side, which do not wait for one another.
+        // Independent partial sums, so that no addition waits for another.
         let mut sums = [[0.0_f32; 3]; LANES];
         let mut weights = self.weights.chunks_exact(LANES);
         let mut samples = spectrum.chunks_exact(LANES);
@@ -84,7 +85,7 @@ impl Channels {
                 }
             }
         }
-        // A channel of which less than half was seen says nothing.
+        // A channel with half or more of its weight masked is undefined.
         [0, 1, 2].map(|k| if measured[k] > 0.5 * all[k] { sum[k] * all[k] / measured[k] } else { f32::NAN })
     }
 
@@ -97,7 +98,8 @@ impl Channels {
     }
 }
 
-/// XYZ of a sample of 1 at each wavelength, and the white; `None` where the wavelengths are too few for a colour.
+/// Returns the XYZ of a unit sample at each wavelength, and the white point. `None` if the wavelengths are too few for
+/// a colour.
 fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, ColourError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
     let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();
@@ -111,7 +113,7 @@ fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Opti
     if visible < FEWEST || first > low || last < high {
         return Ok(None);
     }
-    // Through a fine grid whose samples lie on the lines between the coarse ones.
+    // Integrates on a fine grid and distributes its weights to the coarse samples by linear interpolation.
     let Ok(fine) = WavelengthGrid::even(380.0, 5.0, 81) else { return Ok(None) };
     let strict: Tristimulus = of(&fine)?;
     let mut pulled = vec![[0.0; 3]; grid.len()];

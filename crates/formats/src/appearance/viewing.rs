@@ -1,4 +1,4 @@
-//! By whom and in which light a material is looked at.
+//! Viewing conditions: the illuminant and the observer that colours are computed for.
 
 use crate::domain::colour::{
     Adaptation, ColourError, Curve, Illuminant, Observer, StandardObserver, TableError, Tristimulus, Xyz,
@@ -32,15 +32,15 @@ impl Viewing {
         }
     }
 
-    /// The same under another light: a table `[lambda]`, or the column of a table `[index, lambda]`, by name or by number
-    /// from 1. It must have luminance.
+    /// Replaces the illuminant by a table `[lambda]`, or by one column of a table `[index, lambda]`. `column` is a name
+    /// or a number from 1. The illuminant must have luminance.
     pub fn under(mut self, name: &str, table: &Tensor, column: Option<&str>) -> Result<Self, TableError> {
         self.power = Curve::of_tensor(table, position(table, column)?)?;
         self.illuminant = column.map_or_else(|| name.to_owned(), |column| format!("{name}, {column}"));
         self.check()
     }
 
-    /// The same seen by another observer: a table of x̄, ȳ and z̄, `[3, lambda]`.
+    /// Replaces the observer by a table of the colour matching functions x̄, ȳ and z̄, `[3, lambda]`.
     pub fn seen_by(mut self, name: &str, table: &Tensor) -> Result<Self, TableError> {
         self.functions = Observer::of_tensor(table)?;
         name.clone_into(&mut self.observer);
@@ -62,34 +62,35 @@ impl Viewing {
         &self.functions
     }
 
-    /// Whether the illuminant is D65, which RGB data are already seen under.
+    /// Returns true if the illuminant is D65, the light under which RGB data are defined.
     pub(crate) fn is_d65(&self) -> bool {
         self.power == *Illuminant::D65.power()
     }
 
-    /// Whether Y of an emission is photometric: only ȳ of 1931 is V(λ).
+    /// Returns true if Y of an emission is photometric. Only ȳ of the CIE 1931 observer is V(λ).
     pub(crate) fn is_photometric(&self) -> bool {
         self.functions == *Observer::cie_1931()
     }
 
-    /// XYZ of reflectances; the perfect reflector has Y = 100.
+    /// Returns the weights of XYZ for reflectances, scaled to Y = 100 for the perfect reflector.
     pub(crate) fn reflectance(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::reflectance_by(grid, &self.power, &self.functions)
     }
 
-    /// XYZ of lights, 683 lm/W.
+    /// Returns the weights of XYZ for emitted light, scaled by 683 lm/W.
     pub(crate) fn emission(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::emission_by(grid, &self.functions)
     }
 
-    /// The perfect diffuser, Y = 100.
+    /// Returns XYZ of the perfect diffuser under the illuminant, Y = 100.
     pub(crate) fn white(&self) -> Result<Xyz, ColourError> {
         Ok(self.reflectance(&every_nanometre()?)?.white())
     }
 
-    /// From `white` to the white of sRGB.
+    /// Returns the chromatic adaptation from `white` to the white of sRGB (D65).
     pub(crate) fn adaptation(white: Xyz) -> Result<Adaptation, ColourError> {
-        // The white of the table, not the rounded one of the standard's matrix, so that D65 is not changed at all.
+        // The tabulated D65 white rather than the rounded one of the standard's matrix, so that D65 data stay
+        // unchanged.
         Ok(Adaptation::between(white, Tristimulus::reflectance(&every_nanometre()?, Illuminant::D65)?.white()))
     }
 

@@ -10,7 +10,8 @@ use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::evaluate::{EvaluateError, QueryError};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
 
-/// Refuses options that do nothing for files of every sample, such as `npy`. `name` is the format's.
+/// Refuses options that have no effect in a format that holds every sample, such as `npy`. `name` is the name of the
+/// format.
 pub fn check_whole(measurement: &Measurement, name: &'static str, options: &ExportOptions) -> Result<(), ExportError> {
     unused(name, options, |_| false)?;
     let Some(index) = &options.index else { return Ok(()) };
@@ -21,7 +22,7 @@ pub fn check_whole(measurement: &Measurement, name: &'static str, options: &Expo
     setting(OptionError::UnusedIndex { format: name })
 }
 
-/// Writes the samples of `measurement`, NaN = masked; [`manifest_of`] gives the manifest that goes beside them.
+/// Writes the samples of `measurement`; NaN marks a masked sample. [`manifest_of`] gives the accompanying manifest.
 pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Exported, ExportError> {
     let tensor = &measurement.tensor;
     check_whole(measurement, ExportFormat::Npy.name(), options)?;

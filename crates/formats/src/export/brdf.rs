@@ -97,7 +97,7 @@ fn lost_spectrum(material: &Material) -> Vec<String> {
         .collect()
 }
 
-/// One line on where the values come from.
+/// Returns a one-line description of the origin of the values: axes and, if known, error.
 fn description(material: &Material) -> String {
     let axes: Vec<String> = material.axes().iter().map(Axis::describe).collect();
     let error = material.summary().map_or_else(String::new, |summary| {
@@ -106,7 +106,7 @@ fn description(material: &Material) -> String {
     format!("wavelume: {} of {}{error}", material.quantity(), axes.join(", "))
 }
 
-/// A function that is the mean of both sides of the plane of incidence.
+/// Symmetrised function: the mean of the values on both sides of the plane of incidence.
 #[derive(Debug)]
 struct Symmetric<'a, 'b>(&'b Subject<'a>);
 
@@ -127,7 +127,7 @@ impl DirectionalFunction for Symmetric<'_, '_> {
     }
 }
 
-/// Reads a file back and compares it.
+/// Reads the written file back and measures its error.
 fn compare(
     written: &Written,
     subject: &Subject<'_>,

@@ -14,13 +14,13 @@ pub enum ExportError {
     /// An option is out of its range, does nothing for the format, or is missing.
     #[error(transparent)]
     Setting(#[from] OptionError),
-    /// The file would be larger than is allowed.
+    /// The file would exceed the size limit.
     #[error(
         "a file of {}, expected at most {most}: {instead}",
         found.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"))
     )]
     OverLimit {
-        /// Length of the file in bytes; `None` where that is beyond counting.
+        /// Size of the file in bytes; `None` if it overflows `usize`.
         found: Option<usize>,
         /// The limit in bytes.
         most: usize,
@@ -30,7 +30,7 @@ pub enum ExportError {
     /// The material has values that the format cannot hold, or more of them than its limits allow.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The material did not answer.
+    /// The material could not be evaluated.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
     /// The material has no colours.
@@ -42,43 +42,43 @@ pub enum ExportError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnfitError {
-    /// A material of another kind.
+    /// The material is of a kind that the format cannot hold.
     #[error(
         "{format} holds {holds}, this is {found}: it can be written as {}",
         fitting.iter().map(|format| format.name()).collect::<Vec<_>>().join(" or ")
     )]
     Material {
-        /// The format asked for.
+        /// The requested format.
         format: ExportFormat,
-        /// The materials that the format holds, in words.
+        /// Materials that the format holds, in words.
         holds: &'static str,
-        /// The material, in words.
+        /// Description of the material, in words.
         found: String,
-        /// The formats that hold the material.
+        /// Formats that can hold the material.
         fitting: Vec<ExportFormat>,
     },
-    /// A format that is written from samples of its own choice only.
+    /// The format has no writer for the angles of the source; it is only written resampled.
     #[error("{format} is not written on the grid of its source, expected lm63, eulumdat or mbsdf")]
     NoGridWriter {
         /// Name of the format.
         format: String,
     },
-    /// A measurement that is not on the grid of such a file.
+    /// The measurement is not on a grid of angles that the format can hold.
     #[error("this is not on the angles of a {format} file, and {format} cannot hold it as it is")]
     OffGrid {
-        /// The format asked for.
+        /// The requested format.
         format: ExportFormat,
     },
-    /// A material that emits no light by direction.
+    /// The material is not a luminaire.
     #[error("this is no luminaire")]
     NoLuminaire,
 }
 
-/// Options of an export that do not fit.
+/// Invalid or missing options of an export.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {
-    /// An option that the format does not know.
+    /// The option has no effect for the format.
     #[error("the option `{option}` does nothing for {format}")]
     Unused {
         /// Name of the option.
@@ -86,13 +86,13 @@ pub enum OptionError {
         /// Name of the format.
         format: &'static str,
     },
-    /// An index for a format that holds every entry.
+    /// An index was given for a format that holds every entry.
     #[error("the option `index` does nothing for {format}, which holds every entry")]
     UnusedIndex {
         /// Name of the format.
         format: &'static str,
     },
-    /// No index where the format holds a single entry.
+    /// No index was given, but the format holds a single entry.
     #[error(
         "{} entries, expected an index: one entry to write as {format}",
         shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
@@ -100,37 +100,37 @@ pub enum OptionError {
     MissingIndex {
         /// Lengths of the index axes.
         shape: Vec<usize>,
-        /// The format asked for.
+        /// The requested format.
         format: ExportFormat,
     },
-    /// A step between angles out of its range.
+    /// The angular step is out of range.
     #[error("step, expected 0.1 to 45 degrees")]
     Step {
         /// The step in degrees.
         found: f64,
     },
-    /// A number of nodes along a side out of its range.
+    /// The number of nodes along a side is out of range.
     #[error("side {found}, expected {low} to {high}")]
     Side {
-        /// The number.
+        /// Requested number.
         found: usize,
-        /// The least number.
+        /// Smallest allowed number.
         low: usize,
-        /// The largest number.
+        /// Largest allowed number.
         high: usize,
     },
-    /// A number of cosines of a phase function out of its range.
+    /// The number of cosines of a phase function is out of range.
     #[error("side {found}, expected 2 to {most} cosines")]
     Cosines {
-        /// The number.
+        /// Requested number.
         found: usize,
-        /// The largest number.
+        /// Largest allowed number.
         most: usize,
     },
-    /// A wavelength for a material without any.
+    /// A wavelength was given for a material without a wavelength axis.
     #[error("a wavelength was asked for, this material has none")]
     UnusedWavelength,
-    /// A wavelength outside the measured range.
+    /// The wavelength is outside the measured range.
     #[error("wavelength {found} nm, expected {first} to {last} nm")]
     Wavelength {
         /// The wavelength in nm.
@@ -140,10 +140,10 @@ pub enum OptionError {
         /// The last measured wavelength in nm.
         last: f64,
     },
-    /// A material without the wavelengths that the format needs.
+    /// The format needs wavelengths and the material has none.
     #[error("no wavelengths")]
     NoWavelengths,
-    /// A material where the format takes decoded samples.
+    /// The format takes decoded samples, not a material.
     #[error("npy holds the samples of a decoded material, expected those")]
     Undecoded,
 }

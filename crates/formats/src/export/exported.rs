@@ -5,35 +5,35 @@ use super::lamp_errors::LampErrors;
 use super::measure::AddedError;
 use serde::Serialize;
 
-/// A file, and what is to be known of it.
+/// Exported file with a summary of its contents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Exported {
     /// The file.
     pub bytes: Vec<u8>,
-    /// What of the material it holds, and how densely.
+    /// Contents, resolution and errors of the file.
     pub about: Summary,
 }
 
-/// What of a material a file holds, and how densely.
+/// Contents, resolution and errors of an exported file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// The format.
     pub format: ExportFormat,
-    /// Where the material was evaluated, for people.
+    /// Sampling of the material, as text for people: for example the number of angles.
     pub resolution: String,
     /// The unit of the numbers.
     pub unit: String,
-    /// What the file does not hold of the material.
+    /// Properties of the material that the file does not hold, one sentence each.
     pub lost: Vec<String>,
-    /// Numbers that are 0 because everything is masked there.
+    /// Number of values written as 0 because the material is masked there.
     pub filled: usize,
-    /// Numbers that are 0 because the format knows no negative ones.
+    /// Number of values written as 0 because the format cannot hold negative numbers.
     pub clipped: usize,
-    /// The flux of the file relative to that of the material, less 1, of luminaires.
+    /// Luminaires: flux of the file divided by that of the material, minus 1.
     pub flux_error: Option<f64>,
-    /// Errors that the file adds to a luminaire, in the terms of its makers: peak, flux, rms in parts of the peak.
+    /// Luminaires: error added by the file in photometric terms: peak, flux, rms relative to the peak.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lamp: Option<LampErrors>,
-    /// The error that the file adds to that of the material.
+    /// Error that the file adds to that of the material.
     pub error: AddedError,
 }

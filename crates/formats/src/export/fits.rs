@@ -1,4 +1,4 @@
-//! Which formats hold what a material is; a refusal names those that do.
+//! Selection of the formats that can hold a material; a refusal lists the ones that can.
 
 use super::error::{ExportError, OptionError, UnfitError, setting};
 use super::format::ExportFormat;
@@ -12,7 +12,7 @@ pub fn fitting(material: &Material) -> Vec<ExportFormat> {
     ExportFormat::ALL.iter().copied().filter(|&format| why_not(material, format).is_none()).collect()
 }
 
-/// Refuses a format that does not hold the material, and options that do nothing or do not fit.
+/// Refuses a format that cannot hold the material, and options that are invalid or have no effect.
 pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<(), ExportError> {
     if let Some(holds) = why_not(material, format) {
         let (found, fitting) = (describe(material), fitting(material));
@@ -25,7 +25,7 @@ pub(super) fn check(material: &Material, format: ExportFormat, options: &ExportO
     index(material, format, options)
 }
 
-/// Refuses an option that does nothing: `knows` says whether the format is among those that the option is for.
+/// Refuses options that have no effect. `knows` returns true if the format is among those that the option applies to.
 pub(super) fn unused(
     format: &'static str,
     options: &ExportOptions,
@@ -44,7 +44,7 @@ pub(super) fn unused(
     }
 }
 
-/// Checks the entry asked for; where the material has none it is empty.
+/// Checks the requested entry; the index must be empty if the material has no index axes.
 fn index(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<(), ExportError> {
     let axes = &material.axes()[..material.layout().indices];
     match &options.index {
@@ -56,7 +56,7 @@ fn index(material: &Material, format: ExportFormat, options: &ExportOptions) -> 
     }
 }
 
-/// What the material is, in a few words.
+/// Describes the material in a few words.
 fn describe(material: &Material) -> String {
     let axes = material.axes();
     let layout = material.layout();
@@ -80,7 +80,7 @@ fn describe(material: &Material) -> String {
     format!("{article} {directions}{quantity} {spectral} in {}", material.unit())
 }
 
-/// What the format holds, if the material is something else.
+/// Returns `None` if the format can hold the material, else a description of what the format holds.
 fn why_not(material: &Material, format: ExportFormat) -> Option<&'static str> {
     let (axes, layout, quantity) = (cell_axes(material), material.layout(), material.quantity());
     let incoming = layout.incoming.map(|axis| &axes[axis]);
@@ -135,7 +135,7 @@ fn why_not(material: &Material, format: ExportFormat) -> Option<&'static str> {
     (!fits).then_some(holds)
 }
 
-/// Whether RGB can be made of the values.
+/// Returns true if the values can be converted to RGB.
 fn has_colour(material: &Material) -> bool {
     match material.axes().last() {
         Some(Axis::Wavelength(_)) => super::subject::colours(material).is_some(),

@@ -38,7 +38,8 @@ named!(ExportFormat, "export format", {
 });
 
 impl ExportFormat {
-    /// The format of a name; those of the table of formats and the usual extensions of luminaires mean the same.
+    /// Returns the format called `name`. Names of the table of formats and common luminaire extensions are accepted,
+    /// too.
     pub fn of_name(name: &str) -> Result<Self, UnknownName> {
         match name {
             "lm-63" | "ies" => Ok(Self::Lm63),

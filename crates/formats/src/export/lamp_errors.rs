@@ -1,27 +1,27 @@
-//! Errors of a luminaire in the terms of those who make it: peak, flux, deviations in parts of the peak.
+//! Errors of a luminaire as photometric laboratories state them: peak, flux, deviations relative to the peak.
 
 use crate::domain::{AzimuthExtent, Azimuths, DirectionGrid, Frame};
 use serde::Serialize;
 
-/// Intensities above this part of the peak count as bright.
+/// Fraction of the peak above which an intensity enters [`LampErrors::er_l2_bright`].
 const BRIGHT: f64 = 0.01;
 
-/// Errors of intensities on the grid of a luminaire against the stated ones, in parts (0.01 is 1 %).
+/// Errors of the intensities of a luminaire against the stated ones, as fractions (0.01 is 1 %).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LampErrors {
     /// Relative error of the largest intensity.
     pub peak: f64,
-    /// Relative error of the flux: the zonal sum that is linear in both angles.
+    /// Relative error of the flux: the zonal sum, linear in both angles.
     pub flux: f64,
-    /// Root mean square of the errors of all intensities, in parts of the peak.
+    /// Root mean square error of all intensities, divided by the peak.
     pub rms_of_peak: f64,
     /// Root mean square of the relative errors of intensities above 1 % of the peak.
     pub er_l2_bright: f64,
 }
 
 impl LampErrors {
-    /// Compares `found` with `stated`, both `[polar, azimuth]` on `directions`; `None` where no light was stated. Masked
-    /// samples are left out, and count as dark in the flux.
+    /// Compares `found` with `stated`, both `[polar, azimuth]` on `directions`. Returns `None` if no stated intensity
+    /// is positive. Masked samples are skipped, and count as 0 in the flux.
     pub fn of(directions: &DirectionGrid, stated: &[f32], found: &[f32]) -> Option<Self> {
         let largest = |values: &[f32]| f64::from(values.iter().copied().fold(0.0, f32::max));
         let (peak, flux) = (largest(stated), zonal_flux(directions, stated));
@@ -48,8 +48,7 @@ impl LampErrors {
     }
 }
 
-/// `∫ I dω` of intensities on a grid, symmetries unfolded: linear in the polar angle and in the azimuth, over the polar
-/// angles that are listed.
+/// Returns `∫ I dω` over the listed polar angles, linear in the polar angle and the azimuth. Symmetries are unfolded.
 pub(crate) fn zonal_flux(directions: &DirectionGrid, values: &[f32]) -> f64 {
     let weights = directions.azimuths().map_or_else(|| vec![360.0], azimuth_weights);
     let ring = |row: usize| -> f64 {
@@ -73,7 +72,7 @@ pub(crate) fn zonal_flux(directions: &DirectionGrid, values: &[f32]) -> f64 {
     if directions.is_polar_mirrored() { 2.0 * half } else { half }
 }
 
-/// Degrees of the circle that each listed azimuth stands for, its mirror images included.
+/// Returns the degrees of the circle that each listed azimuth represents, including its mirror images.
 fn azimuth_weights(azimuths: &Azimuths) -> Vec<f64> {
     let listed = &azimuths.angles;
     let (n, span) = (listed.len(), listed[listed.len() - 1] - listed[0]);

@@ -1,4 +1,5 @@
-//! Luminaires: LM-63 and EULUMDAT, in candela where the light is seen, else in its own unit over all wavelengths.
+//! Export of luminaires as LM-63 and EULUMDAT: in candela if the light is visible, else in the material's unit summed
+//! over all wavelengths.
 
 use super::error::{ExportError, UnfitError};
 use super::exported::{Exported, Summary};
@@ -18,18 +19,19 @@ use crate::formats::{
 };
 use rayon::prelude::*;
 
-/// What one intensity of a luminaire file is of a spectrum.
+/// Reduction of a spectrum to one intensity of a luminaire file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Photometry {
     /// Intensity = Σ weight · sample.
     weights: Vec<f64>,
     unit: Unit,
-    /// What was lost, if anything.
+    /// Description of the lost spectrum; `None` if the material has none.
     lost: Option<String>,
 }
 
 impl Photometry {
-    /// Nothing where the material is no luminaire, or its values are neither single nor densities.
+    /// Returns `None` if the material is not a luminaire, or if its values are neither single numbers nor spectral
+    /// densities.
     pub(super) fn of(material: &Material) -> Option<Self> {
         let layout = material.layout();
         if material.quantity() != Quantity::Edf || layout.outgoing.is_none() {
@@ -64,7 +66,7 @@ impl Photometry {
         Some(Self { weights: grid.weights(), unit: total, lost: Some(lost) })
     }
 
-    /// Whether intensities are those that are seen.
+    /// Returns true if the intensities are photometric: candela or candela per kilolumen.
     pub(super) fn is_luminous(&self) -> bool {
         matches!(self.unit, Unit::Candela | Unit::CandelaPerKilolumen)
     }
@@ -88,7 +90,7 @@ pub(super) fn eulumdat(material: &Material, options: &ExportOptions) -> Result<E
     lamp.exported(material, options, ExportFormat::Eulumdat, bytes, photometry)
 }
 
-/// Intensities on planes, and the flux of the material itself.
+/// Intensities on C planes, with the flux of the material.
 struct Lamp {
     planes: CPlanes,
     filled: usize,
@@ -117,12 +119,12 @@ fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, 
             let mut counts = (0, 0);
             for (value, &gamma) in plane.iter_mut().zip(&gamma) {
                 let mut found = [0.0];
-                // Where the planes meet they are one.
+                // All planes share one direction at the poles.
                 let c = if gamma == 0.0 || gamma == 180.0 { 0.0 } else { c };
                 subject.at(None, Direction::from_luminaire_degrees(c, gamma), &mut found);
                 counts.0 += usize::from(found[0].is_nan());
                 counts.1 += usize::from(found[0] < 0.0);
-                // NaN becomes 0, too.
+                // NaN becomes 0 as well.
                 *value = found[0].max(0.0);
             }
             counts
@@ -141,7 +143,7 @@ fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, 
     Ok((photometry, lamp))
 }
 
-/// The gamma angles that the outgoing axis covers.
+/// Returns the range of gamma in degrees that the outgoing axis covers.
 fn gamma_range(material: &Material) -> (f64, f64) {
     match material.layout().outgoing.map(|axis| &material.axes()[axis]) {
         Some(Axis::Triangles(mesh)) if mesh.domain() == Domain::Lower => (0.0, 90.0),
@@ -151,7 +153,7 @@ fn gamma_range(material: &Material) -> (f64, f64) {
 }
 
 impl Lamp {
-    /// Reads the file back and compares it, also its flux.
+    /// Reads the file back and measures its error, including that of its flux.
     fn exported(
         self,
         material: &Material,
@@ -184,10 +186,10 @@ impl Lamp {
     }
 }
 
-/// Steps between the gamma angles and between the C planes at which a file is compared, in degrees.
+/// Steps in degrees between the gamma angles and between the C planes of the comparison grid.
 const COMPARED: (f64, f64) = (1.0, 5.0);
 
-/// Errors of a file in the terms of those who make luminaires: on a grid finer than most that are measured.
+/// Returns the photometric errors of a file, on a grid finer than most measured ones.
 fn lamp_errors(subject: &Subject<'_>, file: &AngleGrid, (low, high): (f64, f64)) -> Option<LampErrors> {
     let list = |from: f64, to: f64, step: f64| -> Vec<f64> {
         (0..=((to - from) / step) as usize).map(|i| from + step * i as f64).collect()

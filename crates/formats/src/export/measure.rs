@@ -1,4 +1,4 @@
-//! How far a file, read back, is from the material: at pairs of directions drawn from a fixed seed.
+//! Error of an exported file, read back, against the material, at direction pairs drawn from a fixed seed.
 
 use crate::domain::{Direction, ErrorAccumulator, ErrorReport};
 use crate::numeric::random::open;
@@ -8,48 +8,48 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Pairs of directions that a file is compared at.
+/// Number of direction pairs at which a file is compared.
 pub const PAIRS: usize = 10_000;
 const SEED: u64 = 0x6578_706f_7274;
-/// Pairs whose values are held at the same time, at most, and values.
+/// Upper bounds on the pairs, and on the values, held in memory at a time.
 const BLOCK: (usize, usize) = (512, 1 << 20);
 
-/// The error of a file against the material that it was written of.
+/// Error of an exported file against its material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AddedError {
-    /// What was compared.
+    /// Description of the compared values.
     pub compared: &'static str,
-    /// At how many pairs of directions, or with how many samples where there are no directions.
+    /// Number of direction pairs; number of samples for data without directions.
     pub pairs: usize,
-    /// The mean of |file − material| / material over samples > 0.
+    /// Mean of |file − material| / material over samples > 0.
     pub er_l1: f64,
-    /// The root of the mean square of the same.
+    /// Root mean square of |file − material| / material over samples > 0.
     pub er_l2: f64,
-    /// The largest of the same.
+    /// Maximum of |file − material| / material over samples > 0.
     pub max_relative_error: f64,
     /// √(Σ (file − material)² / Σ material²) over all samples.
     pub relative_rmse: f64,
-    /// Samples that enter the relative errors.
+    /// Number of samples that enter the relative errors.
     pub scored_samples: u64,
-    /// Samples that are masked in one of the two only.
+    /// Number of samples masked in only one of file and material.
     pub mask_mismatches: u64,
 }
 
-/// Which directions are drawn.
+/// Distribution of the drawn directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Draws {
-    /// `wi` above a surface and `wo` above, below, or either, each in proportion to |cos θ|.
+    /// `wi` above the surface; `wo` above, below, or on either side. Density proportional to |cos θ|.
     Surface { above: bool, below: bool },
-    /// `wo` uniformly between two values of its z; no `wi`.
+    /// No `wi`; `wo` uniform on the sphere between the heights `z = low` and `z = high`.
     Emission { low: i8, high: i8 },
-    /// Both uniformly on the sphere.
+    /// `wi` and `wo` uniform on the sphere.
     Sphere,
 }
 
-/// A function that may have no incoming direction.
+/// Function of `wi` and `wo`; `wi` is `None` for functions of one direction.
 pub(super) type Function<'a> = dyn Fn(Option<Direction>, Direction, &mut [f64]) + Sync + 'a;
 
-/// Compares `file` with `material`, both of `channels` channels.
+/// Compares `file` with `material`; both return `channels` values.
 pub(super) fn measure(
     compared: &'static str,
     draws: Draws,
@@ -92,7 +92,7 @@ impl AddedError {
 }
 
 impl Draws {
-    /// Every draw takes five numbers, whatever is made of them.
+    /// Draws one pair. Each draw consumes five random numbers, so that the sequence is the same for every distribution.
     fn draw(self, random: &mut Pcg64) -> (Option<Direction>, Direction) {
         let [a, b, c, d, side] = [(); 5].map(|()| open(random));
         match self {

@@ -1,31 +1,33 @@
-//! Materials as the files that other programs open, each with the error that the file itself adds, measured on its bytes.
+//! Export of materials as files that other programs open, with the error that the file itself adds, measured on its
+//! bytes.
 //!
 //! # What is written
-//! The smooth form of a material ([`Interpolation::Smooth`]) at the resolution that its own axes ask for, which options
-//! replace:
-//! * `rgl`: incident elevations are the material's own, at most 3.75° apart, 0° and 90° among them; incident azimuths of
-//!   anisotropic materials a quarter of an incoming cell (90°/2^level) apart, at least 5°; `4 · 2^level` nodes of the outgoing
-//!   level along a side, 32 to 128. Where that is more than 2²⁶ numbers, incident
-//!   directions up to 7.5° and 10° apart, then fewer nodes have to do.
-//! * `merl`: 90 × 90 × 180 cells, always.
+//! The smooth form of a material ([`Interpolation::Smooth`]) is sampled. The resolution follows from the material's own
+//! axes unless options replace it:
+//! * `rgl`: the material's own incident elevations, at most 3.75° apart, including 0° and 90°. Incident azimuths of
+//!   anisotropic materials are a quarter of an incoming cell (90°/2^level) apart, but at least 5°. Each side has
+//!   `4 · 2^level` nodes of the outgoing level, 32 to 128. If that exceeds 2²⁶ numbers, incident directions are thinned
+//!   to steps of up to 7.5° and 10°, then the nodes.
+//! * `merl`: always 90 × 90 × 180 cells.
 //! * `mbsdf`: `4 · 2^level` polar angles, 32 to 128, and twice as many azimuths.
-//! * `lm63`, `eulumdat`: gamma every 5°, 2.5°, 1° or 0.5°, the first that is at most a quarter of an outgoing cell; C planes
-//!   every 15°, 10°, 5°, 2.5° or 1°, the first that is at most half of one.
-//! * `tabphase`: `8 · 4^level + 1` cosines, 257 to 16,385: half an outgoing cell around the forward direction has one.
+//! * `lm63`, `eulumdat`: gamma every 5°, 2.5°, 1° or 0.5°, the first that is at most a quarter of an outgoing cell; C
+//!   planes every 15°, 10°, 5°, 2.5° or 1°, the first that is at most half of one.
+//! * `tabphase`: `8 · 4^level + 1` cosines, 257 to 16,385, so that half an outgoing cell around the forward direction
+//!   contains one.
 //! * `spd`, `csv`, `npy`: the samples themselves.
 //!
-//! Materials on the grid of a luminaire or a measured BSDF are written at the angles of their source instead, where nobody
-//! names a resolution: see [`crate::pipeline::export_on_grid`].
+//! Materials on the grid of a luminaire or a measured BSDF keep the angles of their source unless options give a
+//! resolution: see [`crate::pipeline::export_on_grid`].
 //!
 //! # Colours
-//! RGB formats hold linear sRGB of the spectra as [`crate::preview`] has it: under D65, seen by the CIE 1931 observer, the
-//! perfect diffuser white, so that f = 1/π is (1/π, 1/π, 1/π). RGB data are taken as linear sRGB, data without a spectral
-//! axis as grey.
+//! RGB formats hold linear sRGB of the spectra, as in [`crate::preview`]: under D65, for the CIE 1931 observer. The
+//! perfect diffuser is white, so that f = 1/π is (1/π, 1/π, 1/π). RGB data are taken as linear sRGB, data without a
+//! spectral axis as grey.
 //!
 //! # The error
-//! The bytes are read back by the reader of their format and compared with the material at 10,000 pairs of directions drawn
-//! from a fixed seed: on the sides of a surface in proportion to the cosine, else uniformly. `er(L1)` and `er(L2)` are the
-//! mean and the root mean square of the relative errors of samples > 0, as everywhere ([`ErrorReport`]).
+//! The bytes are read back by the reader of their format and compared with the material at 10,000 direction pairs drawn
+//! from a fixed seed. The density is proportional to the cosine for surfaces, else uniform. `er(L1)` and `er(L2)` are
+//! the mean and the root mean square of the relative errors of samples > 0 ([`ErrorReport`]).
 
 mod array;
 mod brdf;

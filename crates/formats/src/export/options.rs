@@ -3,10 +3,11 @@
 use super::error::ExportError;
 use crate::domain::limits::MAX_SAMPLES;
 
-/// What replaces the rules; an option that a format does not know is refused.
+/// Overrides of the default resolution of an export. An option that has no effect for the format is refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExportOptions {
-    /// One entry for each leading index axis; `csv` without it has them all, `npy` always.
+    /// Entry to export, one number for each leading index axis. `csv` without an index writes every entry, `npy` always
+    /// does.
     pub index: Option<Vec<usize>>,
     /// `rgl`: nodes along a side; `mbsdf`: polar angles; `tabphase`: cosines.
     pub side: Option<usize>,
@@ -26,7 +27,7 @@ impl Default for ExportOptions {
     }
 }
 
-/// Refuses a file of `bytes` bytes, before it is made.
+/// Refuses a file of `bytes` bytes before it is generated, if that is over the limit.
 pub(super) fn check_size(
     bytes: Option<usize>,
     options: &ExportOptions,

@@ -14,7 +14,7 @@ use crate::formats::{TabulatedPhase, write_tabphase};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Incident directions, and azimuths around each, that a value is the mean of.
+/// Number of incident directions, and of azimuths around each, that are averaged for one value.
 const MEANS: (usize, usize) = (16, 8);
 
 pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
@@ -63,7 +63,7 @@ pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<E
     Ok(Exported { bytes, about })
 }
 
-/// What is made of a spectrum: its mean, or its value at one wavelength.
+/// Returns the weights that reduce a spectrum to one number: its mean, or its value at one wavelength.
 fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, ExportError> {
     let count = material.lambdas();
     match (wavelengths(material), options.wavelength) {
@@ -93,7 +93,7 @@ fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, Exp
     }
 }
 
-/// Incident directions spread over the incoming axis.
+/// Returns incident directions spread over the incoming axis.
 fn incident(material: &Material) -> Vec<Direction> {
     let pick = |length: usize, at: &dyn Fn(usize) -> Direction| {
         let count = MEANS.0.min(length);
@@ -106,12 +106,12 @@ fn incident(material: &Material) -> Vec<Direction> {
     }
 }
 
-/// The mean at one scattering angle over incident directions and azimuths; masked places are passed over.
+/// Returns the mean over incident directions and azimuths at one scattering angle; masked values are skipped.
 fn mean(subject: &Subject<'_>, incident: &[Direction], cosine: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut found) = (0.0, 0_usize);
     for &wi in incident {
-        // Light goes on along −wi.
+        // Unscattered light travels along −wi.
         let forward = scale(wi.xyz(), -1.0);
         let [u, v] = frame(forward);
         for turn in 0..MEANS.1 {
@@ -129,7 +129,7 @@ fn mean(subject: &Subject<'_>, incident: &[Direction], cosine: f64) -> f64 {
     if found > 0 { sum / found as f64 } else { f64::NAN }
 }
 
-/// Two directions at right angles to `axis` and to each other.
+/// Returns two unit vectors perpendicular to `axis` and to each other.
 fn frame(axis: Vector) -> [Vector; 2] {
     let helper = if axis[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let u = unit(cross(helper, axis));

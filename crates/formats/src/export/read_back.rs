@@ -1,15 +1,16 @@
-//! A grid of angles as the function that its readers make of it: linear in every angle, held to its ends.
+//! Interpolation of a grid of angles as its readers do it: linear in every angle, constant beyond the last angles.
 
 use crate::domain::Direction;
 use crate::formats::{AngleGrid, Angles, AzimuthExtent, Outside};
 use crate::numeric::bracket::Bracket;
 
-/// Entries and their weights; unused ones have none.
+/// The two neighbouring entries and their weights; an unused entry has weight 0.
 type Ends = [(usize, f64); 2];
 
 const ALL: Ends = [(0, 1.0), (0, 0.0)];
 
-/// Values of `grid` at a place, which has a `wi` where the grid has incoming angles; 0 or NaN outside what it covers.
+/// Evaluates `grid` at a pair of directions; `wi` is needed if the grid has incoming angles. Outside the covered angles
+/// the values are 0 or NaN, as [`Outside`] states.
 pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
     let outside = if grid.outside == Outside::Zero { 0.0 } else { f64::NAN };
     let (incoming, turn) = match (&grid.incoming, wi) {
@@ -39,12 +40,12 @@ pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, v
     }
 }
 
-/// The entries around an angle, the ends held, and their weights.
+/// Returns the entries around an angle and their weights, clamped at the ends.
 fn around(angles: &[f64], angle: f64) -> Ends {
     Bracket::held(angles, angle).weights()
 }
 
-/// The columns around an azimuth, and how many there are.
+/// Returns the columns around an azimuth with their weights, and the number of columns.
 fn azimuths(angles: &Angles, phi: f64) -> (Ends, usize) {
     let Some(azimuths) = &angles.phi else { return (ALL, 1) };
     let listed = &azimuths.phi;

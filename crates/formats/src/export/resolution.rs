@@ -1,33 +1,36 @@
-//! How densely a material is written: rules over its own axes, and what options say instead.
+//! Resolution of an export: default rules over the material's own axes, and the options that replace them.
 
 use super::error::{ExportError, OptionError, setting};
 use super::options::{ExportOptions, check_size};
 use crate::domain::Axis;
 use crate::evaluate::Material;
 
-/// Numbers that a file has by rule, at most.
+/// Upper bound on the numbers in a file of default resolution. Raising it keeps fine resolutions and makes larger
+/// files.
 const MOST_NUMBERS: usize = 1 << 26;
-/// The widest gap between incident elevations, in degrees.
+/// Default upper bound on the gap between incident elevations, in degrees.
 const ELEVATIONS: f64 = 3.75;
-/// The narrowest step between incident azimuths, in degrees.
+/// Default lower bound on the step between incident azimuths, in degrees.
 const AZIMUTHS: f64 = 5.0;
-/// Steps between incident elevations and azimuths up to which they give way to a limit before nodes do.
+/// Steps of incident elevations and azimuths, in degrees, up to which directions are thinned before nodes to meet the
+/// size limit.
 const FEWEST: (f64, f64) = (7.5, 10.0);
-/// The same when nodes have.
+/// Upper bound on the incident azimuth step, in degrees, when azimuths are thinned again after the nodes.
 const WIDEST_AZIMUTHS: f64 = 22.5;
-/// Nodes and polar angles by rule.
+/// Lower and upper bound on the default number of nodes along a side or of polar angles.
 const SIDES: (usize, usize) = (32, 128);
-/// Nodes and polar angles that may be asked for.
+/// Allowed range of the requested number of nodes along a side or of polar angles.
 const ASKED_SIDES: std::ops::RangeInclusive<usize> = 2..=1024;
 /// Upper bound on the cosines of a phase function: a table of 16 MiB.
 const MOST_COSINES: usize = 1 << 20;
 
-/// The axes of a material's cells: of samples on a grid of angles, those of the triangles about as far apart.
+/// Returns the axes of the material's cells. For samples on a grid of angles these are the axes of triangles of similar
+/// spacing.
 pub(super) fn cell_axes(material: &Material) -> &[Axis] {
     material.over_triangles().map_or_else(|_| material.axes(), Material::axes)
 }
 
-/// The level of the outgoing triangles.
+/// Returns the subdivision level of the outgoing triangles.
 pub(super) fn outgoing_level(material: &Material) -> u8 {
     match material.layout().outgoing.map(|axis| &cell_axes(material)[axis]) {
         Some(Axis::Triangles(mesh)) => mesh.level(),
@@ -35,12 +38,12 @@ pub(super) fn outgoing_level(material: &Material) -> u8 {
     }
 }
 
-/// The width of an outgoing cell in degrees.
+/// Returns the width of an outgoing cell in degrees.
 pub(super) fn cell(material: &Material) -> f64 {
     90.0 / f64::from(1_u32 << outgoing_level(material))
 }
 
-/// Nodes along a side, or polar angles.
+/// Returns the number of nodes along a side, or of polar angles.
 pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
     match options.side {
         Some(side) if ASKED_SIDES.contains(&side) => Ok(side),
@@ -52,18 +55,18 @@ pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize
     }
 }
 
-/// Where an RGL file is sampled.
+/// Sampling of an RGL file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Incident {
     /// Elevations in degrees.
     pub(super) theta: Vec<f64>,
-    /// Azimuths in degrees, none where the material is isotropic.
+    /// Azimuths in degrees; empty if the material is isotropic.
     pub(super) phi: Vec<f64>,
-    /// Nodes along a side.
+    /// Number of nodes along a side.
     pub(super) side: usize,
 }
 
-/// Incident directions and nodes of a file with `channels` channels.
+/// Returns the incident directions and the node count of a file with `channels` channels.
 pub(super) fn incident(material: &Material, options: &ExportOptions, channels: usize) -> Result<Incident, ExportError> {
     let axis = material.layout().incoming.map(|axis| &cell_axes(material)[axis]);
     let own = match axis {
@@ -80,7 +83,7 @@ pub(super) fn incident(material: &Material, options: &ExportOptions, channels: u
     let mut phi_step = azimuth_step;
     let mut side = side(material, options)?;
     let bytes = |found: &Incident| {
-        // Of each incident direction also the density and the luminance.
+        // Each incident direction also has a density and a luminance.
         let slice = found.side.checked_mul(found.side)?.checked_mul(channels + 1)?.checked_add(64 * 64)?;
         found.phi.len().max(1).checked_mul(found.theta.len())?.checked_mul(slice)?.checked_mul(4)
     };
@@ -90,7 +93,7 @@ pub(super) fn incident(material: &Material, options: &ExportOptions, channels: u
         if bytes(&found).is_some_and(|bytes| bytes <= most) {
             return Ok(found);
         }
-        // What was asked for stays. Of the rest nodes matter most, which hold the lobes.
+        // Requested values stay. Nodes are reduced late, because they resolve the lobes.
         if options.step.is_none() && theta_step < FEWEST.0 {
             theta_step *= 2.0;
         } else if options.step.is_none() && phi_step.is_some_and(|step| step < FEWEST.1) {
@@ -106,8 +109,8 @@ pub(super) fn incident(material: &Material, options: &ExportOptions, channels: u
     }
 }
 
-/// The own elevations, 0° and 90°, and between them as many as keep them at most `step` apart; own ones where they are
-/// denser are left out down to it.
+/// Returns elevations from 0° to 90° at most `step` apart. Own elevations are kept unless they are closer than half a
+/// step; gaps are filled evenly.
 fn elevations(own: &[f64], step: f64) -> Vec<f64> {
     let mut kept = vec![0.0];
     for &theta in own.iter().filter(|theta| **theta < 90.0 - 0.5 * step) {
@@ -130,7 +133,7 @@ fn turn(step: f64) -> Vec<f64> {
     (0..=parts).map(|i| if i == parts { 180.0 } else { 360.0 * i as f64 / parts as f64 - 180.0 }).collect()
 }
 
-/// Polar angles of a luminaire: the step between gamma angles and that between C planes.
+/// Returns the steps between the gamma angles and between the C planes of a luminaire, in degrees.
 pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64) {
     let first =
         |steps: &[f64], most: f64| steps.iter().copied().find(|&step| step <= most).unwrap_or(steps[steps.len() - 1]);
@@ -141,7 +144,7 @@ pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64)
     }
 }
 
-/// Cosines of a phase function.
+/// Returns the number of cosines of a phase function.
 pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
     match options.side {
         Some(count) if (2..=MOST_COSINES).contains(&count) => Ok(count),
@@ -153,7 +156,8 @@ pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<us
     }
 }
 
-/// The number of scattering angles of a material that states them at even cosines from -1 to 1, as such files do.
+/// Returns the number of scattering angles if the material states them at evenly spaced cosines from -1 to 1, as
+/// tabphase files do.
 fn own_cosines(material: &Material) -> Option<usize> {
     let Axis::Grid(grid) = &material.axes()[material.layout().outgoing?] else { return None };
     let polar = grid.polar();

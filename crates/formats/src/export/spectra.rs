@@ -54,7 +54,7 @@ fn spectrum(material: &Material, index: &[usize]) -> Result<Vec<f32>, ExportErro
     Ok(samples)
 }
 
-/// The label of an entry, or its numbers; of a single spectrum the quantity.
+/// Returns the label of an entry, or its index numbers; the quantity for a single spectrum.
 fn name(material: &Material, axes: &[Axis], index: &[usize]) -> String {
     let parts: Vec<String> = axes
         .iter()
@@ -76,7 +76,7 @@ fn finish(
     spectra: usize,
     lost: Vec<String>,
 ) -> Result<Exported, ExportError> {
-    // A spectrum is kept as it stands, a reflectance might be taken as percent.
+    // Read as a plain spectrum: a reflectance might be taken for percent.
     let how = Interpretation {
         quantity: Some(Quantity::Spectrum.into()),
         wavelength_unit: Some("nm".to_owned()),

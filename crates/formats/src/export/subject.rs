@@ -1,4 +1,4 @@
-//! A material as the function that is written: its spectra, their linear sRGB, or a weighted sum of them.
+//! View of a material as the function that is exported: its spectra, their linear sRGB, or a weighted sum.
 
 use super::error::ExportError;
 use super::options::ExportOptions;
@@ -8,7 +8,7 @@ use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::DirectionalFunction;
 use crate::preview::PreviewError;
 
-/// What is made of a spectrum.
+/// Reduction of a spectrum to the exported channels.
 #[derive(Debug)]
 enum Made {
     Spectrum,
@@ -16,7 +16,7 @@ enum Made {
     Sum(Vec<f64>),
 }
 
-/// A function of directions with one value a channel.
+/// Function of directions with one value per channel.
 #[derive(Debug)]
 pub(super) struct Subject<'a> {
     material: &'a Material,
@@ -24,12 +24,12 @@ pub(super) struct Subject<'a> {
     made: Made,
 }
 
-/// The weights that make linear sRGB, where the wavelengths have colours.
+/// Returns the weights of linear sRGB, if the wavelengths allow a colour.
 pub(super) fn colours(material: &Material) -> Option<Channels> {
     Channels::of(material, &Viewing::default()).ok().filter(Channels::coloured)
 }
 
-/// The entry that is written.
+/// Returns the index of the exported entry.
 pub(super) fn entry(material: &Material, options: &ExportOptions) -> Vec<usize> {
     options.index.clone().unwrap_or_else(|| vec![0; material.layout().indices])
 }
@@ -42,23 +42,23 @@ pub(super) fn wavelengths(material: &Material) -> Option<&WavelengthGrid> {
 }
 
 impl<'a> Subject<'a> {
-    /// The spectra.
+    /// Exports the spectra unchanged.
     pub(super) fn spectra(material: &'a Material, options: &ExportOptions) -> Self {
         Self { material, index: entry(material, options), made: Made::Spectrum }
     }
 
-    /// Three channels of linear sRGB.
+    /// Exports three channels of linear sRGB.
     pub(super) fn rgb(material: &'a Material, options: &ExportOptions) -> Result<Self, ExportError> {
         let channels = Channels::of(material, &Viewing::default()).map_err(PreviewError::from)?;
         Ok(Self { material, index: entry(material, options), made: Made::Rgb(channels) })
     }
 
-    /// One channel, Σ weight · sample.
+    /// Exports one channel: Σ weight · sample.
     pub(super) fn sum(material: &'a Material, options: &ExportOptions, weights: Vec<f64>) -> Self {
         Self { material, index: entry(material, options), made: Made::Sum(weights) }
     }
 
-    /// How many channels there are.
+    /// Returns the number of channels.
     pub(super) fn channels(&self) -> usize {
         match &self.made {
             Made::Spectrum => self.material.lambdas(),
@@ -67,7 +67,8 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// The values at a place, NaN where they are masked or the material takes no such direction.
+    /// Writes the values at a pair of directions. Masked values, and directions that the material does not accept, give
+    /// NaN.
     pub(super) fn at(&self, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
         let mut spectrum = vec![0.0_f32; self.material.lambdas()];
         let place = Place { index: &self.index, wi, wo: Some(wo) };

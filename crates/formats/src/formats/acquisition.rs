@@ -1,4 +1,4 @@
-//! What every parser gives: samples as the instrument took them, and a report of all that was assumed.
+//! Result of every parser: samples as the instrument took them, and a report of all assumptions.
 
 use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
@@ -37,21 +37,21 @@ pub enum Samples {
     OnAxes {
         /// The samples.
         tensor: Tensor,
-        /// What a sample on a triangle axis stands for.
+        /// Meaning of a sample on a triangle axis.
         sampling: Sampling,
     },
     /// On a grid of angles.
     Grid(AngleGrid),
-    /// At directions of their own, which make no grid.
+    /// At individual directions that form no grid.
     Scattered(Scattered),
-    /// A function that the file's own model evaluates anywhere.
+    /// A function defined by the file's own model, which can be evaluated anywhere.
     Function(Modelled),
 }
 
-/// Samples at directions of their own, in degrees of the surface frame as `[theta, phi]`; values row-major
-/// `[direction, spectral]`, NaN = missing.
+/// Samples at individual directions, `[theta, phi]` in degrees of the surface frame. Values are row-major
+/// `[direction, spectral]`; NaN = missing.
 ///
-/// A direction (or pair of them) may come more than once: each is a sample of its own.
+/// A direction (or pair of directions) may occur more than once; each occurrence is a separate sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
     /// `wi` of each direction; empty where the quantity has none.
@@ -64,68 +64,69 @@ pub struct Scattered {
     pub spectral: Option<Axis>,
     /// The values.
     pub values: Vec<f32>,
-    /// Standard uncertainties of the values (k = 1), of their shape and in their unit, if the file states them;
-    /// NaN, or anything that is not positive, = not stated.
+    /// Standard uncertainties of the values (k = 1), of the same shape and unit, if the file states them. NaN and
+    /// non-positive numbers mean not stated.
     pub sigma: Option<Vec<f32>>,
 }
 
 impl Scattered {
-    /// How many directions, or pairs of them, there are.
+    /// Returns the number of directions, or of direction pairs.
     pub fn directions(&self) -> usize {
         self.incoming.len().max(self.outgoing.len())
     }
 }
 
-/// A BRDF as the function that its file defines, and what is known of where that function was measured.
+/// A BRDF as the function that its file defines, with the directions and the count of the measured data.
 #[derive(Clone, Debug)]
 pub struct Modelled {
-    /// Incoming angles at which the file holds data; without azimuth the function is isotropic, and evaluated at these
-    /// elevations.
+    /// Incoming angles at which the file holds data. Without azimuth the function is isotropic and is evaluated at
+    /// these elevations.
     pub incoming: Angles,
-    /// The mean distance between neighbouring outgoing directions of the file, in degrees.
+    /// Mean distance between neighbouring outgoing directions of the file, in degrees.
     pub outgoing_spacing: f64,
     /// Wavelengths or colour channels.
     pub spectral: Option<Axis>,
-    /// How many numbers the function interpolates.
+    /// Number of values that the function interpolates.
     pub numbers: usize,
-    /// How many of them are missing.
+    /// Number of these values that are missing.
     pub missing: usize,
-    /// The list of a phase function over the scattering angle, which the file states: light comes from `+z`, so that its
-    /// polar angles are 180° less the scattering angle. Elsewhere the function depends on the angle between the directions.
+    /// Table of a phase function over the scattering angle, as the file states it. Light comes from `+z`, so that polar
+    /// angles are 180° minus the scattering angle. Elsewhere the function depends on the angle between the directions.
     pub stated: Option<Box<StatedGrid>>,
     /// The function.
     pub function: Arc<dyn DirectionalFunction>,
 }
 
-/// A function of two directions, above the surface unless its user says otherwise.
+/// Function of two directions, above the surface unless the caller states otherwise.
 pub trait DirectionalFunction: Debug + Send + Sync {
-    /// Writes f(wi, wo) in the acquisition's unit, one value a channel of its spectral axis (one without); a BRDF is
-    /// without the cosine. NaN = missing.
+    /// Writes f(wi, wo) in the acquisition's unit, one value per channel of the spectral axis (one value without such
+    /// an axis). A BRDF excludes the cosine. NaN = missing.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]);
 }
 
-/// A function as the bytes of a format, and what the format could not hold.
+/// Bytes of a written file, with counts of the values that the format could not hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The file.
     pub bytes: Vec<u8>,
-    /// Numbers that are 0 because the function has none there (the format has no mask that renderers know).
+    /// Number of values written as 0 because the function is undefined there; the format has no mask that renderers
+    /// understand.
     pub filled: usize,
-    /// Numbers that are 0 because the function is negative there, which the format cannot say.
+    /// Number of values written as 0 because the function is negative there, which the format cannot hold.
     pub clipped: usize,
 }
 
-/// The cosine that stands for the horizon itself.
+/// Cosine that replaces smaller ones near the horizon, where quotients by the cosine diverge.
 pub(super) const HORIZON: f64 = 1e-3;
 
-/// A unit vector lifted to the horizon if it lies below.
+/// Returns the unit vector as a direction, raised to the horizon if it lies below.
 pub(super) fn lifted(direction: Vector) -> Direction {
     let [x, y, z] = direction;
     Direction::from_unit(if z >= HORIZON { direction } else { unit([x, y, HORIZON]) })
 }
 
-/// A full grid of angles; values row-major in the order
-/// `[index…, theta_i, phi_i, theta_o, phi_o, spectral]`, absent axes left out; NaN = missing.
+/// Full grid of angles. Values are row-major `[index…, theta_i, phi_i, theta_o, phi_o, spectral]` without absent axes;
+/// NaN = missing.
 #[derive(Clone, Debug)]
 pub struct AngleGrid {
     /// Leading opaque axes.
@@ -136,14 +137,14 @@ pub struct AngleGrid {
     pub outgoing: Option<Angles>,
     /// Wavelength or colour channels.
     pub spectral: Option<Axis>,
-    /// What holds outside the angles covered.
+    /// Value outside the covered angles.
     pub outside: Outside,
     /// The values.
     pub values: Vec<f32>,
-    /// The grid as the file states it, where that is not this one: see [`AngleGrid::as_stated`].
+    /// The grid as the file states it, if it differs from this one: see [`AngleGrid::as_stated`].
     pub stated: Option<Box<StatedGrid>>,
-    /// Standard uncertainties of the values (k = 1) in their unit, on the same grid, if the file states them; NaN, or
-    /// anything that is not positive, = not stated.
+    /// Standard uncertainties of the values (k = 1) in the same unit and on the same grid, if the file states them. NaN
+    /// and non-positive numbers mean not stated.
     pub sigma: Option<Box<AngleGrid>>,
 }
 
@@ -152,7 +153,7 @@ pub struct AngleGrid {
 pub struct Angles {
     /// Strictly increasing.
     pub theta: Vec<f64>,
-    /// The range of theta that the grid stands for: values are held from the first and last theta to its ends.
+    /// Range of theta that the grid represents. The first and last values are constant out to its ends.
     pub covers: (f64, f64),
     /// The azimuths, if there are any.
     pub phi: Option<Azimuths>,
@@ -163,48 +164,48 @@ pub struct Angles {
 pub struct Azimuths {
     /// The azimuths measured.
     pub phi: Vec<f64>,
-    /// How they extend to the full circle.
+    /// Extension to the full circle.
     pub extent: AzimuthExtent,
 }
 
-/// How measured azimuths extend to the full circle.
+/// Extension of measured azimuths to the full circle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AzimuthExtent {
-    /// They go round: the last connects to the first + 360° (360° itself is not listed).
+    /// Full circle: the last azimuth connects to the first + 360° (360° itself is not listed).
     Circle,
-    /// 0..=180 measured, the other half is its mirror image: `phi` and `360 − phi` have the same value.
+    /// 0..=180 measured, mirrored to the other half: `phi` and `360 − phi` have equal values.
     Mirrored,
     /// Only the sector from the first to the last was measured.
     Sector,
 }
 
-/// What holds where a grid has no samples.
+/// Value outside the samples of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
-    /// The standard says the value is 0 (LM-63, EULUMDAT).
+    /// 0, as the standard states (LM-63, EULUMDAT).
     Zero,
     /// Unmeasured: masked.
     Masked,
 }
 
-/// A spectrum that multiplies every sample, normalised by the parser that joined it.
+/// Spectrum that multiplies every sample, normalised by the parser that attached it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralFactor {
-    /// Its wavelengths.
+    /// Wavelengths of the factors.
     pub grid: WavelengthGrid,
-    /// One factor a wavelength, in nm⁻¹.
+    /// One factor per wavelength, in nm⁻¹.
     pub factors: Vec<f64>,
 }
 
-/// What the user must see: assumptions, fillings, skips, warnings, and the file's own keywords in order.
+/// Report for the user: assumptions, fillings, skips, warnings, and the file's own keywords in order.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ParseReport {
-    /// In the order they came up.
+    /// Remarks in order of occurrence.
     pub notes: Vec<Note>,
     /// Keywords and header fields of the file, in order.
     pub metadata: Vec<(String, String)>,
-    /// Notes, by their number, on what triangles need and the file's own grid does not: seams merged, poles averaged,
-    /// angles resampled.
+    /// Indices of the notes that concern triangles only, not the file's own grid: seams merged, poles averaged, angles
+    /// resampled.
     #[serde(skip)]
     unfolding: Vec<usize>,
 }
@@ -212,23 +213,23 @@ pub struct ParseReport {
 /// One remark of a parser.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Note {
-    /// What kind of remark.
+    /// Kind of the remark.
     pub kind: NoteKind,
     /// A sentence for the user.
     pub message: String,
 }
 
-/// What a remark is about.
+/// Subject of a remark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoteKind {
-    /// The file did not say; this was taken to hold.
+    /// A value that the file does not state was assumed.
     Assumed,
     /// Values that the file does not contain were supplied.
     Filled,
-    /// Something in the file was not used.
+    /// A part of the file was not used.
     Skipped,
-    /// Something the user should look at.
+    /// A finding that the user should look at.
     Warning,
     /// A check of the values against physics, for the user to judge.
     Checked,
@@ -240,13 +241,13 @@ impl ParseReport {
         self.notes.push(Note { kind, message: message.into() });
     }
 
-    /// Adds a remark on what the form for triangles changes and the grid of the file keeps.
+    /// Adds a remark on a change that only the form for triangles needs.
     pub(super) fn note_unfolding(&mut self, kind: NoteKind, message: impl Into<String>) {
         self.unfolding.push(self.notes.len());
         self.note(kind, message);
     }
 
-    /// The remarks that hold for a measurement, on the grid of its file or not.
+    /// Returns the remarks that apply to a measurement; `on_grid` leaves out those that concern triangles only.
     pub fn notes_of(&self, on_grid: bool) -> impl Iterator<Item = &Note> {
         let holds = move |number: &usize| !on_grid || !self.unfolding.contains(number);
         self.notes.iter().enumerate().filter(move |(number, _)| holds(number)).map(|(_, note)| note)

@@ -1,19 +1,19 @@
-//! What a list of azimuths says about the full circle: whether it closes, and one column for one direction.
+//! Extension of a list of azimuths to the full circle: closed or not, and one column per direction.
 
 use super::acquisition::{AzimuthExtent, Azimuths, NoteKind, ParseReport};
 use super::text::Brief;
 
-/// Azimuths before it is known what they stand for, degrees, strictly increasing.
+/// Relation of the last listed azimuth to the first + 360°. Azimuths are in degrees, strictly increasing.
 pub(super) enum Closing {
-    /// The last is the first + 360°: one direction listed twice.
+    /// The last equals the first + 360°: one direction is listed twice.
     Repeated,
-    /// The way from the last to the first + 360° is like the steps between the others.
+    /// The step from the last to the first + 360° is like the steps between the others.
     Open,
-    /// A gap remains.
+    /// A larger gap separates the last from the first + 360°.
     Gap,
 }
 
-/// How the listed azimuths meet after a full turn.
+/// Classifies the step that closes the circle.
 pub(super) fn closing(phi: &[f64]) -> Closing {
     let &[first, .., last] = phi else { return Closing::Gap };
     if last - first == 360.0 {
@@ -23,8 +23,8 @@ pub(super) fn closing(phi: &[f64]) -> Closing {
     if phi.len() > 2 && first + 360.0 - last <= 1.5 * widest { Closing::Open } else { Closing::Gap }
 }
 
-/// Removes the column of the repeated azimuth from `values` (`[outer, phi, inner]`), its values averaged with those of
-/// the first; returns the largest difference between the two relative to the larger one.
+/// Removes the column of the repeated azimuth from `values` (`[outer, phi, inner]`), after averaging it into the first
+/// column. Returns the largest difference between the two columns relative to the larger value.
 pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: usize) -> f64 {
     let n = phi.len();
     phi.pop();
@@ -51,9 +51,10 @@ pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: u
     largest
 }
 
-/// What listed azimuths (degrees, strictly increasing) stand for: as `stated`, else as their spacing tells; a repeated one
-/// is averaged into the first, and the values as they were before go to `kept`. `mirror`: the data are isotropic, so that
-/// half a circle is the image of the other. `values` are `[outer, phi, inner]`; `what` names the azimuths in messages.
+/// Returns the extent of listed azimuths (degrees, strictly increasing): `stated`, or else derived from their spacing.
+/// A repeated azimuth is averaged into the first one; `kept` receives the values before that. `mirror` marks isotropic
+/// data, in which half a circle mirrors the other half. `values` are `[outer, phi, inner]`; `what` names the azimuths
+/// in messages.
 pub(super) fn extended(
     what: &str,
     mut phi: Vec<f64>,
@@ -107,7 +108,7 @@ pub(super) fn extended(
     }
 }
 
-/// Azimuths that go all the way round.
+/// Returns azimuths that cover the full circle.
 pub(super) fn circle(phi: Vec<f64>) -> Azimuths {
     Azimuths { phi, extent: AzimuthExtent::Circle }
 }

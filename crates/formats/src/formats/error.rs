@@ -1,36 +1,36 @@
-//! Why a file was refused: where, what was found, what was expected.
+//! Refusals of files: position, what was found, what was expected.
 
 use std::fmt;
 
-/// A refusal that names the format, the place, what was found and what was expected.
+/// Refusal of a file: format, position, what was found and what was expected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct FormatError {
     /// The kind of refusal.
     pub kind: FormatErrorKind,
     /// The format's name in the table of formats; empty if no format was recognised.
     pub format: &'static str,
-    /// Where in the file.
+    /// Position in the file, if known.
     pub position: Option<Position>,
-    /// What was found and what was expected, one sentence without a full stop.
+    /// Message with what was found and what was expected: one sentence without a full stop.
     pub message: String,
 }
 
-/// The kinds of refusal; malformed ≠ unsupported ≠ over a limit.
+/// Kinds of refusal. Malformed, unsupported and over a limit are distinct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FormatErrorKind {
     /// No format of the table recognises the bytes.
     Unrecognised,
     /// The bytes break the rules of their format.
     Malformed,
-    /// Valid, but not read here.
+    /// Valid, but not supported by the reader.
     Unsupported,
     /// A size in the file is over a limit.
     OverLimit,
-    /// The file is fine, but the user must say more (a unit, a quantity, axes) or said something that does not fit.
+    /// The file is valid, but an option (unit, quantity, axes) is missing or contradicts it.
     NeedsOption,
 }
 
-/// A place in a file. Lines and columns count from 1, bytes from 0.
+/// Position in a file. Lines and columns count from 1, bytes from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Position {
     /// In a text file.

@@ -1,11 +1,11 @@
-//! Angles of the instrument that a file states: what is narrower than they are it cannot resolve.
+//! Angular resolution of the instrument as the file states it; narrower features cannot be resolved.
 
 use super::text::number;
 use serde::Serialize;
 
-/// Angles of the instrument that took the samples, as the file states them: full angles in degrees, 0 to 180.
+/// Angular resolution of the instrument that took the samples, as stated in the file: full angles in degrees, 0 to 180.
 ///
-/// An instrument sees a lobe blurred by both. The true width of a lobe that looks no wider than one of them is unknown.
+/// Both angles blur a measured lobe. The true width of a lobe that looks no wider than one of them is unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Instrument {
     /// Full angle of the detector's aperture, seen from the sample, in degrees; `None` if the file does not state it.
@@ -16,33 +16,33 @@ pub struct Instrument {
     pub source_divergence: Option<f64>,
 }
 
-/// Keys of headers and manifests under which the angles stand, in the order of [`Instrument::stated`].
+/// Keys of the angles in headers and manifests, in the order of [`Instrument::stated`].
 pub(super) const KEYS: [&str; 2] = ["detector_aperture", "source_divergence"];
-/// Values that the keys take, for refusals.
+/// Description of allowed values, for refusals.
 pub(super) const EXPECTED: &str = "a full angle in degrees, from 0 to 180";
 
-/// Returns the angle that a header writes; `None` where it is none.
+/// Parses an angle of a header; `None` if it is invalid.
 pub(super) fn angle(text: &str) -> Option<f64> {
     number(text).and_then(checked)
 }
 
-/// Returns `angle` if it is within the range of the keys.
+/// Returns `angle` if it is within 0 to 180 degrees.
 pub(super) fn checked(angle: f64) -> Option<f64> {
     Some(angle).filter(|angle| (0.0..=180.0).contains(angle))
 }
 
 impl Instrument {
-    /// The instrument of the angles under [`KEYS`].
+    /// Builds an instrument from the angles under [`KEYS`].
     pub(super) fn of([detector_aperture, source_divergence]: [Option<f64>; 2]) -> Self {
         Self { detector_aperture, source_divergence }
     }
 
-    /// Returns true where the file states nothing of the instrument.
+    /// Returns true if the file states no angle of the instrument.
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The angles that are stated, in degrees, each with its name for people: `the detector's aperture`.
+    /// Returns the stated angles in degrees, each with its name for people: `the detector's aperture`.
     pub fn stated(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let named =
             [("the detector's aperture", self.detector_aperture), ("the source's divergence", self.source_divergence)];
@@ -50,8 +50,8 @@ impl Instrument {
     }
 }
 
-/// A remark on a lobe that looks no wider than an angle of the instrument; `None` where it is wider than all that are
-/// stated, or none is. `full_width` is the lobe's full width at half its height, in degrees.
+/// Returns a remark if a lobe looks no wider than one of the instrument's stated angles; otherwise `None`. `full_width`
+/// is the full width of the lobe at half its height, in degrees.
 pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
     let limits: Vec<String> = instrument
         .stated()
@@ -63,7 +63,7 @@ pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
         .then(|| format!("the lobe of {width}° is no wider than {}: its true width is unknown", limits.join(" and ")))
 }
 
-/// Returns a width rounded to three digits, as many as samples can show.
+/// Rounds a width to three significant digits, as many as samples support.
 fn three_digits(width: f64) -> f64 {
     format!("{width:.2e}").parse().unwrap_or(width)
 }
@@ -99,7 +99,7 @@ mod tests {
     fn nothing_is_said_where_nothing_is_stated_or_measured() {
         assert_eq!(not_wider(&Instrument::default(), 0.1), None);
         assert!(Instrument::default().is_unknown());
-        // Perfectly collimated, as far as anyone knows.
+        // Perfectly collimated, as stated.
         let ideal = Instrument::of([Some(0.0), None]);
         assert_eq!((not_wider(&ideal, 0.0), ideal.is_unknown()), (None, false));
         assert_eq!(not_wider(&Instrument::of([Some(1.0), None]), f64::NAN), None);

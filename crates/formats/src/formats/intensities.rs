@@ -1,4 +1,4 @@
-//! Intensities of a luminaire as its file lists them: numbers, their common factor, and angles brought into order.
+//! Intensities of a luminaire as its file lists them: numbers with a common factor, and angles brought into order.
 
 use super::acquisition::{NoteKind, ParseReport};
 use super::error::FormatError;
@@ -7,22 +7,22 @@ use super::text::{Brief, Source};
 use super::turned::turned;
 use crate::domain::{Axis, DirectionGrid, Tensor};
 
-/// Numbers of a file, and intensities: `factor` times the number.
+/// Intensities and the numbers of the file: intensity = `factor` · number.
 pub(super) struct Intensities {
     values: Vec<f32>,
-    /// Empty where the factor is 1.
+    /// Numbers as written in the file; empty if the factor is 1.
     written: Vec<f32>,
     factor: f64,
 }
 
 impl Intensities {
-    /// None yet, with room for some of them.
+    /// Creates an empty list with capacity for `room` numbers.
     pub(super) fn new(factor: f64, room: usize) -> Self {
         let written = Vec::with_capacity(if factor == 1.0 { 0 } else { room });
         Self { values: Vec::with_capacity(room), written, factor }
     }
 
-    /// Adds a number and returns the intensity that it is.
+    /// Adds a number and returns its intensity.
     #[inline]
     pub(super) fn push(&mut self, number: f64) -> f32 {
         let value = (number * self.factor) as f32;
@@ -33,12 +33,12 @@ impl Intensities {
         value
     }
 
-    /// The intensities.
+    /// Returns the intensities.
     pub(super) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// Rows of a table of that width in the order from last to first.
+    /// Reverses the order of the rows of a table with `width` columns.
     pub(super) fn reversed(mut self, width: usize) -> Self {
         for table in [&mut self.values, &mut self.written] {
             *table = table.chunks_exact(width).rev().flatten().copied().collect();
@@ -46,30 +46,32 @@ impl Intensities {
         self
     }
 
-    /// The numbers and the factor; the intensities and 1 where a number is too large for a float32.
+    /// Returns the numbers and the factor. If a number is too large for a float32, returns the intensities and 1
+    /// instead.
     fn stated(&self) -> (&[f32], f64) {
         let fits = !self.written.is_empty() && self.written.iter().all(|number| number.is_finite());
         if fits { (&self.written, self.factor) } else { (&self.values, 1.0) }
     }
 }
 
-/// Angles (degrees, with their offset in the text) and intensities, `[horizontal][vertical]`, as stated.
+/// Angles (degrees, with their byte offsets in the text) and intensities `[horizontal][vertical]`, as listed in the
+/// file.
 pub(super) struct Stated {
     pub(super) vertical: Vec<(f64, usize)>,
     pub(super) horizontal: Vec<(f64, usize)>,
     pub(super) intensities: Intensities,
 }
 
-/// Strictly increasing angles in degrees and intensities, `[horizontal][vertical]`.
+/// Angles in strictly increasing order (degrees), and intensities `[horizontal][vertical]`.
 pub(super) struct Ordered {
     pub(super) vertical: Vec<f64>,
     pub(super) horizontal: Vec<f64>,
     pub(super) intensities: Intensities,
-    /// Intensities at angles that were listed twice.
+    /// Spread of the intensities at angles that were listed twice.
     repeated: Repeated,
 }
 
-/// Which angles of a table `[horizontal][vertical]` are the polar ones.
+/// Axis of a table `[horizontal][vertical]` that holds the polar angles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Polar {
     Horizontal,
@@ -77,7 +79,7 @@ pub(super) enum Polar {
 }
 
 impl Ordered {
-    /// The grid of these angles, which are `directions`.
+    /// Returns the grid of the intensities on `directions`.
     pub(super) fn stated(&self, directions: DirectionGrid, polar: Polar) -> Result<StatedGrid, StatedGridError> {
         let (numbers, factor) = self.intensities.stated();
         let numbers = match polar {
@@ -89,8 +91,8 @@ impl Ordered {
     }
 }
 
-/// Makes both axes strictly increasing: a falling axis is turned round, an angle listed twice is averaged, anything
-/// else is refused. Angles must lie in the given ranges.
+/// Makes both axes strictly increasing. A decreasing axis is reversed and a repeated angle is averaged; any other order
+/// is refused. Angles must lie in the given ranges.
 pub(super) fn ordered(
     stated: Stated,
     vertical_range: (f64, f64),
@@ -113,7 +115,7 @@ pub(super) fn ordered(
     Ok(Ordered { vertical, horizontal, intensities, repeated })
 }
 
-/// One axis of a table `[outer, angles, inner]`.
+/// Axis of a table `[outer, angles, inner]`.
 struct Line {
     angles: Vec<(f64, usize)>,
     range: (f64, f64),
@@ -171,7 +173,7 @@ fn increasing(
     if !falling && twice == 0 {
         return Ok(increasing);
     }
-    // Calls `each` with the places of the numbers that become one.
+    // Calls `each` with the positions of the numbers that are averaged into one.
     let places = |each: &mut dyn FnMut(&mut dyn Iterator<Item = usize>)| {
         for o in 0..outer {
             for group in &groups {

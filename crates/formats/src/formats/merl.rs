@@ -1,9 +1,9 @@
-//! MERL isotropic BRDFs (`.binary`): tables of RGB over half and difference angles, read as their lookup has it, and written.
+//! MERL isotropic BRDFs (`.binary`): tables of RGB over half and difference angles, read and written.
 //!
-//! Three i32 (90, 90, 180), then f64 `[channel, theta_h, theta_d, phi_d]`, little-endian; f = value · scale of the channel, a
-//! negative value is missing. `theta_h` is spaced by its square root, `phi_d` covers half a turn: the other half is its
-//! image by reciprocity (Matusik et al. 2003; Rusinkiewicz 1998). Tables of 90 × 90 × 360 cover the whole turn. A value holds
-//! over its whole cell, as in the lookup published with the data.
+//! A file holds three i32 (90, 90, 180), then f64 `[channel, theta_h, theta_d, phi_d]`, little-endian. f = value ·
+//! scale of the channel; a negative value is missing. `theta_h` is spaced by its square root. `phi_d` covers half a
+//! turn and the other half follows by reciprocity (Matusik et al. 2003; Rusinkiewicz 1998). Tables of 90 × 90 × 360
+//! cover the whole turn. A value is constant over its cell, as in the lookup code published with the data.
 
 use super::acquisition::{
     Acquisition, Angles, DirectionalFunction, Modelled, NoteKind, ParseReport, Samples, Written, lifted,
@@ -35,24 +35,25 @@ pub(super) const READER: Reader = Reader {
 
 const HALF: usize = 90;
 const DIFFERENCE: usize = 90;
-/// Cells of `phi_d` over half a turn; twice as many are a whole turn.
+/// Number of `phi_d` cells over half a turn; a whole turn has twice as many.
 const AZIMUTHS: usize = 180;
 const HEAD: usize = 12;
-/// Steradians in a stored unit, by channel.
+/// Scale of a stored value to sr⁻¹, by channel.
 const SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
-/// Elevations between incident directions at which a projection evaluates the table.
+/// Step in degrees between the incident elevations at which a projection evaluates the table. Raising it makes
+/// projections coarser.
 const ELEVATION_STEP: usize = 3;
-/// Between neighbouring outgoing directions: a difference of 1° in the half vector is one of 2°.
+/// Spacing of neighbouring outgoing directions in degrees: a difference of 1° in the half vector is one of 2°.
 const SPACING: f64 = 2.0;
 
-/// The first three words in either byte order, and whether they are swapped.
+/// Returns the first three words in either byte order, with a flag that is true for the swapped order.
 fn dimensions(bytes: &[u8]) -> Option<[(bool, [i32; 3]); 2]> {
     let (words, _) = bytes.first_chunk::<HEAD>()?.as_chunks::<4>();
     let little = [0, 1, 2].map(|i| i32::from_le_bytes(words[i]));
     Some([(false, little), (true, little.map(i32::swap_bytes))])
 }
 
-/// The cells of `phi_d`, if these are the dimensions of such a table.
+/// Returns the number of `phi_d` cells, if these are the dimensions of a MERL table.
 fn azimuths([half, difference, azimuth]: [i32; 3]) -> Option<usize> {
     let azimuth = usize::try_from(azimuth).ok()?;
     let known = half == HALF as i32 && difference == DIFFERENCE as i32;
@@ -64,7 +65,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
     if orders.iter().any(|&(_, dimensions)| azimuths(dimensions).is_some()) {
         return 100;
     }
-    // The same layout with other dimensions: as many RGB cells of f64 as the three words say.
+    // A file of the same layout with other dimensions: the three words match the number of RGB cells of f64.
     let cells = |words: [i32; 3]| {
         let positive = words.map(|word| usize::try_from(word).ok().filter(|&n| n > 0));
         positive.into_iter().try_fold(24_usize, |product, n| product.checked_mul(n?))?.checked_add(HEAD)
@@ -106,7 +107,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// The values in sr⁻¹, `[theta_h, theta_d, phi_d, channel]`; NaN = missing.
+/// Values in sr⁻¹, `[theta_h, theta_d, phi_d, channel]`; NaN = missing.
 #[derive(Debug)]
 struct Table {
     azimuths: usize,
@@ -173,11 +174,11 @@ impl Table {
         Ok(Self { azimuths, values })
     }
 
-    /// The cell of two unit directions above the surface.
+    /// Returns the cell of two unit directions above the surface.
     fn cell(&self, wi: Vector, wo: Vector) -> usize {
         let sum = add(wi, wo);
         let length = norm(sum);
-        // Opposite directions in the surface have any half vector in the plane between them.
+        // Opposite grazing directions have no unique half vector; the normal is used.
         let h = if length > 1e-9 { scale(sum, 1.0 / length) } else { [0.0, 0.0, 1.0] };
         let theta_h = libm::acos(h[2].clamp(-1.0, 1.0));
         let phi_h = libm::atan2(h[1], h[0]);
@@ -195,7 +196,7 @@ impl Table {
 }
 
 impl DirectionalFunction for Table {
-    /// f in sr⁻¹, without the cosine; 0 where a direction lies below the surface.
+    /// Writes f in sr⁻¹ without the cosine; 0 if a direction is below the surface.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
         debug_assert_eq!(values.len(), 3, "one value a channel");
         let (wi, wo) = (wi.xyz(), wo.xyz());
@@ -210,10 +211,11 @@ impl DirectionalFunction for Table {
     }
 }
 
-/// Writes an isotropic function of three channels, linear sRGB: 90 × 90 × 180 cells with the values at their centres.
+/// Writes an isotropic function of three channels (linear sRGB) as 90 × 90 × 180 cells with the values at their
+/// centres.
 ///
-/// The format has f(wi, wo) = f(wo, wi) built in: a cell is the mean of both. Where one of the two directions of a cell lies
-/// below the horizon the value is that with this direction lifted to it: some readers do not know negative numbers.
+/// The format implies f(wi, wo) = f(wo, wi): a cell holds the mean of both. If one direction of a cell is below the
+/// horizon, it is raised to the horizon: some readers do not understand negative numbers.
 pub fn write_merl(function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
     let cells = HALF * DIFFERENCE * AZIMUTHS;
     let rows: Vec<Row> = (0..HALF * DIFFERENCE).into_par_iter().map(|row| Row::of(function, row)).collect();
@@ -234,7 +236,7 @@ pub fn write_merl(function: &dyn DirectionalFunction) -> Result<Written, FormatE
     Ok(Written { bytes, filled: sum(|row| row.filled), clipped: sum(|row| row.clipped) })
 }
 
-/// The cells of one `theta_h` and `theta_d`, `[channel, phi_d]`.
+/// Cells of one `theta_h` and `theta_d`, `[channel, phi_d]`.
 struct Row {
     values: Vec<f64>,
     filled: usize,
@@ -266,7 +268,7 @@ impl Row {
                 };
                 row.filled += usize::from(mean.is_nan());
                 row.clipped += usize::from(mean < 0.0);
-                // NaN becomes 0, too.
+                // NaN becomes 0 as well.
                 row.values[channel * AZIMUTHS + k] = mean.max(0.0);
             }
         }

@@ -1,4 +1,5 @@
-//! Bytes of instruments and archives to measurements: one file a format, one visible table, probing by content.
+//! Readers and writers of the file formats of instruments and archives: one file per format, one table, recognition by
+//! content.
 
 mod acquisition;
 mod alta;
@@ -64,12 +65,12 @@ pub use tabphase::{TabulatedPhase, write_tabphase};
 pub use template::{TEMPLATES, Template, template};
 pub(crate) use type_c::flux as flux_of_planes;
 
-/// Reads a measurement from `bytes`, whatever its format.
+/// Reads a measurement from `bytes` in any known format.
 pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     if is_archive(bytes) { archive::read(bytes, how) } else { probing::read_file(bytes, how) }
 }
 
-/// Whether some format of the table recognises `bytes`; they may be malformed all the same.
+/// Returns true if some format of the table recognises `bytes`; they may still be malformed.
 pub fn recognises(bytes: &[u8]) -> bool {
     is_archive(bytes) || probing::recognises_file(bytes)
 }

@@ -1,21 +1,21 @@
-//! Normalisations of phase functions: what the values of a table integrate to over the sphere.
+//! Normalisations of phase functions: integral of the values of a table over the sphere.
 
 use super::text::snippet;
 use serde::{Deserialize, Serialize};
 
-/// What the values of a phase table integrate to over the sphere.
+/// Integral of the values of a phase table over the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Normalization {
-    /// 1.
+    /// Integral 1.
     #[serde(rename = "1")]
     One,
-    /// 4π.
+    /// Integral 4π.
     #[serde(rename = "4pi")]
     FourPi,
-    /// The scattering coefficient: a volume scattering function.
+    /// Integral equal to the scattering coefficient: a volume scattering function.
     #[serde(rename = "vsf")]
     Vsf,
-    /// Anything: only ratios of the values mean something.
+    /// Arbitrary integral: only ratios of the values are meaningful.
     #[serde(rename = "relative")]
     Relative,
 }
@@ -24,7 +24,7 @@ impl Normalization {
     const ALL: [(&'static str, Self); 4] =
         [("1", Self::One), ("4pi", Self::FourPi), ("vsf", Self::Vsf), ("relative", Self::Relative)];
 
-    /// Its name: `1`, `4pi`, `vsf` or `relative`.
+    /// Returns the name: `1`, `4pi`, `vsf` or `relative`.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, known)| *known == self).map_or("relative", |(name, _)| name)
     }

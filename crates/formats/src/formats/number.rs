@@ -1,20 +1,21 @@
-//! Decimal numbers from bytes, where they lie in a row: exact, and without a pass to find their end first.
+//! Exact parser of decimal numbers at a position in a byte string, without a separate search for their end.
 
 /// Powers of ten that are exact in f64.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
-/// Digits that a u64 always holds.
+/// Number of decimal digits that always fit a u64.
 const DIGITS: usize = 19;
-/// The largest whole number up to which all are exact in f64.
+/// Largest whole number below which all whole numbers are exact in f64.
 const EXACT: u64 = 1 << 53;
 
-/// The number that starts at `start`, and where it ends; `None` if no finite decimal number does.
+/// Parses the number at `start` and returns it with the offset of its end; `None` if no finite decimal number starts
+/// there.
 ///
-/// The value is the f64 nearest to what is written: a mantissa and a power of ten that are exact in f64 make one
-/// correctly rounded product or quotient (W. D. Clinger, "How to Read Floating Point Numbers Accurately", PLDI 1990);
-/// everything else goes to the parser of the standard library.
+/// The value is the f64 nearest to the text. A mantissa and a power of ten that are exact in f64 give one correctly
+/// rounded product or quotient (W. D. Clinger, "How to Read Floating Point Numbers Accurately", PLDI 1990). Everything
+/// else goes to the parser of the standard library.
 #[inline]
 pub(super) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
     let mut at = start;
@@ -50,13 +51,13 @@ pub(super) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
     value.is_finite().then_some((value, at))
 }
 
-/// Appends the digits from `at` on to `mantissa` (modulo 2^64), and says where they end. Eight bytes at a time, without a
-/// branch for each: how many digits a number has cannot be foreseen.
+/// Appends the digits from `at` on to `mantissa` (modulo 2^64) and returns the offset of their end. Processes eight
+/// bytes at a time, because the number of digits is unpredictable and a branch per digit would be slow.
 #[inline]
 fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
     while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
         let values = u64::from_le_bytes(*eight) ^ 0x3030_3030_3030_3030;
-        // The high bit of each byte above 9; what carries into the next byte lies behind the first of them.
+        // The high bit of each byte above 9; a carry only affects bytes after the first of them.
         let others = (values.wrapping_add(0x7676_7676_7676_7676) | values) & 0x8080_8080_8080_8080;
         let count = others.trailing_zeros() / 8;
         if count == 0 {
@@ -75,10 +76,10 @@ fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
     at
 }
 
-/// Powers of ten up to as many digits as eight bytes hold.
+/// Powers of ten for up to eight digits, the number in one word.
 const TENS: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
-/// The number that eight digits make, the first in the lowest byte: neighbours are joined to pairs, fours, and all.
+/// Returns the number of eight digits, the first in the lowest byte, by combining pairs, then fours, then all.
 #[inline]
 fn eight_digits(digits: u64) -> u64 {
     let pairs = digits.wrapping_mul(2561) >> 8;
@@ -86,7 +87,7 @@ fn eight_digits(digits: u64) -> u64 {
     (fours & 0x0000_FFFF_0000_FFFF).wrapping_mul(42_949_672_960_001) >> 32
 }
 
-/// The exponent written from `at` on, and where it ends; out of range it is as large as it takes.
+/// Parses the exponent at `at` and returns it with the offset of its end. An exponent out of range saturates.
 fn exponent_of(bytes: &[u8], mut at: usize) -> Option<(i32, usize)> {
     let negative = bytes.get(at) == Some(&b'-');
     if negative || bytes.get(at) == Some(&b'+') {

@@ -1,4 +1,4 @@
-//! A luminaire and the spectrum of its lamp joined: intensity by direction becomes spectral intensity.
+//! Combination of a luminaire with its lamp spectrum: intensity by direction becomes spectral intensity.
 
 use super::acquisition::{Acquisition, NoteKind, Samples, SpectralFactor};
 use super::error::{FormatError, FormatErrorKind};
@@ -10,11 +10,11 @@ use crate::numeric::bracket::polyline;
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
 const LUMENS_PER_WATT: f64 = 683.002;
 
-/// Joins `spectrum` (one column of wavelengths and values) with the luminaire in `acquisition`.
+/// Attaches `spectrum` (one column of wavelengths and values) to the luminaire in `acquisition`.
 ///
-/// A radiometric or relative intensity is spread over the spectrum S: factor = S(λ) / ∫S dλ, unit per nm. Candela are
-/// traced back through V(λ): factor = S(λ) / (683.002 · ∫S·V dλ), W·sr⁻¹·nm⁻¹. Integrals are trapezoidal, that over V
-/// on the union of both grids.
+/// A radiometric or relative intensity is distributed over the spectrum S: factor = S(λ) / ∫S dλ, in nm⁻¹. Candela are
+/// converted through V(λ): factor = S(λ) / (683.002 · ∫S·V dλ), in W·sr⁻¹·nm⁻¹ per cd. Integrals are trapezoidal; the
+/// one with V uses the union of both grids.
 pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) -> Result<(), FormatError> {
     check_luminaire(acquisition)?;
     let (lambda, values) = column(spectrum)?;
@@ -98,7 +98,7 @@ fn refused(spectrum: &Acquisition, message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::NeedsOption, spectrum.format, message)
 }
 
-/// Only an emission distribution without a spectral axis of its own takes a spectrum.
+/// Refuses acquisitions other than an emission distribution without a spectral axis.
 fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
     let spectral = acquisition.spectral_factor.is_some()
         || match &acquisition.samples {
@@ -117,7 +117,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
     Err(FormatError::new(FormatErrorKind::NeedsOption, acquisition.format, reason))
 }
 
-/// The wavelengths and values of a file with one spectrum.
+/// Returns the wavelengths and values of a file with one spectrum.
 fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatError> {
     if spectrum.quantity != Quantity::Spectrum {
         return Err(refused(spectrum, format!("quantity {}, expected the spectrum of a lamp", spectrum.quantity)));
@@ -141,12 +141,13 @@ fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatErr
     }
 }
 
-/// `∫ S dλ` by the trapezoidal rule, exact for the polyline through the values.
+/// Returns `∫ S dλ` by the trapezoidal rule, exact for the polyline through the values.
 fn integral(lambda: &[f64], values: &[f64]) -> f64 {
     lambda.array_windows().zip(values.array_windows()).map(|([a, b], [s, t])| 0.5 * (b - a) * (s + t)).sum()
 }
 
-/// `∫ S·V dλ` by the trapezoidal rule on the union of both grids, so that neither lines nor V are stepped over.
+/// Returns `∫ S·V dλ` by the trapezoidal rule on the union of both grids, so that no narrow line and no part of V is
+/// missed.
 fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
     let (v_lambda, v) = luminous_efficiency();
     let (first, last) = (lambda[0], lambda[lambda.len() - 1]);
@@ -158,7 +159,7 @@ fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
     integral(&union, &product)
 }
 
-/// V(λ): the second colour-matching function of the CIE 1931 observer, wavelengths in nm and values.
+/// Returns V(λ), the second colour-matching function of the CIE 1931 observer, as wavelengths in nm and values.
 fn luminous_efficiency() -> (&'static [f64], &'static [f64]) {
     let v = &Observer::cie_1931().y;
     (v.lambdas(), v.values())

@@ -1,4 +1,4 @@
-//! Intensities on C planes as the writers of luminaire files take them, and numbers as those files show them.
+//! Intensities on C planes for the writers of luminaire files, and the text form of their numbers.
 
 use super::error::{FormatError, FormatErrorKind};
 use super::text::Brief;
@@ -9,14 +9,15 @@ use crate::domain::limits::MAX_ENTRIES;
 pub struct CPlanes {
     /// Gamma in degrees from nadir, strictly increasing: 0–90, 90–180 or 0–180.
     pub gamma: Vec<f64>,
-    /// C in degrees from 0, strictly increasing, below 360: all there are on the circle. One stands for all round.
+    /// C in degrees, strictly increasing from 0 to below 360, covering the full circle. A single plane represents all
+    /// azimuths.
     pub c: Vec<f64>,
-    /// `[c, gamma]`, finite, 0 or more.
+    /// Intensities `[c, gamma]`, finite, 0 or more.
     pub values: Vec<f64>,
 }
 
 impl CPlanes {
-    /// Refuses what no luminaire file may hold.
+    /// Refuses angles and values that no luminaire format can hold.
     pub(super) fn check(&self, format: &'static str) -> Result<(), FormatError> {
         let refuse = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, format, message));
         let increasing = |angles: &[f64]| angles.array_windows().all(|[a, b]| a < b);
@@ -42,13 +43,13 @@ impl CPlanes {
         }
     }
 
-    /// The largest intensity.
+    /// Returns the largest intensity.
     pub(super) fn peak(&self) -> f64 {
         self.values.iter().copied().fold(0.0, f64::max)
     }
 }
 
-/// Seven significant digits without an exponent; at most twelve decimals.
+/// Formats with seven significant digits, without an exponent, with at most twelve decimals.
 pub(super) fn plain(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -58,7 +59,7 @@ pub(super) fn plain(value: f64) -> String {
     if decimals == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
 }
 
-/// `text` in printable ASCII, which every reader knows, at most `longest` characters of it.
+/// Returns at most `longest` characters of `text` in printable ASCII, which every reader accepts; others become `?`.
 pub(super) fn ascii(text: &str, longest: usize) -> String {
     text.chars().take(longest).map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' }).collect()
 }

@@ -1,4 +1,4 @@
-//! The table of formats, and the reader of it that recognises a file by its content.
+//! Table of formats, and selection of the reader that recognises a file by its content.
 
 use super::acquisition::Acquisition;
 use super::archive::about::ABOUT as ARCHIVES;
@@ -10,7 +10,7 @@ use super::{
     tabphase, text, tm27,
 };
 
-/// Every format of single files that is read, in the order of probing. A new one is its file and its line here.
+/// Readers of single files, in the order of probing. A new format needs its module and a line here.
 const TABLE: &[Reader] = &[
     npy::READER,
     mbsdf::READER,
@@ -27,23 +27,23 @@ const TABLE: &[Reader] = &[
     spectral_table::READER,
 ];
 
-/// A probe that is at least this sure goes before the signatures of formats that are not read.
+/// Confidence at which a probe takes precedence over the signatures of formats that are not read.
 const SURE: u8 = 50;
 
-/// Formats that are only written.
+/// Formats that are written but not read.
 const WRITTEN: &[Format] = &[tabphase::ABOUT];
 
-/// Every format known: those that are read in the order they are probed, then those that are only written.
+/// Returns every known format: first those that are read, in probing order, then those that are only written.
 pub fn formats() -> Vec<Format> {
     readable().chain(WRITTEN.iter().copied()).collect()
 }
 
-/// Formats that are read: archives, which are probed before all others, then those of the table.
+/// Returns the formats that are read: archives, which are probed first, then those of the table.
 fn readable() -> impl Iterator<Item = Format> {
     std::iter::once(ARCHIVES).chain(TABLE.iter().map(|reader| reader.about))
 }
 
-/// Reads the measurement of `bytes` that are no archive, whatever their format.
+/// Reads a measurement in any format from `bytes` that are not an archive.
 pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let unrecognised = |message: String| FormatError::new(FormatErrorKind::Unrecognised, "", message);
     if bytes.is_empty() {
@@ -62,7 +62,8 @@ pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisitio
     (reader.read)(bytes, how)
 }
 
-/// The reader that is most sure of a sample, if any is; else what the sample is that no reader reads, if that is known.
+/// Returns the reader with the highest confidence for a sample, if any. The error describes a known format that is not
+/// read.
 fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
     let mut best: Option<(u8, &'static Reader)> = None;
     for reader in TABLE {
@@ -79,7 +80,7 @@ fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
     Ok(best.map(|(_, reader)| reader))
 }
 
-/// Returns true where the first bytes are those of some format of the table. The rest need not be well formed.
+/// Returns true if the first bytes match some format of the table. The rest may be malformed.
 pub(super) fn recognises_file(bytes: &[u8]) -> bool {
     let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: None };
     matches!(probed(&sample), Ok(Some(_)))

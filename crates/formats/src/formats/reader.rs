@@ -1,4 +1,4 @@
-//! Readers as data: what a format is called, how its content is recognised, which options it understands, what reads it.
+//! Descriptions of readers: name, recognition by content, accepted options, and parsing function.
 
 use super::acquisition::Acquisition;
 use super::error::{FormatError, FormatErrorKind};
@@ -6,46 +6,46 @@ use super::interpretation::Interpretation;
 use crate::domain::Quantity;
 use serde::Serialize;
 
-/// The name under which a reader lists that it takes reflectance factors.
+/// Entry in a reader's list of options that means it accepts reflectance factors.
 pub(super) const FACTOR: &str = "quantity reflectance-factor";
-/// Bytes of a file that a probe sees as text.
+/// Number of bytes at the start of a file that a probe sees as text.
 pub(super) const HEAD_BYTES: usize = 1 << 16;
 
-/// One format of the table.
+/// File format in the table of formats.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Format {
-    /// Its stable name.
+    /// Stable name.
     pub name: &'static str,
-    /// What it is, for people.
+    /// Description for people.
     pub description: &'static str,
     /// Usual file extensions, without the dot; a hint only.
     pub extensions: &'static [&'static str],
-    /// Whether it is read.
+    /// True if the format can be read.
     pub reads: bool,
-    /// Whether it is written.
+    /// True if the format can be written.
     pub writes: bool,
 }
 
-/// A format as data, a probe and a function.
+/// Reader of a format: its description, a probe and a parsing function.
 pub(super) struct Reader {
     pub(super) about: Format,
-    /// The options it understands besides quantity and unit.
+    /// Accepted options besides quantity and unit.
     pub(super) options: &'static [&'static str],
-    /// How sure the content makes us, 0 (not this format) to 100 (a unique signature).
+    /// Confidence that the content has this format, from 0 (no) to 100 (a unique signature).
     pub(super) probe: fn(&Sample<'_>) -> u8,
     pub(super) read: fn(&[u8], &Interpretation) -> Result<Acquisition, FormatError>,
 }
 
-/// What a probe sees.
+/// Input of a probe.
 pub(super) struct Sample<'a> {
     pub(super) bytes: &'a [u8],
-    /// The beginning, decoded as text whatever it is.
+    /// Beginning of the file, decoded as text in any case.
     pub(super) head: String,
-    /// The quantity that the user named.
+    /// Quantity given by the user.
     pub(super) quantity: Option<Quantity>,
 }
 
-/// An option that does nothing for a format is a misunderstanding that the user should hear of.
+/// Refuses options that have no effect for the format, because they indicate a misunderstanding.
 pub(super) fn refuse_idle_options(about: &Format, options: &[&str], how: &Interpretation) -> Result<(), FormatError> {
     let given = [
         ("wavelength_unit", how.wavelength_unit.is_some()),

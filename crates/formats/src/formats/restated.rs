@@ -1,53 +1,53 @@
-//! Files written anew with the angles, keywords and multipliers that they came with: what the writers share.
+//! Shared code of the writers that restate a file with its original angles, keywords and multipliers.
 
 use super::error::{FormatError, FormatErrorKind};
 use crate::domain::{DirectionGrid, Unit};
 
-/// Digits of the numbers of a text file.
+/// Number of digits of the values in a text file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Digits {
-    /// The fewest that read back as the same float32.
+    /// Shortest text that reads back as the same float32.
     Shortest,
-    /// The fewest that change no number by more than this part of it.
+    /// Shortest text within this relative error.
     Within(f64),
 }
 
-/// Samples on the grid of a file, and what its reader kept of the rest of the file.
+/// Samples on the grid of a source file, with the metadata that its reader kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Restatement<'a> {
-    /// The directions of the outgoing axis.
+    /// Directions of the outgoing axis.
     pub directions: &'a DirectionGrid,
     /// Values in `unit`, `[polar, azimuth]`; NaN = masked, written as 0.
     pub values: &'a [f32],
-    /// Numbers of which the values are a multiple, and that factor, where they are known.
+    /// Numbers as in the source file with their factor: value = factor · number. `None` if unknown.
     pub numbers: Option<(&'a [f32], f64)>,
     /// Unit of the values.
     pub unit: Unit,
-    /// Revision and flavour of the file, as its reader named them.
+    /// Revision and flavour of the source file, as named by its reader.
     pub dialect: &'a str,
-    /// Keywords and header fields of the file, as its reader kept them, in order.
+    /// Keywords and header fields of the source file, as kept by its reader, in order.
     pub metadata: &'a [(String, String)],
     /// Digits of the values.
     pub digits: Digits,
 }
 
-/// Numbers beyond these sizes are written with an exponent.
+/// Range of magnitudes written without an exponent.
 const PLAIN: std::ops::Range<f64> = 1e-6..1e15;
-/// Significant digits of any float32.
+/// Number of significant digits that identify any float32.
 const MOST_DIGITS: usize = 9;
 
 impl Restatement<'_> {
-    /// The text that the reader kept under `key`.
+    /// Returns the text that the reader kept under `key`.
     pub(super) fn kept(&self, key: &str) -> Option<&str> {
         self.metadata.iter().find(|(found, _)| found == key).map(|(_, text)| text.as_str())
     }
 
-    /// The number that begins the text under `key`.
+    /// Returns the number at the start of the text under `key`.
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         self.kept(key)?.split_whitespace().next()?.parse().ok()
     }
 
-    /// The text of the number of which an entry is `factor` times.
+    /// Returns the text of the number for an entry: the entry's value divided by `factor`.
     pub(super) fn spelled(&self, entry: usize, factor: f64) -> String {
         if let Some((numbers, own)) = self.numbers
             && own == factor
@@ -62,7 +62,7 @@ impl Restatement<'_> {
 }
 
 impl Digits {
-    /// The text of a number of which `value` is `factor` times.
+    /// Returns the text of the number for `value`: `value` divided by `factor`.
     fn spelled(self, value: f32, factor: f64) -> String {
         let quotient = f64::from(value) / factor;
         let number = if factor != 0.0 && quotient.is_finite() { quotient } else { 0.0 };
@@ -73,7 +73,8 @@ impl Digits {
     }
 }
 
-/// The shortest text of the numbers beside `number` that are right; of `number` itself, where none is.
+/// Returns the shortest text of `number` or one of its neighbours that satisfies `is_right`; the text of `number` if
+/// none does.
 fn shortest(number: f32, is_right: impl Fn(f32) -> bool) -> String {
     let near = [number, number.next_down(), number.next_up()];
     let right = near.into_iter().filter(|&number| number.is_finite() && is_right(number)).map(plain_f32);
@@ -83,7 +84,7 @@ fn shortest(number: f32, is_right: impl Fn(f32) -> bool) -> String {
 fn plain_f32(number: f32) -> String {
     let size = f64::from(number.abs());
     if size == 0.0 {
-        // Zero has no sign.
+        // Zero is written without a sign.
         "0".to_owned()
     } else if PLAIN.contains(&size) {
         number.to_string()
@@ -104,7 +105,7 @@ fn fewest(number: f64, part: f64) -> String {
     if PLAIN.contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
 }
 
-/// Refuses what the format cannot say.
+/// Refuses data that the format cannot hold.
 pub(super) fn unfit<T>(format: &'static str, message: impl Into<String>) -> Result<T, FormatError> {
     Err(FormatError::new(FormatErrorKind::NeedsOption, format, message))
 }

@@ -1,9 +1,10 @@
-//! Quantities as users and files state them: those of a measurement, and reflectance factors, which are read as a BRDF.
+//! Quantities as users and files state them: those of a measurement, plus reflectance factors, which are read as a
+//! BRDF.
 
 use crate::domain::{Quantity, named};
 use std::f64::consts::PI;
 
-/// A quantity that the option `quantity` accepts. The one list behind the command line, the service and the manifests.
+/// Quantity accepted by the option `quantity`. The command line, the service and the manifests share this list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StatedQuantity {
@@ -36,7 +37,7 @@ named!(StatedQuantity, "quantity", {
 });
 
 impl StatedQuantity {
-    /// The quantity of the measurement that values of this kind become.
+    /// Returns the quantity of the resulting measurement.
     pub fn quantity(self) -> Quantity {
         match self {
             Self::Spectrum => Quantity::Spectrum,
@@ -49,13 +50,13 @@ impl StatedQuantity {
         }
     }
 
-    /// Returns true for values that are divided by π on reading.
+    /// Returns true for reflectance factors, which are divided by π on reading.
     pub fn is_factor(self) -> bool {
         self == Self::ReflectanceFactor
     }
 
-    /// The quantity that a file names by one of its usual names: those of the option, `emission`, `transmittance`, and
-    /// the names and acronyms of reflectance factors.
+    /// Returns the quantity that a file names: a name of the option, `emission`, `transmittance`, or a name or acronym
+    /// of reflectance factors.
     pub(super) fn in_file(name: &str) -> Option<Self> {
         match name.to_lowercase().replace('_', "-").as_str() {
             "emission" => Some(Self::Edf),
@@ -66,7 +67,7 @@ impl StatedQuantity {
         }
     }
 
-    /// The names that the option accepts, for messages.
+    /// Returns the names accepted by the option, for messages.
     pub(super) fn names() -> String {
         Self::ALL.iter().map(|stated| stated.name()).collect::<Vec<_>>().join(", ")
     }
@@ -88,17 +89,17 @@ impl From<Quantity> for StatedQuantity {
 
 /// Acronyms of reflectance factors with one direction (or cone) of incidence and one of view.
 const ACRONYMS: [&str; 5] = ["brf", "hcrf", "hdrf", "bcrf", "ccrf"];
-/// Ends of the same names in full: bidirectional, hemispherical-directional, biconical, hemispherical-conical.
+/// Endings of these names in full: bidirectional, hemispherical-directional, biconical, hemispherical-conical.
 const NAMES: [&str; 2] = ["directional reflectance factor", "conical reflectance factor"];
 
-/// Returns true where text names a reflectance factor of one direction of view, which is π times a BRDF.
+/// Returns true if text names a reflectance factor of one viewing direction, which is π times a BRDF.
 pub(super) fn names_factor(text: &str) -> bool {
     let text = text.to_lowercase().replace(['_', '-'], " ");
     NAMES.iter().any(|name| text.contains(name))
         || text.split(|c: char| !c.is_alphanumeric()).any(|word| ACRONYMS.contains(&word))
 }
 
-/// Divides reflectance factors by π, which makes them a BRDF in 1/sr; NaN stays.
+/// Divides reflectance factors by π, which gives a BRDF in 1/sr; NaN stays NaN.
 pub(super) fn divide_by_pi(values: &mut [f32]) {
     for value in values {
         *value = (f64::from(*value) / PI) as f32;

@@ -1,7 +1,7 @@
-//! The table of a phase function that renderers read (`tabphase` of Mitsuba): values over cos θ uniform from −1 to 1.
+//! Table of a phase function for renderers (`tabphase` of Mitsuba): values over cos θ, uniform from −1 to 1.
 //!
-//! +1 is forward. Values are separated by commas, on one line; a reader draws lines between them and makes the integral
-//! over the sphere 1.
+//! +1 is forward. Values are separated by commas on one line. Readers interpolate linearly and normalise the integral
+//! over the sphere to 1.
 
 use super::error::{FormatError, FormatErrorKind};
 use super::planes::plain;
@@ -19,7 +19,7 @@ pub(super) const ABOUT: Format = Format {
     writes: true,
 };
 
-/// Writes values in sr⁻¹ at cosines uniform from −1 to 1, at least 2, finite, 0 or more.
+/// Writes values in sr⁻¹ at cosines uniform from −1 to 1: at least 2, finite, 0 or more.
 pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     let refuse = |kind, message: String| Err(FormatError::new(kind, NAME, message));
     if values.len() > MAX_ENTRIES {
@@ -37,7 +37,7 @@ pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     Ok(format!("{}\n", list.join(", ")).into_bytes())
 }
 
-/// The function that a reader makes of such a line.
+/// Phase function as a renderer reads it from such a line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TabulatedPhase {
     values: Vec<f64>,
@@ -64,7 +64,7 @@ impl TabulatedPhase {
         Ok(Self { values })
     }
 
-    /// The value in sr⁻¹ at a cosine of the scattering angle, +1 forward.
+    /// Returns the value in sr⁻¹ at a cosine of the scattering angle, +1 forward.
     pub fn at(&self, cosine: f64) -> f64 {
         let last = self.values.len() - 1;
         let x = (0.5 * (cosine.clamp(-1.0, 1.0) + 1.0)) * last as f64;

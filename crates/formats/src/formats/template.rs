@@ -1,24 +1,24 @@
-//! Templates: files to be filled in, each of which reads as it is.
+//! Templates of input files; each is a valid file as it is.
 
 use serde::Serialize;
 
-/// A file to be filled in.
+/// Template of a file for the user to fill in.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Template {
-    /// Its stable name: that of its format, with its form if there are several.
+    /// Stable name: that of its format, followed by its form if there are several.
     pub name: &'static str,
-    /// What it is, for people.
+    /// Description for people.
     pub description: &'static str,
-    /// The media type of its text.
+    /// Media type of the text.
     pub media_type: &'static str,
-    /// The file.
+    /// Contents of the file.
     #[serde(skip)]
     pub text: &'static str,
 }
 
 const CSV: &str = "text/csv; charset=utf-8";
 
-/// Every template.
+/// All templates.
 pub const TEMPLATES: &[Template] = &[
     Template {
         name: "radiometric-csv-long",
@@ -52,7 +52,7 @@ pub const TEMPLATES: &[Template] = &[
     },
 ];
 
-/// The template of that name; the name of a format alone is that of its first one.
+/// Returns the template called `name`. A bare format name selects the first template of that format.
 pub fn template(name: &str) -> Option<&'static Template> {
     let of_format = |template: &&Template| template.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('-'));
     TEMPLATES.iter().find(|template| template.name == name).or_else(|| {

@@ -1,29 +1,31 @@
-//! Bytes of any age and country → text with lines, tokens and positions, and the clamp that keeps a file out of messages.
+//! Decoding of bytes in any encoding to text with lines, tokens and positions, and safe quotation of a file in
+//! messages.
 
 use super::error::{FormatError, FormatErrorKind, Position};
 use super::number::decimal;
 use std::borrow::Cow;
 use std::fmt::{self, Write as _};
 
-/// Decoded text of one file, and the format that its errors speak for.
+/// Decoded text of a file, with the format named in its errors.
 pub(super) struct Source {
     format: &'static str,
     text: String,
     encoding: &'static str,
 }
 
-/// A piece of a line: no separators inside, where it starts in the text.
+/// Piece of a line without separators, with its position in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Token<'a> {
-    /// The characters; empty where two commas enclose nothing.
+    /// Characters of the token; empty between two commas without content.
     pub(super) text: &'a str,
     /// Byte offset in the decoded text.
     pub(super) offset: usize,
 }
 
 impl Source {
-    /// Decodes UTF-8 or UTF-16 by byte order mark, UTF-16 without one, else UTF-8 if valid, else Windows-1252. NUL, with
-    /// which instruments pad their fields, becomes a blank; a DOS end-of-file mark is cut.
+    /// Decodes a file. A byte order mark selects UTF-8 or UTF-16; UTF-16 is also detected without one. Other bytes are
+    /// UTF-8 if valid, else Windows-1252. NUL, with which instruments pad fields, becomes a blank; a DOS end-of-file
+    /// mark is removed.
     pub(super) fn decode(bytes: &[u8], format: &'static str) -> Self {
         let (text, encoding) = decode(bytes);
         let mut text =
@@ -35,22 +37,22 @@ impl Source {
         Self { format, text, encoding }
     }
 
-    /// The text.
+    /// Returns the text.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
 
-    /// The encoding if it is not plain UTF-8, for a note.
+    /// Returns the encoding if it is not plain UTF-8, for a note.
     pub(super) fn odd_encoding(&self) -> Option<&'static str> {
         (self.encoding != "UTF-8").then_some(self.encoding)
     }
 
-    /// The lines with their offsets; they end with CR LF, LF or a lone CR.
+    /// Returns the lines with their offsets; they end with CR LF, LF or a lone CR.
     pub(super) fn lines(&self) -> Lines<'_> {
         Lines { text: &self.text, at: 0 }
     }
 
-    /// Line and column of a byte offset.
+    /// Returns the line and column of a byte offset.
     pub(super) fn position(&self, offset: usize) -> Position {
         let before = self.text.get(..offset).unwrap_or(&self.text).as_bytes();
         let mut line = 1;
@@ -67,24 +69,24 @@ impl Source {
         Position::Text { line, column }
     }
 
-    /// A refusal at `offset`.
+    /// Returns a refusal at `offset`.
     pub(super) fn error(&self, kind: FormatErrorKind, offset: usize, message: impl Into<String>) -> FormatError {
         FormatError { kind, format: self.format, position: Some(self.position(offset)), message: message.into() }
     }
 
-    /// A refusal of malformed text at `offset`.
+    /// Returns a refusal of malformed text at `offset`.
     pub(super) fn malformed(&self, offset: usize, message: impl Into<String>) -> FormatError {
         self.error(FormatErrorKind::Malformed, offset, message)
     }
 
-    /// The number that `token` is, or a refusal that says what was expected of it.
+    /// Parses `token` as a number; the refusal names what was expected.
     pub(super) fn number(&self, token: Token<'_>, expected: &str) -> Result<f64, FormatError> {
         number(token.text)
             .ok_or_else(|| self.malformed(token.offset, format!("found {}, expected {expected}", snippet(token.text))))
     }
 }
 
-/// Lines and where each starts.
+/// Iterator over lines with their offsets.
 #[derive(Clone)]
 pub(super) struct Lines<'a> {
     text: &'a str,
@@ -92,12 +94,12 @@ pub(super) struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// Where the next line starts.
+    /// Returns the byte offset of the next line.
     pub(super) fn offset(&self) -> usize {
         self.at
     }
 
-    /// Goes on with the line that starts at `offset`.
+    /// Continues with the line that starts at `offset`.
     pub(super) fn skip_to(&mut self, offset: usize) {
         self.at = offset;
     }
@@ -124,7 +126,7 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Tokens between blanks, line ends and single commas; a comma with blanks around it is one separator.
+/// Iterator over tokens between blanks, line ends and single commas; a comma with blanks around it is one separator.
 #[derive(Clone)]
 pub(super) struct Tokens<'a> {
     text: &'a str,
@@ -132,17 +134,17 @@ pub(super) struct Tokens<'a> {
 }
 
 impl<'a> Tokens<'a> {
-    /// The tokens of `text` from byte `at` on.
+    /// Creates an iterator over the tokens of `text` from byte `at` on.
     pub(super) fn new(text: &'a str, at: usize) -> Self {
         Self { text, at }
     }
 
-    /// Where the next separator or token starts.
+    /// Returns the byte offset of the next separator or token.
     pub(super) fn offset(&self) -> usize {
         self.at
     }
 
-    /// The next token where it is a plain number behind at most one comma, and its offset; else nothing moves.
+    /// Returns the next token and its offset if it is a plain number after at most one comma; else nothing is consumed.
     #[inline]
     pub(super) fn plain_number(&mut self) -> Option<(f64, usize)> {
         let bytes = self.text.as_bytes();
@@ -166,18 +168,18 @@ impl<'a> Tokens<'a> {
         Some((value, at))
     }
 
-    /// The length of the blank at a character boundary, 0 if there is none.
+    /// Returns the length of the blank at a character boundary, 0 if there is none.
     #[inline]
     fn blank(&self, at: usize) -> usize {
         match KINDS[usize::from(self.text.as_bytes()[at])] {
             Kind::Blank => 1,
-            // Few files have any other than these.
+            // Rare: blanks outside ASCII.
             Kind::Unknown => self.text[at..].chars().next().filter(|c| c.is_whitespace()).map_or(0, char::len_utf8),
             _ => 0,
         }
     }
 
-    /// The end of the token that goes on at `at`.
+    /// Returns the end of the token that continues at `at`.
     #[inline]
     fn end(&self, mut at: usize) -> usize {
         let bytes = self.text.as_bytes();
@@ -192,13 +194,13 @@ impl<'a> Tokens<'a> {
     }
 }
 
-/// What a byte does to a token.
+/// Role of a byte in a token.
 #[derive(Clone, Copy)]
 enum Kind {
     Part,
     Blank,
     Comma,
-    /// The character that it begins has to be looked at.
+    /// First byte of a character that has to be decoded.
     Unknown,
 }
 
@@ -228,7 +230,7 @@ impl<'a> Iterator for Tokens<'a> {
             if byte == b',' {
                 commas += 1;
                 if commas == 2 {
-                    // The second comma stays, to separate what follows from the empty token.
+                    // The second comma is left, so that it separates the empty token from the next.
                     self.at = at;
                     return Some(Token { text: "", offset: at });
                 }
@@ -250,12 +252,13 @@ impl<'a> Iterator for Tokens<'a> {
     }
 }
 
-/// The finite decimal number that the whole of `text` is; no `nan`, `inf` or hexadecimal.
+/// Parses the whole of `text` as a finite decimal number; rejects `nan`, `inf` and hexadecimal.
 pub(super) fn number(text: &str) -> Option<f64> {
     decimal(text.as_bytes(), 0).filter(|&(_, end)| end == text.len()).map(|(value, _)| value)
 }
 
-/// A short quotation of the file for a message: at most 40 characters, nothing that could disturb a terminal.
+/// Returns a short quotation of the file for a message: at most 40 characters, without control characters that could
+/// affect a terminal.
 pub(super) fn snippet(text: &str) -> String {
     const LONGEST: usize = 40;
     if text.is_empty() {
@@ -273,7 +276,7 @@ pub(super) fn snippet(text: &str) -> String {
     quoted
 }
 
-/// A number for a message: in scientific notation where it would be long otherwise.
+/// Number formatted for a message, in scientific notation if it would be long otherwise.
 pub(super) struct Brief(pub(super) f64);
 
 impl fmt::Display for Brief {
@@ -283,7 +286,7 @@ impl fmt::Display for Brief {
     }
 }
 
-/// A list of numbers for metadata, shortened where it is long.
+/// Formats numbers for metadata; a long list is shortened.
 pub(super) fn listed(values: &[f64]) -> String {
     const LONGEST: usize = 4096;
     let mut list = String::new();
@@ -297,7 +300,7 @@ pub(super) fn listed(values: &[f64]) -> String {
     list
 }
 
-/// The beginning of a file as text, for probing.
+/// Returns the beginning of a file as text, for probing.
 pub(super) fn head(bytes: &[u8], longest: usize) -> String {
     let cut = &bytes[..bytes.len().min(longest)];
     let whole_characters = match std::str::from_utf8(cut) {
@@ -307,12 +310,12 @@ pub(super) fn head(bytes: &[u8], longest: usize) -> String {
     decode(whole_characters).0.into_owned()
 }
 
-/// Returns true for text, padded with NUL or not: no other control characters than those of lines and pages.
+/// Returns true for text, with or without NUL padding: no control characters other than line and page breaks.
 pub(super) fn is_text(head: &str) -> bool {
     head.bytes().all(|byte| byte >= b' ' || matches!(byte, 0 | b'\t'..=b'\r' | 0x1a))
 }
 
-/// The encoding of UTF-16 text without a byte order mark: printable ASCII whose other bytes are all NUL.
+/// Returns the encoding of UTF-16 text without a byte order mark: printable ASCII in which every other byte is NUL.
 pub(super) fn unmarked_utf16(bytes: &[u8]) -> Option<&'static encoding_rs::Encoding> {
     const LOOKED_AT: usize = 512;
     const FEWEST: usize = 8;
@@ -341,7 +344,7 @@ fn decode(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
     unmarked(bytes)
 }
 
-/// Text without a byte order mark, and its encoding: UTF-8 if valid, else Windows-1252.
+/// Decodes text without a byte order mark and names its encoding: UTF-8 if valid, else Windows-1252.
 pub(super) fn unmarked(bytes: &[u8]) -> (Cow<'_, str>, &'static str) {
     match std::str::from_utf8(bytes) {
         Ok(text) => (Cow::Borrowed(text), "UTF-8"),

@@ -1,7 +1,7 @@
-//! IES TM-27 spectra (`.spdx`): one spectrum as XML, each wavelength with its value in one element.
+//! IES TM-27 spectra (`.spdx`): one spectrum as XML, with one element per wavelength and value.
 //!
-//! Names are matched without their namespace, which writers choose freely; wavelengths are in nm (IES TM-27-14). Nothing
-//! outside the file is read: document types and entities of their own are refused.
+//! Element names are matched without their namespace, which writers choose freely; wavelengths are in nm (IES
+//! TM-27-14). Nothing outside the file is read: document types and custom entities are refused.
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
@@ -33,11 +33,11 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// The local name of the root begins so; two digits of the revision follow.
+/// Prefix of the root element's local name; two digits of the revision follow.
 const ROOT: &str = "IESTM27";
-/// Elements inside each other: the format has three.
+/// Upper bound on the nesting depth of elements; the format has three.
 const MAX_DEPTH: usize = 16;
-/// Bytes of the text of an element, and elements of the header.
+/// Upper bounds on the bytes of text in an element, and on the header elements.
 const MAX_TEXT: usize = 4096;
 const MAX_FIELDS: usize = 1000;
 
@@ -82,7 +82,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// The quantity and unit of `SpectralQuantity`; all are densities per nm except ratios.
+/// Returns the quantity and unit for `SpectralQuantity`; all are densities per nm except ratios.
 fn meaning(
     stated: Option<&str>,
     how: &Interpretation,
@@ -119,14 +119,14 @@ fn meaning(
     }
 }
 
-/// A wavelength, its value and where it stands.
+/// Wavelength and value, with their byte offset.
 struct Point {
     wavelength: f64,
     value: f32,
     offset: usize,
 }
 
-/// Increasing wavelengths, whatever order they are written in.
+/// Sorts the points by increasing wavelength.
 fn ordered(
     mut points: Vec<Point>,
     source: &Source,
@@ -143,29 +143,29 @@ fn ordered(
     Ok(points.into_iter().map(|point| (point.wavelength, point.value)).unzip())
 }
 
-/// What is read of a document.
+/// Parser state: the parts of a document read so far.
 struct Document<'a> {
     source: &'a Source,
-    /// Local names of the open elements, each with its text so far.
+    /// Open elements by local name, each with its text so far.
     stack: Vec<Open>,
     quantity: Option<String>,
     points: Vec<Point>,
     fields: Vec<(String, String)>,
     distributions: usize,
     rooted: bool,
-    /// The memory of a text that was read.
+    /// Reusable string buffer.
     spare: String,
 }
 
-/// The element of one value.
+/// Name of the element of one value.
 const DATA: &str = "SpectralData";
 
-/// An element that is not closed yet.
+/// Element that is not closed yet.
 struct Open {
-    /// Empty where there is a wavelength: the name is known then.
+    /// Local name; empty if `wavelength` is set, because the name is known then.
     name: String,
     text: String,
-    /// The wavelength of an element `SpectralData`.
+    /// Wavelength in nm of a `SpectralData` element.
     wavelength: Option<f64>,
     offset: usize,
 }
@@ -276,7 +276,7 @@ impl<'a> Document<'a> {
 
     fn text(&mut self, text: &str, offset: usize) -> Result<(), FormatError> {
         let over = match self.stack.last_mut() {
-            // The metadata keep the beginning; a number is never as long.
+            // Metadata are truncated; a number is never this long.
             Some(open) if open.text.len() + text.len() <= MAX_TEXT => {
                 open.text.push_str(text);
                 false

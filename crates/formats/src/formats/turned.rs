@@ -1,11 +1,11 @@
-//! Tables turned from one order of their axes to another, by panels that stay in the cache.
+//! Transposition of tables in panels that fit the cache.
 
-/// Entries along the side of a block: as many float32 as a line of the cache holds.
+/// Side of a block in entries: one cache line of float32.
 const SIDE: usize = 16;
-/// Entries of a panel: 128 KiB.
+/// Size of a panel in entries: 128 KiB.
 const PANEL: usize = 1 << 15;
 
-/// The table `[rows, columns]` of a table `[columns, rows]`, both without gaps.
+/// Returns the transpose `[rows, columns]` of a table `[columns, rows]`, both contiguous.
 pub(super) fn turned(source: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     let mut target = vec![0.0; rows * columns];
     turn((&mut target, columns), rows, columns, |column, row, piece| {
@@ -14,8 +14,8 @@ pub(super) fn turned(source: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     target
 }
 
-/// Fills `target[row * stride + column]` of a table `[rows, columns]`: `read(column, row, piece)` writes a piece of a
-/// column, from a row on.
+/// Fills `target[row * stride + column]` of a table `[rows, columns]`. `read(column, row, piece)` writes the part of a
+/// column that starts at a row.
 pub(super) fn turn(
     (target, stride): (&mut [f32], usize),
     rows: usize,
@@ -24,7 +24,7 @@ pub(super) fn turn(
 ) {
     let wide = columns.clamp(1, PANEL / SIDE);
     let tall = (PANEL / wide).min(rows.next_multiple_of(SIDE)).max(SIDE) / SIDE * SIDE;
-    // Columns a line more apart than they are long: powers of two would share few places of the cache.
+    // Pads columns by a cache line: with a stride of a power of two they would share few cache sets.
     let apart = tall + SIDE;
     let mut panel = vec![0.0; wide * apart];
     for first_row in (0..rows).step_by(tall) {
@@ -40,7 +40,7 @@ pub(super) fn turn(
     }
 }
 
-/// `target[row * to + column] = panel[column * from + row]`.
+/// Transposes a panel: `target[row * to + column] = panel[column * from + row]`.
 fn turn_panel((panel, from): (&[f32], usize), (target, to): (&mut [f32], usize), rows: usize, columns: usize) {
     for first_row in (0..rows).step_by(SIDE) {
         let together = SIDE.min(rows - first_row);

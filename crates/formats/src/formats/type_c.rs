@@ -1,4 +1,5 @@
-//! C planes of intensities (LM-63 type C, EULUMDAT) → a grid in the luminaire frame, symmetry spelled out; its flux.
+//! Conversion of C planes of intensities (LM-63 type C, EULUMDAT) to a grid in the luminaire frame with symmetries
+//! unfolded; its flux.
 
 use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
 use super::azimuth::{Closing, circle, closing, merge_repeated};
@@ -8,19 +9,20 @@ use super::stated_grid::{StatedGrid, StatedGridError};
 use super::text::{Brief, Source};
 use crate::domain::{self, DirectionGrid, Frame};
 
-/// Rows of a grid that are filled at a time.
+/// Number of grid rows filled at a time, for cache locality.
 const ROWS: usize = 16;
 
-/// What the stated planes stand for.
+/// Meaning of the stated planes on the circle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Planes {
-    /// Their first and last angle tell the symmetry (LM-63).
+    /// The symmetry follows from the first and last angle (LM-63).
     ByAngles,
-    /// They are all there are on the circle; the last is followed by the first.
+    /// The planes cover the full circle; the first follows the last.
     Circle,
 }
 
-/// Type C: gamma from nadir, C planes round the vertical axis (LM-63-2002 section 5.11, symmetry by the last angle).
+/// Builds a type C grid: gamma from nadir, C planes about the vertical axis (LM-63-2002 section 5.11, symmetry by the
+/// last angle).
 pub(super) fn type_c(
     stated: Stated,
     stand_for: Planes,
@@ -51,7 +53,7 @@ pub(super) fn type_c(
     };
     let (n, columns) = (vertical.len(), planes.columns.len());
     let mut turned = vec![0.0; n * columns];
-    // A few rows at a time, of which each plane has a piece that lies together.
+    // Processes a few rows at a time, for which each plane has a contiguous piece.
     for (block, rows) in turned.chunks_mut(ROWS * columns).enumerate() {
         let last = n - block * ROWS;
         let count = rows.len() / columns;
@@ -71,14 +73,14 @@ pub(super) fn type_c(
     Ok((grid, planes.symmetry))
 }
 
-/// The planes as the file lists them.
+/// Returns the planes as the file lists them.
 fn stated_planes(table: &Ordered, extent: Option<domain::AzimuthExtent>) -> Result<StatedGrid, StatedGridError> {
     let azimuths = extent.map(|extent| domain::Azimuths { angles: table.horizontal.clone(), extent });
     let directions = DirectionGrid::new(Frame::TypeC, table.vertical.clone(), azimuths)?;
     table.stated(directions.with_outside(domain::Outside::Dark), Polar::Vertical)
 }
 
-/// A grid of intensities in the luminaire frame; 0 outside.
+/// Returns a grid of intensities in the luminaire frame, 0 outside.
 pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuths>, values: Vec<f32>) -> AngleGrid {
     AngleGrid {
         index: Vec::new(),
@@ -92,7 +94,7 @@ pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuth
     }
 }
 
-/// At nadir and zenith every plane shows the same direction; where a file's planes disagree, their mean holds.
+/// Averages the intensities at nadir and zenith, where every plane shows the same direction.
 fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &mut ParseReport) {
     let n = vertical.len();
     for (v, name) in [(0, "nadir"), (n - 1, "zenith")] {
@@ -115,11 +117,11 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
     }
 }
 
-/// Azimuths and the stored plane that each of them shows.
+/// Azimuths, each with the stored plane that provides its intensities.
 struct Unfolded {
     columns: Vec<(f64, usize)>,
     extent: Option<AzimuthExtent>,
-    /// The extent of the planes that are stored; `None` for one plane C0 that stands for all.
+    /// Extent of the stored planes; `None` for a single plane C0 that represents all azimuths.
     stated: Option<domain::AzimuthExtent>,
     symmetry: &'static str,
 }
@@ -142,7 +144,7 @@ fn planes(
                 format!("one plane at C{first}, taken to hold all round", first = Brief(first)),
             );
         }
-        // A plane at another angle keeps it.
+        // A single plane at another angle keeps its angle.
         let stated = (first != 0.0).then_some(Circle);
         return Some(Unfolded { columns: listed(&horizontal), extent: None, stated, symmetry: "axially symmetric" });
     }
@@ -205,8 +207,7 @@ fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
     );
 }
 
-/// The flux in lumens of a grid of candela: `∫ I dω` of the interpolant that is linear in gamma and in C, over what the
-/// grid covers.
+/// Returns the flux in lumens of a grid of candela: `∫ I dω` over the covered angles, linear in gamma and in C.
 pub(crate) fn flux(grid: &AngleGrid) -> f64 {
     let Some(Angles { theta, phi, .. }) = &grid.outgoing else { return 0.0 };
     let columns = grid.values.len() / theta.len();
@@ -228,7 +229,7 @@ pub(crate) fn flux(grid: &AngleGrid) -> f64 {
         let row = &grid.values[t * columns..][..columns];
         row.iter().zip(&weights).map(|(&value, weight)| f64::from(value) * weight).sum::<f64>().to_radians()
     };
-    // Between two rows `∫ (r + s·(θ − a)) sin θ dθ`, by parts.
+    // Between two rows: `∫ (r + s·(θ − a)) sin θ dθ`, by parts.
     let zone = |t: usize| {
         let (a, b) = (theta[t - 1].to_radians(), theta[t].to_radians());
         let (r, last) = (ring(t - 1), ring(t));

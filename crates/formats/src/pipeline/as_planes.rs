@@ -1,20 +1,21 @@
-//! Luminaires whose directions are counted from the zenith, as the planes of type C that files of luminaires hold.
+//! Conversion of luminaires measured from the zenith into the type C planes of luminaire files.
 
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Measurement, Outside, Quantity, Tensor};
 use crate::export::ExportFormat;
 
-/// Parts of a degree to which the difference of two angles is rounded.
+/// Reciprocal of the rounding step of polar angles, in 1/degree: 1e9 rounds to 1e-9°. Raising it keeps more
+/// floating-point noise of `180 − theta`.
 const PARTS: f64 = 1e9;
 
-/// A luminaire on a grid of theta and phi as the same samples over gamma = 180° − theta and C = phi, from nadir up; `None` for
-/// anything else, and for azimuths that `format` has no planes for.
+/// Converts a luminaire on a grid of theta and phi to gamma = 180° − theta and C = phi, from nadir up. The samples are
+/// unchanged. Returns `None` for anything else, and for azimuths that `format` has no planes for.
 pub(super) fn as_planes(measurement: &Measurement, format: ExportFormat) -> Option<Measurement> {
     let [Axis::Grid(own)] = measurement.tensor.axes() else { return None };
     let is_luminaire = matches!(format, ExportFormat::Lm63 | ExportFormat::Eulumdat);
     if !is_luminaire || measurement.quantity != Quantity::Edf || own.frame() != Frame::Surface {
         return None;
     }
-    // LM-63 states the first plane of a circle again as the last.
+    // LM-63 repeats the first plane of a full circle as the last.
     let closes =
         format == ExportFormat::Lm63 && own.azimuths().is_some_and(|azimuths| azimuths.extent == AzimuthExtent::Circle);
     let azimuths = match own.azimuths() {

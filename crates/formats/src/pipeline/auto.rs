@@ -1,4 +1,4 @@
-//! The end of `auto`: the noise of the samples, or the uncertainty that their file states if that is larger.
+//! Error bound of the target `auto`: the estimated noise, or the uncertainty stated in the file if that is larger.
 
 use super::uncertainty::relative;
 use crate::compress::{self, Policy, Target};
@@ -6,31 +6,33 @@ use crate::domain::{Measurement, named};
 use crate::formats::Acquisition;
 use serde::Serialize;
 
-/// Bound at which `auto` stops.
+/// Error bound that the target `auto` chose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StoppedAt {
-    /// The noise that is estimated from the samples.
+    /// Noise estimated from the samples.
     Noise,
-    /// The uncertainty that the file states.
+    /// Uncertainty stated in the file.
     Uncertainty,
 }
 named!(StoppedAt, "bound of auto", { Noise = "noise", Uncertainty = "uncertainty" });
 
-/// Outcome of `auto`: what can be known of the samples. All numbers are relative: 0.01 is 1 %.
+/// Outcome of the target `auto`. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AutoReport {
-    /// The bound at which it stopped: the larger of both.
+    /// The bound chosen: the larger of `uncertainty` and `noise`.
     pub stopped_at: StoppedAt,
-    /// Root mean square of the standard uncertainties that the file states, of values above them; `None` without any.
+    /// Root mean square of the stated relative standard uncertainties, over values larger than their own uncertainty.
+    /// `None` if the file states none.
     pub uncertainty: Option<f64>,
-    /// Estimated noise of the samples; `None` where it cannot be estimated.
+    /// Estimated noise of the samples; `None` if it cannot be estimated.
     pub noise: Option<f64>,
 }
 
 impl AutoReport {
-    /// The outcome for the projected `measurement`; `scattered` is the noise of samples at scattered directions,
-    /// `floor` a part of the largest sample. `None` for other targets, and for policies that have no `auto`.
+    /// Returns the outcome for the projected `measurement`. `scattered` is the noise of samples at scattered
+    /// directions, if known. `floor` is a fraction of the largest sample. Returns `None` unless the target is `auto`
+    /// and the policy `rd`.
     pub(super) fn of(
         (target, policy, floor): (Target, Policy, Option<f64>),
         acquisition: &Acquisition,
@@ -52,7 +54,7 @@ impl AutoReport {
         Self { stopped_at, uncertainty, noise }
     }
 
-    /// The target that stops there.
+    /// Returns the compression target that stops at the chosen bound.
     pub(super) fn target(&self) -> Target {
         match (self.stopped_at, self.uncertainty) {
             (StoppedAt::Uncertainty, Some(uncertainty)) => Target::ErL2(uncertainty),

@@ -1,6 +1,6 @@
-//! The digest under which bytes are known.
+//! Digests that identify files.
 
-/// `b3-` and the BLAKE3 digest in hex.
+/// Returns `b3-` followed by the BLAKE3 digest of `bytes` in hex.
 pub fn digest(bytes: &[u8]) -> String {
     format!("b3-{}", blake3::hash(bytes).to_hex())
 }

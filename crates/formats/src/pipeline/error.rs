@@ -1,4 +1,4 @@
-//! Why a measurement was not read or compressed.
+//! Errors of reading and compressing a measurement.
 
 use crate::compress::CompressError;
 use crate::domain::WavelengthError;
@@ -6,7 +6,7 @@ use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::projection::ProjectionError;
 
-/// Why a request was not fulfilled.
+/// Reasons why a request failed.
 ///
 /// ```
 /// use wavelume_formats::pipeline::{PipelineError, Request};
@@ -18,26 +18,26 @@ use crate::projection::ProjectionError;
 /// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PipelineError {
-    /// The file was refused.
+    /// The measurement file was rejected.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The spectrum to join was refused.
+    /// The spectrum to join was rejected.
     #[error("spectrum: {0}")]
     Spectrum(FormatError),
-    /// The wavelengths asked for are not valid.
+    /// The requested wavelengths are invalid.
     #[error("wavelengths: {0}")]
     Wavelengths(#[from] WavelengthError),
     /// The measurement cannot be projected onto the requested axes.
     #[error(transparent)]
     Projection(#[from] ProjectionError),
-    /// The measurement was not compressed.
+    /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
-    /// The file that was made does not open.
+    /// The compressed file cannot be opened for evaluation.
     #[error(transparent)]
     Opened(EvaluateError),
-    /// A material that adds more to the noise of scattered samples than it may or has another light than they, and `strict` was
-    /// asked for.
+    /// A warning that the option `strict` turns into an error. The material adds too much error to the noise of
+    /// scattered samples, differs from them in total light, or has a lobe that they do not resolve.
     #[error("strict: {0}")]
     Strict(String),
 }

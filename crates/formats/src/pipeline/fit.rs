@@ -1,4 +1,4 @@
-//! Errors of a material at scattered samples, and what of them it adds to the noise of these.
+//! Errors of a material at scattered samples, and the part of them that exceeds the noise of the samples.
 
 use super::sample_light::{IncidenceLight, LightSums, SampleLight};
 use super::uncertainty::Within;
@@ -9,59 +9,60 @@ use crate::formats::Acquisition;
 use crate::projection::{Projected, Rejected, ScatterReport, ScatteredSamples, scattered_samples};
 use serde::{Deserialize, Serialize};
 
-/// Values that are compared at a time.
+/// Number of values compared at a time. Raising it uses more memory: two arrays of float32.
 const PIECE: usize = 1 << 20;
-/// Promised relative error of targets that name none.
+/// Promised relative error assumed for targets that set none: 0.01 is 1 %.
 const PROMISED: f64 = 0.01;
 
-/// Errors of a material at scattered samples; all numbers are relative: 0.01 is 1 %.
+/// Errors of a material at scattered samples. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitReport {
-    /// Root mean square of the noise of the samples, from differences between neighbours, whatever the cells; `None` where
-    /// there are too few samples to tell.
+    /// Root mean square noise of the samples, estimated from differences between neighbouring samples. It does not
+    /// depend on the cells. `None` if there are too few samples.
     pub noise: Option<f64>,
     /// er(L2) of the evaluated material at all samples that were not rejected.
     pub fit: f64,
-    /// er(L2) at all samples, rejected ones too; `None` in files of earlier versions.
+    /// er(L2) at all samples, rejected ones included; `None` in files of earlier versions.
     #[serde(default)]
     pub fit_all: Option<f64>,
-    /// Error that the material adds to the noise: the root of fit² − noise², 0 where that is negative.
+    /// Error that the material adds to the noise: √(fit² − noise²), or 0 if that is negative.
     pub added: f64,
-    /// Upper bound on `added`: twice the promised error, or half of the noise if that is more.
+    /// Upper bound on `added`: twice the promised error or half the noise, whichever is larger.
     pub allowed: f64,
     /// Samples left out as outliers.
     pub rejected: Rejected,
-    /// Those of them that lie alone; `None` in files of earlier versions.
+    /// Rejected samples without rejected samples near them; `None` in files of earlier versions.
     #[serde(default)]
     pub isolated: Option<Rejected>,
-    /// Values far from their neighbours that are the light of a narrow lobe, and were not rejected.
+    /// Number of values that differ strongly from their neighbours but belong to a narrow lobe. They are not rejected.
     #[serde(default)]
     pub lobe: u64,
-    /// The largest differences of the light of the material from that of the samples, over incidences and groups of bands;
-    /// `None` in files of earlier versions.
+    /// Largest differences between the light of the material and that of the samples, over incidences and groups of
+    /// bands. `None` in files of earlier versions.
     #[serde(default)]
     pub light: Option<SampleLight>,
-    /// Share of all values with a stated standard uncertainty u, rejected ones too, from which the evaluated material
-    /// is at most 2u away, 0 to 1; `None` where the file states none, and in files of earlier versions.
+    /// Fraction (0 to 1) of the values with a stated standard uncertainty u that the evaluated material matches within
+    /// 2u. Rejected values count. `None` if the file states no uncertainty, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
 }
 
-/// Errors of a material at scattered samples, and its light against theirs.
+/// Errors of a material at scattered samples, and its light compared with theirs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AtSamples {
     /// Errors at the samples that were not rejected.
     pub(super) errors: ErrorReport,
-    /// er(L2) at all samples.
+    /// er(L2) at all samples, rejected ones included.
     pub(super) all: f64,
-    /// Empty where it was not asked for.
+    /// Light by incidence and group of bands; empty if not requested.
     pub(super) light: Vec<IncidenceLight>,
-    /// Values within twice their stated uncertainty.
+    /// Count of values within twice their stated uncertainty.
     pub(super) within: Within,
 }
 
 impl FitReport {
-    /// The report on a material with these errors at the samples; `promised` is its relative error against the cells.
+    /// Creates the report from the errors `found` at the samples. `promised` is the relative error of the material
+    /// against its cells.
     pub(super) fn new(scatter: &ScatterReport, found: &AtSamples, promised: f64) -> Self {
         let ScatterReport { noise, rejected, isolated, lobe, .. } = *scatter;
         let (fit, sigma) = (found.errors.er_l2, noise.unwrap_or(0.0));
@@ -82,12 +83,12 @@ impl FitReport {
         }
     }
 
-    /// Returns true where the material adds no more than it may.
+    /// Returns true if the added error is within its bound.
     pub fn is_kept(&self) -> bool {
         self.added <= self.allowed
     }
 
-    /// The numbers as a file states them, with four digits.
+    /// Returns the report rounded to four significant digits, as files store it.
     pub(super) fn stated(&self) -> Self {
         let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
         let shares = |Rejected { values, samples, light }: Rejected| {
@@ -113,7 +114,8 @@ impl FitReport {
     }
 }
 
-/// The relative error that `target` promises, at least `reached` where it names none.
+/// Returns the relative error that `target` promises. For targets without one, it is the `reached` error, but at least
+/// 1 %.
 pub(super) fn promised(target: Target, reached: f64) -> f64 {
     match target {
         Target::ErL1(error) | Target::ErL2(error) | Target::MaxRelativeError(error) => error,
@@ -121,13 +123,13 @@ pub(super) fn promised(target: Target, reached: f64) -> f64 {
     }
 }
 
-/// The noise and the outliers of scattered samples.
+/// Returns the noise and outlier report of scattered samples; empty for other samples.
 pub(super) fn scatter_of(projected: &Projected) -> ScatterReport {
     projected.coverage.scatter.as_deref().cloned().unwrap_or_default()
 }
 
-/// Errors of `material`, evaluated as it is by default, at the scattered samples of `acquisition`, and its light there where
-/// `light` has sums for it.
+/// Compares `material`, evaluated with its default interpolation, with the scattered samples of `acquisition`. Also
+/// sums its light if `light` holds sums and the noise of the samples.
 pub(super) fn at_samples(
     acquisition: &Acquisition,
     samples: &ScatteredSamples,
@@ -150,7 +152,7 @@ pub(super) fn at_samples(
         let (wi, wo) = (samples.incoming(from, to), samples.outgoing(from, to));
         let pairs = Pairs { index: &[], wi: wi.as_deref().map(Directions::of), wo: wo.as_deref().map(Directions::of) };
         if material.par_spectra(pairs, Interpolation::Smooth, found).is_err() {
-            // Some direction has no answer: the others have.
+            // Some direction cannot be evaluated: evaluate one by one and mark the failures.
             for (i, found) in found.chunks_exact_mut(width).enumerate() {
                 let at = |directions: &Option<Vec<_>>| directions.as_ref().map(|directions| directions[i]);
                 let place = Place { index: &[], wi: at(&wi), wo: at(&wo) };
@@ -159,7 +161,7 @@ pub(super) fn at_samples(
                 }
             }
         }
-        // What is not compared is no mismatch.
+        // Missing samples are not compared, so the evaluated value must not count as a mismatch.
         found
             .iter_mut()
             .zip(&*original)

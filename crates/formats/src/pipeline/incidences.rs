@@ -1,28 +1,29 @@
-//! Report on the interpolation between incidences: what was chosen, and how far off it is where one of them is left out.
+//! Report on the interpolation between incident directions, and its error estimated by leaving out incidences.
 
 use crate::compress::{Between, Noise};
 use crate::evaluate::{LeftOut, Material};
 use serde::Serialize;
 
-/// Wavelengths whose mean is compared.
+/// Upper bound on the number of wavelengths averaged before values are compared, as in [`Material::left_out`]. It
+/// lowers the independent noise by its square root.
 const MEAN_OF: f64 = 3.0;
 
-/// Interpolation between incidences, and its errors; all numbers are relative: 0.01 is 1 %.
+/// Interpolation between incidences, and its errors. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IncidenceReport {
-    /// What was chosen at compression.
+    /// Interpolation method chosen at compression.
     pub interpolation: Between,
-    /// er(L2) of each inner incidence where it is left out and predicted from those around it, over outgoing directions to 80°
-    /// from the normal.
+    /// Leave-one-out er(L2): each inner incidence is predicted from those around it. Only outgoing directions within
+    /// 80° of the normal count.
     pub left_out_er_l2: f64,
-    /// er(L2) that is expected between incidences: a quarter of it, without the noise of the samples.
+    /// Expected er(L2) between incidences: a quarter of the leave-one-out error, without the noise of the samples.
     pub estimated_er_l2: f64,
-    /// Largest share of an incidence's light that is expected in the wrong place between incidences.
+    /// Largest fraction of the light of one incidence that is expected in the wrong direction between incidences.
     pub estimated_moved: f64,
 }
 
 impl IncidenceReport {
-    /// The report on an opened material; `None` where no incidence stands between others.
+    /// Creates the report on an opened material. Returns `None` if no incidence lies between others.
     pub(super) fn of(material: &Material, noise: Option<Noise>) -> Option<Self> {
         let noise = noise.map_or(0.0, |noise| {
             let spectral = (material.lambdas() as f64).min(MEAN_OF);
@@ -37,7 +38,7 @@ impl IncidenceReport {
         })
     }
 
-    /// A warning where the error that is expected between incidences is far above the one that is promised at them.
+    /// Returns a warning if the expected error between incidences far exceeds `promised`, the error at the incidences.
     pub(super) fn warning(&self, promised: f64) -> Option<String> {
         let left_out =
             LeftOut { er_l2: self.left_out_er_l2, between: self.estimated_er_l2, moved: self.estimated_moved };

@@ -1,15 +1,18 @@
-//! Light of directions on grids: kept where that costs next to nothing, else warned of.
+//! Conservation of light (directional albedo, flux) on angle grids: corrected if cheap, otherwise a warning.
 
 use crate::compress::{self, CompressError, Compressed, LightReport, Numbers, Policy, Settings, Target};
 use crate::domain::{Axis, Measurement, Progress};
 
-/// Relative error of the light of an incoming direction that is neither corrected nor warned of.
+/// Largest relative error of the light of an incoming direction without correction or warning: 0.03 is 3 %. Raising it
+/// tolerates larger errors.
 const LIGHT: f64 = 0.03;
-/// Growth of the file up to which the light is corrected without being asked for.
+/// Largest relative growth of the file at which light is corrected without being requested: 0.02 is 2 %. Raising it
+/// corrects more files.
 const COST: f64 = 0.02;
 
-/// Compresses a measurement, of which a file states the numbers `stated`; on a grid whose light comes out worse than [`LIGHT`] with corrections of the light, if they cost
-/// less than [`COST`] of the file.
+/// Compresses a measurement; `stated` are the numbers of its file and their factor. If the light of an angle grid is
+/// off by more than [`LIGHT`], compresses again with light corrections. Keeps these if they add at most [`COST`] to
+/// the size.
 pub(super) fn compress(
     measurement: &Measurement,
     stated: Option<Numbers<'_>>,
@@ -27,12 +30,12 @@ pub(super) fn compress(
     match compress::compress(measurement, &bounded, progress) {
         Ok(kept) if kept.bytes.len() as f64 <= (1.0 + COST) * compressed.bytes.len() as f64 => Ok(kept),
         Err(CompressError::Cancelled(cancelled)) => Err(CompressError::Cancelled(cancelled)),
-        // A target that leaves no room for corrections stays without.
+        // Corrections do not fit the target: keep the file without them.
         _ => Ok(compressed),
     }
 }
 
-/// A warning of light on a grid that is worse than [`LIGHT`].
+/// Returns a warning if the light on an angle grid is off by more than [`LIGHT`].
 pub(super) fn warning(axes: &[Axis], light: Option<&LightReport>) -> Option<String> {
     let largest = light.filter(|light| is_on_grid(axes) && light.largest > LIGHT)?.largest;
     Some(format!(

@@ -1,4 +1,4 @@
-//! What a user asks for, whole: bytes of a measurement and a request in, a compressed material with its report out.
+//! The whole pipeline: from the bytes of a measurement and a request to a compressed material and its report.
 
 mod as_planes;
 mod auto;

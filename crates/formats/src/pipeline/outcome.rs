@@ -1,4 +1,4 @@
-//! A measurement that was read, put on axes and compressed.
+//! Projection and compression of a measurement that was read.
 
 use super::auto::AutoReport;
 use super::error::PipelineError;
@@ -17,7 +17,7 @@ use crate::evaluate::{Material, interpolation_between, state_levels, straight_li
 use crate::formats::{Acquisition, Note, NoteKind, not_wider};
 use crate::projection::{self, CarriedLobe, Projected};
 
-/// A material and its report.
+/// A compressed material and its report.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -31,19 +31,19 @@ use crate::projection::{self, CarriedLobe, Projected};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The file.
+    /// The compressed file.
     pub bytes: Vec<u8>,
-    /// What was achieved.
+    /// Size, errors and warnings, measured on the decoded file.
     pub report: Report,
 }
 
-/// Puts a measurement on the axes that `request` asks for; scattered samples on triangles so fine that a material of them adds
-/// little to their noise, where no level is named.
+/// Projects a measurement onto the axes of `request`. If no level is given, scattered samples get triangles so fine
+/// that the cells add little error to their noise.
 pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
     with_reciprocity(refined(acquisition, request)?.projected, request)
 }
 
-/// Makes the measurement reciprocal, where that was asked for.
+/// Makes the projected measurement reciprocal if `request` demands it.
 fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Projected, PipelineError> {
     if request.reciprocal {
         let made = projection::reciprocal(&projected.measurement)?;
@@ -74,12 +74,12 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     }
 }
 
-/// Refuses a material that breaks the promise at scattered samples, has another light than they, or a lobe that they do not
-/// resolve, where that was asked for; warns of it else.
+/// Adds warnings to the report if the material adds too much error to the noise of scattered samples, differs from
+/// them in total light, or has an unresolved lobe. With the option `strict` these are errors instead.
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
     let is_named = request.outgoing_level.is_some();
-    // Values of a lobe that is carried beside the cells are explained by it.
+    // A lobe carried beside the cells explains these values.
     let unexplained = if outcome.report.lobe.is_some() { 0 } else { outcome.report.fit.map_or(0, |fit| fit.lobe) };
     let warnings = [
         outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
@@ -99,7 +99,7 @@ fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineEr
     Ok(outcome)
 }
 
-/// Compresses a projected measurement, and measures the file at the samples where these are scattered.
+/// Compresses a projected measurement. Measures the errors of the file at the samples if these are scattered.
 fn compressed(
     source: &Source,
     request: &Request,
@@ -122,7 +122,7 @@ fn compressed(
         albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(None)),
         random_access: request.random_access,
-        // Where no function can be made of the measurement, there is no flux to keep.
+        // If no interpolant can be made of the measurement, there is no flux to keep.
         straight_lines: match request.interpolation {
             Curve::Cubic => straight_lines_for_flux(&measurement).unwrap_or(0),
             Curve::Linear => u8::MAX,
@@ -138,7 +138,7 @@ fn compressed(
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
         compressed.bytes = bytes;
     }
-    // The measurement is not needed any more, and decoding needs the memory.
+    // Frees the measurement: decoding needs the memory.
     let samples = measurement.tensor.len();
     drop((measurement, numbers));
     let mut fit = None;
@@ -153,7 +153,7 @@ fn compressed(
         if request.metadata {
             let whole = compress::with_metadata(&compressed.bytes, &provenance(Some(&found)));
             let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;
-            // A limit on bytes goes before what is said in them.
+            // A byte limit takes precedence over the report in the metadata.
             if !matches!(target, Target::Bytes(limit) if whole.len() as u64 > limit) {
                 compressed.bytes = whole;
             }
@@ -173,8 +173,8 @@ fn compressed(
 }
 
 impl Source {
-    /// Puts the measurement on the axes that `request` asks for and compresses it to the promise; the errors in the report
-    /// are measured on the decoded file.
+    /// Projects the measurement onto the requested axes and compresses it to the promised error. The errors in the
+    /// report are measured on the decoded file.
     pub fn compress(&self, request: &Request) -> Result<Outcome, PipelineError> {
         compress(self, request, &Silent)
     }

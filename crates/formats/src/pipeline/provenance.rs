@@ -1,11 +1,11 @@
-//! Where a material comes from, as its file tells it.
+//! Provenance of a material, as stored in its file.
 
 use super::fit::FitReport;
 use super::request::Request;
 use super::source::Source;
 
-/// Lengths of runs of cells, in turn not filled and filled, the first of which may be 0; a last run of cells that are not
-/// filled is left out.
+/// Returns run lengths of cells, alternating between not filled and filled. The first run is not filled and may be 0.
+/// A last run of unfilled cells is omitted.
 pub fn runs(filled: &[bool]) -> Vec<usize> {
     let (mut runs, mut now, mut start) = (Vec::new(), false, 0);
     for (i, &is) in filled.iter().enumerate() {
@@ -20,8 +20,9 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
     runs
 }
 
-/// Where a material comes from: no clock, path, host, timing or thread count, so that equal inputs give equal bytes.
-/// `on_grid`: the measurement lies on the grid of its file; `fit`: what the material is at its scattered samples.
+/// Returns the provenance of a material as JSON. It holds no clock, path, host, timing or thread count, so that equal
+/// inputs give equal bytes. `on_grid` is true if the measurement lies on the grid of its file. `fit` is the report on
+/// the material at scattered samples.
 pub(super) fn provenance(
     source: &Source,
     request: &Request,

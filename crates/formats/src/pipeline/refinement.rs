@@ -1,4 +1,4 @@
-//! Scattered samples on triangles that are refined until a material adds little to the noise of the samples.
+//! Refinement of the triangles for scattered samples until the cells add little error to the noise.
 
 use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
@@ -8,28 +8,29 @@ use crate::evaluate::Material;
 use crate::formats::Acquisition;
 use crate::projection::{self, Projected};
 
-/// A finer level must add less by this factor: else none represents the samples better.
+/// Largest ratio of the added errors of a finer and a coarser level at which the finer one is used. Raising it accepts
+/// levels that gain less.
 const GAIN: f64 = 0.95;
 
-/// A projection onto triangles that were tried.
+/// A projection, and the levels tried for it.
 pub(super) struct Refined {
     pub(super) projected: Projected,
     pub(super) tried: Tried,
 }
 
-/// Axes that were tried, and how well cells on them fit the samples where these are scattered.
+/// Axes that were tried, and the errors of their cells at scattered samples.
 pub(super) struct Tried {
     axes: Vec<Axis>,
-    /// Error that the cells add before they are compressed; `None` where samples are not scattered.
+    /// Errors of the cells at the samples before compression; `None` if the samples are not scattered.
     fit: Option<FitReport>,
-    /// Levels finer than the one that fits the spacing of the samples.
+    /// Number of levels beyond the one that fits the spacing of the samples.
     finer: u8,
-    /// True where no finer level is left to try.
+    /// True if no finer level is left to try.
     is_last: bool,
 }
 
-/// Puts a measurement on the axes that `request` asks for, scattered samples on the coarsest triangles that leave room for the
-/// promised error, or on the best tried.
+/// Projects a measurement onto the axes of `request`. Scattered samples get the coarsest triangles that leave room for
+/// the promised error, or the best tried.
 pub(super) fn refined(acquisition: &Acquisition, request: &Request) -> Result<Refined, PipelineError> {
     let mut best = at(acquisition, request, 0)?;
     loop {
@@ -51,7 +52,7 @@ fn at(acquisition: &Acquisition, request: &Request, finer: u8) -> Result<Refined
     let axes = projection::AxesRequest { finer, ..request.axes()? };
     let projected = projection::project(acquisition, &axes)?;
     let fit = projected.scattered.as_ref().map(|samples| {
-        // A tensor that does not open is compressed all the same, and says so then.
+        // A tensor that cannot be opened is compressed nevertheless; the error appears then.
         let found = Material::of(projected.measurement.clone()).map(|material| match &projected.lobe {
             Some(carried) => material.with_lobe(carried.lobe.clone()),
             None => material,
@@ -65,7 +66,8 @@ fn at(acquisition: &Acquisition, request: &Request, finer: u8) -> Result<Refined
 }
 
 impl Tried {
-    /// The samples on the next finer level; `None` where there is none, or none that fits them better.
+    /// Projects the samples onto the next finer level. Returns `None` if no level is left or the finer one is not
+    /// clearly better.
     pub(super) fn finer(&self, acquisition: &Acquisition, request: &Request) -> Result<Option<Refined>, PipelineError> {
         let Some(fit) = self.fit.filter(|_| !self.is_last) else { return Ok(None) };
         let next = at(acquisition, request, self.finer + 1)?;
@@ -74,7 +76,8 @@ impl Tried {
     }
 }
 
-/// A warning of a material on `axes` that adds more than it may.
+/// Returns a warning if a material on `axes` adds more error than allowed. `is_named` is true if the user gave the
+/// level.
 pub(super) fn warning(fit: &FitReport, axes: &[Axis], is_named: bool) -> Option<String> {
     if fit.is_kept() {
         return None;

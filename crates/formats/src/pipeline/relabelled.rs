@@ -1,27 +1,27 @@
-//! A luminaire on the grid of one file format, with the header and the planes that another format has for it.
+//! Conversion of a luminaire to the header and the planes of another file format.
 
 use super::origin::Origin;
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Measurement, Quantity, Tensor, Unit};
 use crate::export::{ExportFormat, zonal_flux};
 
-/// A measurement in the terms of another format.
+/// A measurement converted to the conventions of another format.
 #[derive(Debug)]
 pub(super) struct Relabelled {
     /// The samples, on the planes that the format lists.
     pub(super) measurement: Measurement,
-    /// Fields of the header, under the names of the format's own reader.
+    /// Header fields, under the names that the parser of the format uses.
     pub(super) metadata: Vec<(String, String)>,
-    /// Contents of the measurement that the format has no place for.
+    /// Contents of the measurement that the format cannot hold.
     pub(super) lost: Vec<String>,
 }
 
-/// Longest text of a field, in characters: what old readers of EULUMDAT take.
+/// Longest text of a header field, in characters. Old EULUMDAT readers accept no more.
 const LONGEST: usize = 78;
-/// Two steps between angles that differ by less, in degrees, count as one.
+/// Largest difference of angular steps that count as equal, in degrees.
 const STEP: f64 = 1e-9;
 
-/// The measurement with header and planes of `format`, where its source has another format; `None` where it is on no C
-/// planes, or in a unit that `format` does not have.
+/// Converts the measurement to the header and planes of `format`, if its source has another format. Returns `None` if
+/// it is not on C planes, or if `format` lacks its unit.
 pub(super) fn relabelled(measurement: &Measurement, origin: &Origin<'_>, format: ExportFormat) -> Option<Relabelled> {
     let [Axis::Grid(directions)] = measurement.tensor.axes() else { return None };
     if measurement.quantity != Quantity::Edf || directions.frame() != Frame::TypeC {
@@ -37,12 +37,12 @@ pub(super) fn relabelled(measurement: &Measurement, origin: &Origin<'_>, format:
     }
 }
 
-/// One line of printable text within the limit.
+/// Returns one line of printable text, cut to the longest allowed.
 fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(LONGEST).collect()
 }
 
-/// Fields as the header of a source has them.
+/// Header fields of the source.
 struct Fields<'a>(&'a Origin<'a>);
 
 impl Fields<'_> {
@@ -56,7 +56,7 @@ impl Fields<'_> {
     }
 }
 
-/// The light of all directions, and the part of it below the horizon.
+/// Returns the total flux, and the fraction of it below the horizon (0 to 1).
 fn flux(directions: &DirectionGrid, values: &[f32]) -> (f64, f64) {
     let all = zonal_flux(directions, values);
     let rows = directions.polar().partition_point(|&gamma| gamma <= 90.0);
@@ -65,13 +65,13 @@ fn flux(directions: &DirectionGrid, values: &[f32]) -> (f64, f64) {
     (all, if all > 0.0 { below / all } else { 0.0 })
 }
 
-/// The step of even angles, 0 of others.
+/// Returns the step of evenly spaced angles in degrees, or 0 if they are uneven.
 fn step(angles: &[f64]) -> f64 {
     let first = angles.get(1).map_or(0.0, |second| second - angles[0]);
     if angles.array_windows().all(|[a, b]| (b - a - first).abs() < STEP) { first } else { 0.0 }
 }
 
-/// The measurement on the planes `azimuths`, of which `column` says where their values stand.
+/// Puts the measurement on the planes `azimuths`. `column` gives the old column of each new one.
 fn on_planes(
     measurement: &Measurement,
     directions: &DirectionGrid,
@@ -90,7 +90,7 @@ fn on_planes(
 fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'_>) -> Option<Relabelled> {
     let fields = Fields(origin);
     let mut lost = Vec::new();
-    // A file lists C0 once.
+    // EULUMDAT lists C0 once.
     let closed = directions.azimuths().filter(|azimuths| azimuths.extent == AzimuthExtent::Closed);
     let measurement = match closed {
         Some(azimuths) => {
@@ -118,7 +118,7 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
         let unit = if fields.text(&[key]).is_some_and(|text| text.ends_with("ft")) { 304.8 } else { 1000.0 };
         rounded(fields.number(&[key]).unwrap_or(0.0) * unit)
     };
-    // C0 is across the lamps, along the X of the other format.
+    // C0 runs across the lamps, along the X axis of LM-63.
     let (along_x, along_y) = (millimetres("luminous_length"), millimetres("luminous_width"));
     let is_round = along_x < 0.0 || along_y < 0.0;
     let (length, width) = if is_round { (along_x.min(along_y).abs(), 0.0) } else { (along_y, along_x) };
@@ -174,7 +174,7 @@ fn eulumdat(measurement: &Measurement, directions: &DirectionGrid, origin: &Orig
 
 fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'_>) -> Option<Relabelled> {
     let fields = Fields(origin);
-    // The last plane of a circle is the first one, stated again.
+    // LM-63 repeats the first plane of a full circle as the last.
     let circle = directions.azimuths().filter(|azimuths| azimuths.extent == AzimuthExtent::Circle);
     let measurement = match circle {
         Some(azimuths) if azimuths.angles[0] == 0.0 => {
@@ -205,7 +205,7 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     add("lumens_per_lamp", lumens.map_or(-1.0, |lumens| rounded(lumens / lamps)).to_string());
     let metres = |key: &str| rounded(fields.number(&[key]).unwrap_or(0.0) / 1000.0);
     let (length, width) = (metres("luminous_length_mm"), metres("luminous_width_mm"));
-    // A width of 0 is a disk; C0 is across the lamps, along the X of the other format.
+    // A width of 0 is a disk. C0 runs across the lamps, along the X axis of LM-63.
     let (along_x, along_y) = if width == 0.0 { (-length, -length) } else { (width, length) };
     add("luminous_width", format!("{} m", along_y + 0.0));
     add("luminous_length", format!("{} m", along_x + 0.0));
@@ -214,7 +214,7 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     Some(Relabelled { measurement, metadata, lost: Vec::new() })
 }
 
-/// The number to 6 significant digits.
+/// Rounds to 6 significant digits.
 fn rounded(number: f64) -> f64 {
     format!("{number:.5e}").parse().unwrap_or(number)
 }

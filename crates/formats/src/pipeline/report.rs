@@ -1,4 +1,4 @@
-//! What a compression achieved, measured on the decoded file.
+//! Report on a compression, measured on the decoded file.
 
 use super::auto::AutoReport;
 use super::digest::digest;
@@ -14,7 +14,7 @@ use crate::formats::{self, Acquisition, Note, NoteKind};
 use crate::projection::{self, CarriedLobe, Coverage};
 use serde::Serialize;
 
-/// What was achieved, in the names of `compress --json`.
+/// Report on a compression, with the field names of `compress --json`.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -31,83 +31,85 @@ use serde::Serialize;
 pub struct Report {
     /// `b3-` and the BLAKE3 digest of the file.
     pub digest: String,
-    /// The same without the metadata chunk.
+    /// `b3-` and the BLAKE3 digest of the file without the metadata chunk.
     pub payload_digest: String,
-    /// The format of the input.
+    /// Format of the input.
     pub format: String,
-    /// Its revision and flavour.
+    /// Revision and flavour of the input format.
     pub dialect: String,
-    /// The quantity.
+    /// Measured quantity.
     pub quantity: Quantity,
-    /// The unit of a sample.
+    /// Unit of a sample.
     pub unit: Unit,
-    /// The policy.
+    /// Compression policy.
     pub policy: Policy,
-    /// The spectral basis.
+    /// Spectral basis.
     pub basis: String,
-    /// The bases that competed for the wavelength axis, best first.
+    /// Bases that competed for the wavelength axis, best first.
     pub basis_ranking: Vec<Ranked>,
-    /// The axes, for people.
+    /// Human-readable descriptions of the axes.
     pub axes: Vec<String>,
-    /// The size of the file.
+    /// Size of the file in bytes.
     pub bytes: u64,
-    /// Coefficients that are not zero.
+    /// Number of nonzero coefficients; `None` if the policy keeps no coefficients.
     pub kept_coefficients: Option<u64>,
     /// Samples per kept coefficient.
     pub ratio_coefficients: Option<f64>,
-    /// Quantiser step of the coefficients, in natural logarithms or in the unit of a sample; `None` for policies other than `rd`.
+    /// Quantiser step of the coefficients, in natural-log units or in the unit of a sample; `None` for policies other
+    /// than `rd`.
     pub step: Option<f64>,
-    /// Bytes of the float32 tensor per byte of the file.
+    /// Compression ratio: bytes of the float32 tensor divided by bytes of the file.
     pub ratio_bytes: f64,
-    /// Errors of the decoded file at the samples that the measurement states; of scattered samples those of the evaluated
-    /// material at all that were not rejected.
+    /// Errors of the decoded file at the samples that the measurement states. For scattered samples, errors of the
+    /// evaluated material at all samples that were not rejected.
     #[serde(flatten)]
     pub errors: ErrorReport,
-    /// Values that the errors are measured at, where these are not the numbers of the file: values after resampling to other
-    /// wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
+    /// Values at which errors are measured, if these are not the numbers of the input file. Either values resampled to
+    /// other wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors_at: Option<String>,
-    /// Errors of the decoded file against the cells that were compressed, where samples were averaged over cells.
+    /// Errors of the decoded file against the compressed cells, if samples were averaged over cells.
     #[serde(flatten)]
     pub cells: Option<CellErrors>,
-    /// How much of the light of every direction and wavelength (directional albedo, flux) the decoded file keeps.
+    /// Error of the light (directional albedo, flux) of the decoded file, over all directions and wavelengths.
     pub light: Option<LightReport>,
-    /// Interpolation between incidences, and its errors where one of them is left out; `None` where none stands between others, and
-    /// of more than 131,072 pairs of incoming and outgoing cells.
+    /// Interpolation between incidences and its leave-one-out errors. `None` if no incidence lies between others, or
+    /// if there are more than 131,072 pairs of incoming and outgoing cells.
     pub incidences: Option<IncidenceReport>,
-    /// Colour differences of the decoded file against the tensor, where they were promised.
+    /// Colour differences between the decoded file and the tensor, if the target bounds them.
     pub delta_e: Option<ColourReport>,
     /// Noise, fit and outliers of scattered samples.
     #[serde(rename = "scattered", skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitReport>,
-    /// Lobe beside the cells; `None` where these hold all of it.
+    /// Narrow lobe stored beside the cells; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lobe: Option<CarriedLobe>,
-    /// Light of the material against that of scattered samples, by incidence and group of bands; empty for other measurements.
+    /// Light of the material compared with that of scattered samples, by incidence and group of bands; empty for other
+    /// measurements.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
-    /// Share of the values with a stated standard uncertainty u from which the decoded file is at most 2u away, 0 to 1;
-    /// `None` where the file states none, and for the grid of a file that was averaged over triangles.
+    /// Fraction (0 to 1) of the values with a stated standard uncertainty u that the decoded file matches within 2u.
+    /// `None` if the file states none, or if its grid was averaged over triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
-    /// Where the target `auto` stopped; `None` for other targets.
+    /// Bound at which the target `auto` stopped; `None` for other targets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub auto: Option<AutoReport>,
-    /// The noise of the tensor that was compressed; `None` where none can be told, and of cells fitted to scattered samples.
+    /// Noise of the compressed tensor. `None` if it cannot be estimated, and for cells fitted to scattered samples.
     pub noise: Option<Noise>,
-    /// What the cells stand on.
+    /// Counts of measured, interpolated, filled and empty cells, and notes on the axes.
     pub coverage: Coverage,
-    /// Everything a parser assumed, filled or skipped, and warnings: a ratio that the file falls short of, a target below the
-    /// noise, incoming directions too sparse for the lobe.
+    /// Assumptions, fills and omissions of the parser, and warnings. Warnings concern a missed ratio, a target below
+    /// the noise, or incoming directions too sparse for the lobe.
     pub notes: Vec<Note>,
-    /// The levels of the last triangle axis that the first bytes of the file hold, coarse first; at least the finest.
+    /// Resolution levels that a prefix of the file decodes to, coarse first; at least the finest.
     pub levels: Vec<LevelInfo>,
 }
 
-/// Errors of decoded cells against those that were compressed; see [`ErrorReport`].
+/// Errors of decoded cells against the compressed cells; see [`ErrorReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CellErrors {
-    /// Cells times wavelengths.
+    /// Number of compared values: cells times wavelengths.
     #[serde(rename = "samples_cells")]
     pub samples: u64,
     /// Mean relative error.
@@ -116,10 +118,10 @@ pub struct CellErrors {
     /// Root mean square of the relative error.
     #[serde(rename = "er_l2_cells")]
     pub er_l2: f64,
-    /// The largest relative error.
+    /// Largest relative error.
     #[serde(rename = "max_relative_error_cells")]
     pub max_relative_error: f64,
-    /// `√(Σ(s'−s)² / Σs²)`.
+    /// Relative root mean square error, `√(Σ(s'−s)² / Σs²)`.
     #[serde(rename = "relative_rmse_cells")]
     pub relative_rmse: f64,
 }
@@ -131,7 +133,7 @@ impl CellErrors {
     }
 }
 
-/// The report on a file that was just made from as many samples.
+/// Creates the report on a compressed file. `samples` is the number of samples of its tensor.
 pub(super) fn report(
     acquisition: &Acquisition,
     target: Target,
@@ -140,10 +142,10 @@ pub(super) fn report(
     compressed: &compress::Compressed,
 ) -> Report {
     let summary = &compressed.summary;
-    // Samples on their final axes are the tensor's own: there is nothing more to measure.
+    // Samples kept on their own grid are those of the tensor: its errors are known already.
     let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let projected = !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_));
-    // Cells fitted to scattered samples have another noise than these.
+    // The noise of fitted cells is not that of the samples.
     let noise = compressed.noise.filter(|_| at_scattered.is_none());
     let incidences = incidences(&compressed.bytes, noise).ok().flatten();
     let promised = promised(target, summary.errors.er_l2);
@@ -194,7 +196,8 @@ pub(super) fn report(
     }
 }
 
-/// Values at which errors of a material on `axes` are measured; `None` where these are the numbers of `acquisition`.
+/// Describes the values at which errors of a material on `axes` are measured. Returns `None` if these are the numbers
+/// of `acquisition`.
 fn errors_at(acquisition: &Acquisition, axes: &[Axis]) -> Option<String> {
     let Some(Axis::Wavelength(grid)) = axes.last() else { return None };
     let is_same = |own: &WavelengthGrid| own.len() == grid.len() && (0..grid.len()).all(|i| own.at(i) == grid.at(i));

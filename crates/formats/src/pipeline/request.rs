@@ -1,4 +1,4 @@
-//! How a measurement is to be compressed.
+//! Compression requests.
 
 use crate::compress::{Policy, Target};
 use crate::domain::{WavelengthError, WavelengthGrid, named};
@@ -9,15 +9,15 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Curve {
-    /// Cubics of logarithms; for luminaires and phase functions with the least share of straight lines that keeps the flux within
-    /// 0.3 % of the zonal flux of the samples.
+    /// Cubic interpolation of logarithms. For luminaires and phase functions it is mixed with the least share of
+    /// linear interpolation that keeps the flux within 0.3 % of the zonal flux of the samples.
     #[default]
     Cubic,
-    /// Straight lines between the samples.
+    /// Linear interpolation between the samples.
     Linear,
 }
 impl Curve {
-    /// Returns true for cubics, which are taken where nothing is named.
+    /// Returns true for cubic interpolation, the default.
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
@@ -25,7 +25,7 @@ impl Curve {
 
 named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 
-/// How to compress, in the command line's names; everything but `target` has a default.
+/// Compression request, with the names of the command line. Every field except `target` has a default.
 ///
 /// ```
 /// use wavelume_formats::pipeline::Request;
@@ -37,24 +37,26 @@ named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// The promise.
+    /// Promised error bound, size or ratio.
     pub target: Target,
-    /// The policy.
+    /// Compression policy.
     #[serde(default)]
     pub policy: Policy,
-    /// The spectral basis, or `auto`.
+    /// Spectral basis, or `auto`.
     #[serde(default = "auto")]
     pub basis: String,
-    /// Relative floor.
+    /// Floor as a fraction of the largest sample. Smaller samples are excluded from relative errors, and their absolute
+    /// error stays below the floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub floor: Option<f64>,
-    /// The largest relative error of the light of any direction and wavelength.
+    /// Upper bound on the relative error of the light (directional albedo, flux) of any direction and wavelength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub albedo_error: Option<f64>,
-    /// Grid of the file or triangles; a level asks for triangles, too.
+    /// Domain of directions: the grid of the file, or triangles. A level also selects triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DirectionDomain>,
-    /// Replaces each value of a BRDF on its own grid with the mean of it and that of the exchanged pair of directions.
+    /// Makes a BRDF on its own grid reciprocal: replaces each value by its mean with that of the exchanged pair of
+    /// directions.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub reciprocal: bool,
     /// Subdivision level of the incoming triangles.
@@ -63,20 +65,20 @@ pub struct Request {
     /// Subdivision level of the outgoing triangles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outgoing_level: Option<u8>,
-    /// `START:STOP:STEP` in nm.
+    /// Wavelengths to resample to, as `START:STOP:STEP` in nm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelengths: Option<String>,
-    /// Whether the file carries its provenance.
+    /// Stores the provenance in the file.
     #[serde(default = "yes")]
     pub metadata: bool,
-    /// Whether one incoming direction is decoded without the others.
+    /// Lays out the file so that one incoming direction can be decoded without the others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub random_access: bool,
-    /// The function between stated directions, of measurements on grids of angles.
+    /// Interpolation between stated directions, for measurements on grids of angles.
     #[serde(default, skip_serializing_if = "Curve::is_default")]
     pub interpolation: Curve,
-    /// Refuses a material that adds too much to the noise of scattered samples or has another light than they, instead of warning
-    /// of it.
+    /// Refuses a material that adds too much error to the noise of scattered samples, or differs from them in total
+    /// light, instead of adding a warning.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub strict: bool,
 }
@@ -90,12 +92,12 @@ fn yes() -> bool {
 }
 
 impl Request {
-    /// A request for a relative error, er(L2), of at most `error`: 0.01 is 1 %.
+    /// Creates a request for a relative error, er(L2), of at most `error`: 0.01 is 1 %.
     pub fn er_l2(error: f64) -> Self {
         Self::to(Target::ErL2(error))
     }
 
-    /// A request with defaults for everything but the promise.
+    /// Creates a request for `target` with defaults for all other fields.
     pub fn to(target: Target) -> Self {
         Self {
             target,
@@ -115,7 +117,7 @@ impl Request {
         }
     }
 
-    /// The axes that are asked for.
+    /// Returns the requested axes.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
             domain: self.domain,

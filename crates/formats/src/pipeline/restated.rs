@@ -1,5 +1,5 @@
-//! Measurements on the grid of their file, written as the file that they came from: angles, keywords, header and
-//! multipliers are its own.
+//! Export of measurements on the grid of their source file, in its format, with its angles, keywords, header and
+//! multipliers.
 
 use super::as_planes::as_planes;
 use super::origin::Origin;
@@ -15,24 +15,24 @@ use crate::projection::{self, AxesRequest, DirectionDomain};
 /// A file on the grid of its source.
 #[derive(Clone, Debug)]
 pub struct Restated {
-    /// The file.
+    /// Bytes of the file.
     pub bytes: Vec<u8>,
-    /// The format of the file.
+    /// Format of the file.
     pub format: ExportFormat,
-    /// Masked samples, which the format cannot say: 0.
+    /// Number of masked samples, written as 0 because the format has no mask.
     pub filled: usize,
-    /// Errors of the file, read again, at every sample of the measurement.
+    /// Errors of the file, read back, at every sample of the measurement.
     pub errors: ErrorReport,
-    /// The same in the terms of those who make luminaires, for a luminaire.
+    /// Errors in photometric terms; `None` unless the measurement is a luminaire.
     pub lamp: Option<LampErrors>,
-    /// Contents of the measurement that the file does not hold.
+    /// Contents of the measurement that the file cannot hold.
     pub lost: Vec<String>,
 }
 
-/// Writes `measurement` as a file of the format that it came from, reads it again, and compares angles and samples.
+/// Writes `measurement` in its source format, reads the file back, and compares angles and samples.
 ///
-/// Refuses measurements on other axes than those of the file, and formats without such a writer: then [`crate::export::export`]
-/// resamples.
+/// Refuses measurements whose axes are not those of the source, and formats without such a writer. Use
+/// [`crate::export::export`] to resample instead.
 pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -> Result<Restated, ExportError> {
     let format = ExportFormat::of_name(origin.format).ok();
     let Some(format) = format.filter(|format| FORMATS.contains(format)) else {
@@ -41,7 +41,7 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
     restate_as(measurement, None, origin, format, digits)
 }
 
-/// Like [`restate`], in a named format; `numbers` are those of the source, beside their factor.
+/// Like [`restate`], but in the given format. `numbers` are the numbers of the source file, before its factor.
 pub(super) fn restate_as(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,
@@ -65,7 +65,7 @@ pub(super) fn restate_as(
     }
 }
 
-/// Writes a measurement whose header is in the words of `format`.
+/// Writes a measurement whose header has the keywords of `format`.
 fn restate_own(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,
@@ -89,7 +89,7 @@ fn restate_own(
                 restate_eulumdat(&grid)?
             } else {
                 let bytes = restate_lm63(&grid, false)?;
-                // A unit that the user named is not in the keywords.
+                // The keywords do not hold a unit given by the user.
                 if read_again(&bytes, measurement, format)?.unit == unit { bytes } else { restate_lm63(&grid, true)? }
             }
         }
@@ -112,7 +112,7 @@ fn restate_own(
     Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost: Vec::new() })
 }
 
-/// Returns true for axes of the same angles. What a grid says of directions beyond them is the format's.
+/// Returns true if the axes have equal angles. Values outside the grid are defined by the format and not compared.
 fn are_same(axes: &[Axis], others: &[Axis]) -> bool {
     let is_same = |(axis, other): (&Axis, &Axis)| match (axis, other) {
         (Axis::Grid(a), Axis::Grid(b)) => {
@@ -124,10 +124,10 @@ fn are_same(axes: &[Axis], others: &[Axis]) -> bool {
     axes.len() == others.len() && axes.iter().zip(others).all(is_same)
 }
 
-/// The formats that are written on the grid of their source.
+/// Formats that can be written on the grid of their source.
 pub(super) const FORMATS: [ExportFormat; 3] = [ExportFormat::Lm63, ExportFormat::Eulumdat, ExportFormat::Mbsdf];
 
-/// The file as its reader takes it, in the unit of the measurement where the reader can be told.
+/// Reads the file back, with the unit and quantity of the measurement if the parser accepts them.
 fn read_again(bytes: &[u8], measurement: &Measurement, format: ExportFormat) -> Result<Acquisition, FormatError> {
     let how = Interpretation {
         unit: (format == ExportFormat::Eulumdat).then_some(measurement.unit),

@@ -1,28 +1,30 @@
-//! The light of a material against that of the scattered samples it was made of, under each incidence and in groups of bands.
+//! Comparison of the light of a material with that of its scattered samples, by incidence and group of bands.
 //!
-//! Both are sums over the same samples with the same weights: the areas that the samples stand for times |cos θ|. Samples that
-//! were rejected are no error of the material, but where several of them lie together they may be a lobe narrower than their
-//! spacing: these count in the sums that are warned of. Those that lie alone are stated only.
+//! Both are sums over the same samples with the same weights: the solid angle that each sample represents times |cos
+//! θ|. Rejected samples are no error of the material. Several of them close together may be a lobe narrower than the
+//! sample spacing; these count in the sums that raise warnings. Isolated ones are only reported.
 
 use crate::domain::{Axis, WavelengthGrid};
 use crate::projection::{Incidence, ScatteredSamples};
 use serde::{Deserialize, Serialize};
 
-/// Groups of bands that are summed apart, at most.
+/// Largest number of groups of bands that are summed separately.
 const GROUPS: usize = 8;
-/// Relative difference of the light that is warned of, if it is above so many standard errors of the noise, too.
+/// Relative difference of the light that raises a warning, if it also exceeds [`STANDARD_ERRORS`] of the noise.
+/// Raising either warns less often.
 const LIGHT: f64 = 0.03;
 const STANDARD_ERRORS: f64 = 4.0;
-/// Albedo above 1 that is not warned of: sums by area are so far off.
+/// Largest excess of an albedo over 1 without a warning: sums over sample areas are this inaccurate.
 const ALBEDO: f64 = 0.02;
-/// No row of a sum.
+/// Marks samples that belong to no incidence.
 const NONE: u32 = u32::MAX;
 
-/// Light of the material less that of the samples, in parts of the latter, under one incidence in one group of bands: −0.2
-/// where the material has a fifth less. `None` where there is no sample, or the samples have no light.
+/// Difference between the light of the material and that of the samples, relative to the latter. It is given for one
+/// incidence and one group of bands: −0.2 if the material has a fifth less. Differences are `None` if there is no
+/// sample or the samples have no light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct IncidenceLight {
-    /// Polar angle of the incidence in degrees; `None` for all incidences together, or without any.
+    /// Polar angle of the incidence in degrees; `None` for the sum over all incidences, or without incidences.
     pub theta_i: Option<f64>,
     /// Azimuth of the incidence in degrees; `None` for isotropic data.
     pub phi_i: Option<f64>,
@@ -30,36 +32,35 @@ pub struct IncidenceLight {
     pub wavelengths: Option<[f64; 2]>,
     /// First and last channel of the group, from 0.
     pub channels: [usize; 2],
-    /// Values that were compared, rejected ones included.
+    /// Number of compared values, rejected ones included.
     pub values: u64,
-    /// Sum of the samples but for rejected ones that lie alone, the mean over the channels.
+    /// Weighted sum of the samples without isolated rejected ones, averaged over the channels.
     pub light: f64,
-    /// Whether samples weigh by the areas that they stand for, so that over a whole hemisphere `light` is the directional
-    /// albedo, or the flux: not in a plane of incidence, nor where each sample has its own incidence.
+    /// True if samples are weighted by the areas they represent. Over a whole hemisphere `light` is then the
+    /// directional albedo or the flux. False in a plane of incidence, and if each sample has its own incidence.
     pub by_area: bool,
     /// Difference at the samples that were not rejected.
     pub kept: Option<f64>,
-    /// Difference with the rejected samples that lie together.
+    /// Difference including rejected samples that lie close together.
     pub together: Option<f64>,
-    /// Difference with all rejected samples.
+    /// Difference including all rejected samples.
     pub all: Option<f64>,
-    /// Standard error of `together` by the noise of the samples; 0 where the noise is unknown.
+    /// Standard error of `together` from the noise of the samples; 0 if the noise is unknown.
     pub noise: f64,
 }
 
-/// Differences of the light that are the largest by magnitude over all incidences and groups of bands, as in
-/// [`IncidenceLight`].
+/// Largest differences of the light by magnitude, over all incidences and groups of bands; see [`IncidenceLight`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SampleLight {
-    /// At the samples that were not rejected.
+    /// Difference at the samples that were not rejected.
     pub kept: Option<f64>,
-    /// With the rejected samples that lie together.
+    /// Difference including rejected samples that lie close together.
     pub together: Option<f64>,
-    /// With all rejected samples.
+    /// Difference including all rejected samples.
     pub all: Option<f64>,
 }
 
-/// Sums of the material and of the samples.
+/// Weighted sums over the values of the material and of the samples.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     found: f64,
@@ -79,7 +80,7 @@ impl Pair {
     }
 }
 
-/// What becomes of a value in the sums.
+/// Classification of a value in the sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     Kept,
@@ -90,13 +91,13 @@ enum Class {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     classes: [Pair; 3],
-    /// Of the samples that are not alone, for a relative noise of 1.
+    /// Variance of the sample sum, without isolated values, for a relative noise of 1.
     variance: f64,
 }
 
-/// Sums in the making, for samples that come in pieces in order.
+/// Running sums for samples that arrive in order, in pieces.
 pub(super) struct LightSums {
-    /// The incidence and the weight of each sample.
+    /// Incidence and weight of each sample.
     places: Vec<(u32, f64)>,
     sums: Vec<Sum>,
     width: usize,
@@ -122,8 +123,8 @@ impl LightSums {
         Self { places, sums: vec![Sum::default(); angles.len() * groups], width, groups, angles, by_area }
     }
 
-    /// Adds the values of the samples from `from` on, `[sample, wavelength]`; `rejected` are the places of rejected ones,
-    /// increasing, and whether they lie together.
+    /// Adds the values `[sample, wavelength]` of the samples from `from` on. `rejected` yields the positions of
+    /// rejected values in increasing order, with true for those that lie close together.
     pub(super) fn add(
         &mut self,
         from: usize,
@@ -151,7 +152,7 @@ impl LightSums {
                     }
                     let pair = Pair { found: weight * found, stated: weight * stated, values: 1 };
                     pairs[class as usize].add(&pair);
-                    // Noise of neighbouring bands may be common to them.
+                    // Sum before squaring: noise may be common to neighbouring bands.
                     deviation += if class == Class::Alone { 0.0 } else { pair.stated.abs() };
                 }
                 if incidence != NONE {
@@ -163,12 +164,12 @@ impl LightSums {
         }
     }
 
-    /// The channels of a group: about as many in each.
+    /// Returns the channels of a group; all groups have about equal size.
     fn channels(&self, group: usize) -> std::ops::Range<usize> {
         group * self.width / self.groups..(group + 1) * self.width / self.groups
     }
 
-    /// The differences, for samples of this relative noise; `spectral` is the axis of the channels.
+    /// Returns the differences, for samples with this relative noise. `spectral` is the axis of the channels.
     pub(super) fn finish(&self, noise: Option<f64>, spectral: Option<&Axis>) -> Vec<IncidenceLight> {
         let grid = spectral.and_then(|axis| if let Axis::Wavelength(grid) = axis { Some(grid) } else { None });
         let grid = grid.filter(|grid| grid.len() == self.width);
@@ -201,7 +202,7 @@ impl LightSums {
 }
 
 impl SampleLight {
-    /// The largest of `lights`.
+    /// Returns the largest differences among `lights`.
     pub(super) fn of(lights: &[IncidenceLight]) -> Self {
         let largest = |of: fn(&IncidenceLight) -> Option<f64>| {
             lights.iter().filter_map(of).reduce(|most, next| if next.abs() > most.abs() { next } else { most })
@@ -210,13 +211,14 @@ impl SampleLight {
     }
 }
 
-/// Whether the difference is large, and not by chance.
+/// Returns true if the difference is large and exceeds the noise.
 fn is_off(light: &IncidenceLight) -> bool {
     light.together.is_some_and(|off| off.abs() > LIGHT && off.abs() > STANDARD_ERRORS * light.noise)
 }
 
-/// A warning of a material whose light differs by more than 3 % from that of its samples, and by more than their noise explains;
-/// or else of a lobe that these `lobe` values show, and no sum can, since none of them is near its peak.
+/// Returns a warning if the light of a material differs from that of its samples by more than 3 % and by more than
+/// their noise explains. Otherwise warns of an unresolved lobe, if `lobe` values belong to one: no sum shows such a
+/// lobe, since no sample lies near its peak.
 pub(super) fn warning(lights: &[IncidenceLight], lobe: u64) -> Option<String> {
     different(lights).or_else(|| {
         (lobe > 0).then(|| {
@@ -228,7 +230,7 @@ pub(super) fn warning(lights: &[IncidenceLight], lobe: u64) -> Option<String> {
     })
 }
 
-/// A warning of the incidence under which the light of the material differs most from that of its samples.
+/// Returns a warning about the incidence under which the light differs most.
 fn different(lights: &[IncidenceLight]) -> Option<String> {
     let size = |light: &IncidenceLight| light.together.unwrap_or(0.0).abs();
     let off = lights.iter().filter(|light| is_off(light));
@@ -267,7 +269,7 @@ fn different(lights: &[IncidenceLight]) -> Option<String> {
     ))
 }
 
-/// A warning of samples that send out more light than falls on them, for quantities that have an albedo.
+/// Returns a warning if samples reflect more light than they receive, for quantities with an albedo.
 pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
     let is_above =
         |light: &&IncidenceLight| light.by_area && light.light > 1.0 + ALBEDO.max(STANDARD_ERRORS * light.noise);

@@ -1,21 +1,21 @@
-//! A measurement that was read: its samples, and the digests of the bytes that they come from.
+//! Measurements that were read: samples and digests of the bytes they came from.
 
 use super::digest::digest;
 use super::error::PipelineError;
 use crate::formats::{self, Acquisition, Interpretation};
 
-/// The bytes of a measurement and what the user says about them.
+/// Bytes of a measurement, and the user's interpretation of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// The file.
+    /// Bytes of the file.
     pub bytes: &'a [u8],
-    /// A spectrum to join with a luminaire.
+    /// Bytes of a spectrum to join with a luminaire.
     pub spectrum: Option<&'a [u8]>,
-    /// What the user says about the file.
+    /// Options that the file does not state, such as its unit.
     pub interpretation: &'a Interpretation,
 }
 
-/// A measurement that was read, with its own bytes no longer needed.
+/// A parsed measurement. The bytes of its file are no longer needed.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -32,11 +32,11 @@ pub struct Input<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The samples and everything the parser has to say.
+    /// Samples and the notes of the parser.
     pub acquisition: Acquisition,
-    /// Digest of the file's bytes.
+    /// Digest of the bytes of the file.
     pub content_digest: String,
-    /// Digest of the joined spectrum's bytes.
+    /// Digest of the bytes of the joined spectrum.
     pub spectrum_digest: Option<String>,
 }
 

@@ -1,17 +1,18 @@
-//! Warnings of incoming directions that are too sparse for the lobe between them.
+//! Warnings about incoming directions that are too sparse for the lobe between them.
 
 use super::incidences::IncidenceReport;
 use crate::compress::{self, Noise};
 use crate::domain::{Axis, Measurement};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
-/// Pairs of incoming and outgoing cells that are opened for a warning at most: opening this many takes a second or two.
+/// Largest number of pairs of incoming and outgoing cells for which a material is opened to check it. Opening this
+/// many takes one or two seconds; raising it checks larger materials.
 const MOST_CELLS: usize = 1 << 17;
-/// Promised error where a material or a measurement names none.
+/// Promised relative error assumed for materials and measurements that state none: 0.01 is 1 %.
 const PROMISED: f64 = 0.01;
 
-/// A warning where a material's incoming directions are too sparse to say what the lobe does between them. The material is
-/// opened for it; one of more than 131,072 pairs of incoming and outgoing cells is not, and never warned of.
+/// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe. Opens the
+/// material for it. Materials with more than 131,072 pairs of incoming and outgoing cells are not checked.
 pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
     let summary = compress::inspect(bytes)?;
     if !has_lobes(&summary.axes) {
@@ -23,7 +24,7 @@ pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
     Ok(incidences(bytes, noise)?.and_then(|report| report.warning(promised)))
 }
 
-/// As [`sparse`], for what is not compressed yet.
+/// Like [`sparse`], for a measurement that is not compressed yet.
 pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, EvaluateError> {
     if !has_lobes(measurement.tensor.axes()) {
         return Ok(None);
@@ -34,13 +35,13 @@ pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, Ev
     Ok(report.and_then(|report| report.warning(PROMISED)))
 }
 
-/// The report on the incidences of a material that is not too large to open.
+/// Returns the report on the incidences of a material; `None` if it is too large to open or has no inner incidence.
 pub(super) fn incidences(bytes: &[u8], noise: Option<Noise>) -> Result<Option<IncidenceReport>, EvaluateError> {
     let opens = has_lobes(&compress::inspect(bytes)?.axes);
     if opens { Ok(IncidenceReport::of(&Material::open(bytes)?, noise)) } else { Ok(None) }
 }
 
-/// Whether there are outgoing directions for several incoming ones, and few enough to open.
+/// Returns true if there are outgoing directions for several incoming ones, and few enough cells to open.
 fn has_lobes(axes: &[Axis]) -> bool {
     let cells = axes.iter().filter(|axis| !axis.is_spectral()).try_fold(1_usize, |n, axis| n.checked_mul(axis.len()));
     axes.iter().filter(|axis| axis.is_directional()).count() > 1 && cells.is_some_and(|cells| cells <= MOST_CELLS)

@@ -1,4 +1,4 @@
-//! Uncertainties that a file states: how large they are, and which values of a material lie within twice theirs.
+//! Uncertainties stated in a file: their size, and the fraction of material values within twice their uncertainty.
 
 use super::request::Request;
 use crate::compress;
@@ -6,7 +6,7 @@ use crate::domain::Tensor;
 use crate::formats::{Acquisition, AngleGrid, ParseReport, Samples};
 use crate::projection;
 
-/// Values that are compared with twice their stated standard uncertainty, and those within it.
+/// Counts of values with a stated standard uncertainty, and of those within twice of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Within {
     kept: u64,
@@ -14,8 +14,8 @@ pub(super) struct Within {
 }
 
 impl Within {
-    /// Adds values of a file, those of a material in their place, and their standard uncertainties. A value without
-    /// uncertainty does not count; one that the material has no answer for is not within.
+    /// Adds values of a file, the material's values in their place, and their standard uncertainties. Values without
+    /// uncertainty do not count. Values that the material cannot answer count as outside.
     pub(super) fn add(&mut self, original: &[f32], found: &[f32], sigma: &[f32]) {
         for ((&original, &found), &sigma) in original.iter().zip(found).zip(sigma) {
             if is_stated(original, sigma) {
@@ -26,7 +26,8 @@ impl Within {
         }
     }
 
-    /// Share of the values with a stated uncertainty that are within twice of it, 0 to 1; `None` where none is stated.
+    /// Returns the fraction (0 to 1) of the values that lie within twice their stated uncertainty; `None` if none is
+    /// stated.
     pub(super) fn share(self) -> Option<f64> {
         (self.stated > 0).then(|| self.kept as f64 / self.stated as f64)
     }
@@ -36,8 +37,8 @@ fn is_stated(value: f32, sigma: f32) -> bool {
     !value.is_nan() && sigma > 0.0 && sigma.is_finite()
 }
 
-/// Root mean square of the relative standard uncertainties that a file states: 0.01 is 1 %. Values below their own
-/// uncertainty are left out, as their relative one says nothing; `None` where nothing is left.
+/// Returns the root mean square of the stated relative standard uncertainties: 0.01 is 1 %. Values below their own
+/// uncertainty are skipped. Returns `None` if no value is left.
 pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     let (values, sigma) = match &acquisition.samples {
         Samples::Scattered(scattered) => (&scattered.values, scattered.sigma.as_ref()?),
@@ -54,8 +55,8 @@ pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
-/// Share of the values of a file, on its own grid, from which those of the compressed `bytes` are within twice the
-/// stated uncertainty; `None` where none is stated, or the material is not on that grid.
+/// Returns the fraction of the values of a file that the compressed `bytes` match within twice the stated uncertainty.
+/// `None` if none is stated, or if the material is not on the grid of the file.
 pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, bytes: &[u8]) -> Option<f64> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let sigma = grid.sigma.as_deref()?;
@@ -67,7 +68,7 @@ pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, bytes
     within.share()
 }
 
-/// Numbers on the grid of a file in place of its values, on the axes that they were compressed on.
+/// Puts `grid` in place of the values of the file and projects it onto the axes of `decoded`.
 fn on_axes_of(acquisition: &Acquisition, grid: AngleGrid, request: &Request, decoded: &Tensor) -> Option<Tensor> {
     let numbers = Acquisition {
         format: acquisition.format,
@@ -121,7 +122,7 @@ mod tests {
         for theta_i in [0, 30, 60] {
             for theta_o in (0..90).step_by(10) {
                 for phi_o in [0, 60, 120, 180] {
-                    // Half of the values are said to be known exactly, so to speak.
+                    // The uncertainty of half of the values is next to 0.
                     let (value, sigma) = (1.0 + 0.01 * f64::from(theta_o), if theta_o < 40 { 1e-9 } else { 0.1 });
                     let _ = writeln!(rows, "{theta_i},{theta_o},{phi_o},{value},{sigma}");
                 }

@@ -1,4 +1,4 @@
-//! Drawing for diagrams: filled shapes, lines and labels, smoothed by parts of pixels; colours are sRGB values of 0..=1.
+//! Drawing of diagrams: filled shapes, lines and labels, antialiased by subpixels. Colours are sRGB values of 0..=1.
 
 use super::encode::png;
 use super::error::PreviewError;
@@ -7,16 +7,16 @@ use super::font::{HEIGHT, STEP, WIDTH, glyph};
 pub(super) type Ink = [f32; 3];
 pub(super) type Point = [f64; 2];
 
-/// A square picture; (0, 0) is its upper left corner, (size, size) the lower right one.
+/// Square picture; (0, 0) is the upper left corner, (size, size) the lower right one.
 pub(super) struct Canvas {
     size: usize,
-    /// Parts of a pixel along a side.
+    /// Number of subpixels along a side of a pixel.
     parts: usize,
     pixels: Vec<Ink>,
     labels: Vec<(Point, String, Ink)>,
 }
 
-/// Where a label is held.
+/// Horizontal anchor of a label.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Hold {
     Left,
@@ -24,13 +24,13 @@ pub(super) enum Hold {
     Right,
 }
 
-/// Behind everything.
+/// Colour of the background.
 pub(super) const PAPER: Ink = [0.085, 0.09, 0.10];
-/// Grid lines.
+/// Colour of grid lines.
 pub(super) const GRID: Ink = [0.22, 0.23, 0.25];
-/// Axes.
+/// Colour of axes.
 pub(super) const AXIS: Ink = [0.40, 0.42, 0.45];
-/// Labels.
+/// Colour of labels.
 pub(super) const TEXT: Ink = [0.72, 0.74, 0.77];
 
 impl Canvas {
@@ -43,22 +43,22 @@ impl Canvas {
         self.size as f64
     }
 
-    /// Pixels of a dot of a label.
+    /// Returns the size in pixels of a label's dot.
     pub(super) fn dot(&self) -> usize {
         if self.size >= 448 { 2 } else { 1 }
     }
 
-    /// Whether there is room for labels.
+    /// Returns true if the picture is large enough for labels.
     pub(super) fn is_labelled(&self) -> bool {
         self.size >= 128
     }
 
-    /// A width in pixels that looks the same at every size.
+    /// Returns a line width in pixels, scaled from its value at a picture size of 256.
     pub(super) fn stroke(&self, at_256: f64) -> f64 {
         (at_256 * self.size() / 256.0).max(0.75)
     }
 
-    /// Fills a polygon (even and odd): each part of a pixel becomes `ink` of its middle, covering by its last value.
+    /// Fills a polygon by the even-odd rule. `ink` returns the colour and opacity at the centre of each subpixel.
     pub(super) fn fill(&mut self, polygon: &[Point], ink: impl Fn(Point) -> (Ink, f32)) {
         let scale = self.parts as f64;
         let side = self.size * self.parts;
@@ -88,7 +88,7 @@ impl Canvas {
         }
     }
 
-    /// A line through points, `width` pixels wide, opaque; gaps where a point is missing.
+    /// Draws an opaque line through points, `width` pixels wide, with a gap at each missing point.
     pub(super) fn line(&mut self, points: &[Option<Point>], width: f64, ink: Ink) {
         for pair in points.windows(2) {
             if let &[Some(a), Some(b)] = pair {
@@ -97,7 +97,7 @@ impl Canvas {
         }
     }
 
-    /// A straight line with round ends.
+    /// Draws a straight line with round ends.
     pub(super) fn segment(&mut self, a: Point, b: Point, width: f64, ink: Ink) {
         let r = 0.5 * width;
         let along = [b[0] - a[0], b[1] - a[1]];
@@ -120,7 +120,7 @@ impl Canvas {
         }
     }
 
-    /// A circle.
+    /// Draws a circle.
     pub(super) fn circle(&mut self, centre: Point, radius: f64, width: f64, ink: Ink) {
         let points: Vec<Option<Point>> = (0..=180)
             .map(|i| {
@@ -131,7 +131,7 @@ impl Canvas {
         self.line(&points, width, ink);
     }
 
-    /// A label whose middle line is at `at`; kept within the picture.
+    /// Draws a label with its middle line at `at`, moved if necessary to stay within the picture.
     pub(super) fn label(&mut self, at: Point, hold: Hold, text: &str, ink: Ink) {
         if !self.is_labelled() {
             return;
@@ -147,13 +147,13 @@ impl Canvas {
         self.labels.push((at, text.to_owned(), ink));
     }
 
-    /// The width and height of a label.
+    /// Returns the width and height of a label in pixels.
     pub(super) fn extent(&self, text: &str) -> (f64, f64) {
         let dot = self.dot();
         ((text.chars().count() * STEP * dot) as f64, (HEIGHT * dot) as f64)
     }
 
-    /// The picture as PNG.
+    /// Returns the picture as PNG.
     pub(super) fn finish(self) -> Result<Vec<u8>, PreviewError> {
         let (size, parts, side) = (self.size, self.parts, self.size * self.parts);
         let share = 1.0 / (parts * parts) as f32;

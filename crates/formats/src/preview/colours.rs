@@ -1,4 +1,4 @@
-//! The colour of a material at a place: XYZ, CIELAB, sRGB, and the temperature of lights.
+//! Colours of a material at a pair of directions: XYZ, CIELAB, sRGB, and the colour temperature of lights.
 
 use super::error::{PreviewError, QuestionError, unfit};
 use crate::appearance::{JOULES_PER_MICROMOLE, Viewing, counts_photons, emits};
@@ -11,72 +11,74 @@ use crate::evaluate::{Interpolation, Material, Place};
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Colours in one answer.
+/// Upper bound on the colours in one answer.
 const MOST_COLOURS: usize = 4096;
 
-/// Where to look for a colour.
+/// Entry and directions at which a colour is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Question<'a> {
-    /// One entry for each leading index axis; without it every entry is looked at, where there are no directions.
+    /// Entry, one number for each leading index axis. Without it a table without directions gives a colour for every
+    /// entry.
     pub index: Option<&'a [usize]>,
-    /// The incoming direction; normal incidence if nothing is said.
+    /// Incoming direction; normal incidence by default.
     pub wi: Option<Direction>,
-    /// The outgoing direction; if nothing is said, all of them together: albedo, flux.
+    /// Outgoing direction; by default the sum over all of them: albedo or flux.
     pub wo: Option<Direction>,
 }
 
-/// Colours, and what they are relative to.
+/// Colours with their viewing conditions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Colours {
-    /// What was looked at: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`, `spectrum`,
+    /// Coloured quantity: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`, `spectrum`,
     /// `phase function` (× 4π).
     pub of: &'static str,
-    /// The illuminant.
+    /// Name of the illuminant.
     pub illuminant: String,
-    /// The observer.
+    /// Name of the observer.
     pub observer: String,
     /// XYZ of white, Y = 100.
     pub white: [f64; 3],
-    /// One for each entry looked at; `None` where too few wavelengths were measured.
+    /// Colour of each entry; `None` if its measured wavelengths are too few.
     pub colours: Vec<Option<Colour>>,
 }
 
-/// A colour.
+/// Colour of one entry.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Colour {
-    /// The entry of the index axes.
+    /// Entry on the index axes.
     pub index: Vec<usize>,
-    /// Its name, if it has one.
+    /// Name of the entry, if it has one.
     pub label: Option<String>,
     /// Tristimulus values; white has Y = 100.
     pub xyz: [f64; 3],
-    /// Chromaticity; `None` of black.
+    /// Chromaticity; `None` for black.
     pub xy: Option<[f64; 2]>,
     /// CIE 1976 L*a*b*, relative to white.
     pub lab: [f64; 3],
-    /// Linear sRGB as it is, which may be out of gamut; of lights, the largest channel of all is 1.
+    /// Linear sRGB, possibly out of gamut. Lights are scaled so that the largest channel of all colours is 1.
     pub linear_srgb: [f64; 3],
     /// Linear sRGB mapped into the gamut.
     pub mapped_srgb: [f64; 3],
-    /// The mapped one as `#rrggbb`.
+    /// `mapped_srgb`, gamma-encoded as `#rrggbb`.
     pub srgb: String,
-    /// Whether nothing had to be mapped.
+    /// True if no gamut mapping was necessary.
     pub in_gamut: bool,
-    /// Correlated colour temperature of a light, K; `None` too far from the Planckian locus.
+    /// Correlated colour temperature of a light in K; `None` if it is too far from the Planckian locus.
     pub cct: Option<f64>,
     /// Distance of a light from the Planckian locus in CIE 1960 (u, v), positive towards green.
     pub duv: Option<f64>,
-    /// Luminous flux (lm) or intensity (cd) of a light in radiometric units.
+    /// Luminous flux (lm) or intensity (cd) of a light with radiometric units.
     pub luminous: Option<f64>,
 }
 
-/// The colours of `material` at a place. Without `wo`: the directional albedo at `wi` of a BRDF, BTDF or BSDF, the
-/// integral of a phase function, the flux of a luminaire. Tables without directions: every entry.
+/// Returns the colours of `material` at a pair of directions. Without `wo` they are those of an integral: the
+/// directional albedo at `wi` of a BRDF, BTDF or BSDF, the integral of a phase function, or the flux of a luminaire. A
+/// table without directions gives every entry.
 pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> Result<Colours, PreviewError> {
     let layout = material.layout();
     let view = Look::of(material, viewing)?;
     let (integrated, factor) = view.scale(asked, layout.outgoing.is_some());
-    // Normal incidence, in which half the incoming directions are.
+    // Normal incidence of the hemisphere that contains the incoming directions.
     let wi = asked.wi.or_else(|| layout.incoming.map(|axis| normal(&material.axes()[axis])));
     if asked.wi.is_none() && asked.wo.is_some() && layout.incoming.is_some() {
         return unfit(QuestionError::LoneWo { quantity: material.quantity() });
@@ -113,7 +115,7 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
     };
     let shown: Vec<Option<[f64; 3]>> = found.iter().map(|xyz| xyz.map(|xyz| view.linear(xyz.scaled(scale)))).collect();
     let peak = shown.iter().flatten().flatten().copied().fold(0.0, f64::max);
-    // A light as bright as its white would be nothing but white.
+    // A light at the luminance of its white would be shown as white only.
     let display = if view.emits() && peak > 0.0 { 1.0 / peak } else { 1.0 };
     let colours = entries.into_iter().zip(found).zip(shown).map(|((index, xyz), linear)| {
         let label = label(axes, &index);
@@ -129,15 +131,15 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
     })
 }
 
-/// How a material's spectra are looked at.
+/// Viewing setup for the spectra of a material.
 struct Look<'a> {
     material: &'a Material,
     viewing: &'a Viewing,
-    /// `None` for RGB.
+    /// Weights of XYZ; `None` for RGB data.
     weights: Option<crate::domain::colour::Tristimulus>,
     lambdas: Vec<f64>,
     white: Xyz,
-    /// `None` for RGB.
+    /// Chromatic adaptation to the white of sRGB; `None` for RGB data.
     adaptation: Option<Adaptation>,
 }
 
@@ -147,7 +149,7 @@ impl<'a> Look<'a> {
             Some(Axis::Wavelength(grid)) => {
                 let weights =
                     if emits(material.quantity()) { viewing.emission(grid)? } else { viewing.reflectance(grid)? };
-                // On the material's own grid, so that the perfect diffuser is white to the last digit.
+                // Computed on the material's own grid, so that the perfect diffuser is exactly white.
                 let white = if emits(material.quantity()) { viewing.white()? } else { weights.white() };
                 let adaptation = Some(Viewing::adaptation(white)?);
                 Ok(Self { material, viewing, weights: Some(weights), lambdas: grid.values(), white, adaptation })
@@ -165,7 +167,7 @@ impl<'a> Look<'a> {
         emits(self.material.quantity())
     }
 
-    /// Whether only ratios mean something.
+    /// Returns true if only ratios of the values are meaningful.
     fn is_relative(&self) -> bool {
         match self.material.quantity() {
             Quantity::Spectrum | Quantity::Edf => true,
@@ -174,7 +176,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Whether to integrate over outgoing directions, and what makes the result a factor of 1 for white.
+    /// Returns true for an integral over outgoing directions, and the factor that scales the result to 1 for white.
     fn scale(&self, asked: &Question<'_>, has_outgoing: bool) -> (bool, f64) {
         let quantity = self.material.quantity();
         let integrated = has_outgoing && asked.wo.is_none();
@@ -216,7 +218,7 @@ impl<'a> Look<'a> {
         xyz_of(weights, &self.lambdas, &energy)
     }
 
-    /// Linear sRGB of a colour whose white has Y = 100.
+    /// Returns linear sRGB of a colour whose white has Y = 100.
     fn linear(&self, xyz: Xyz) -> [f64; 3] {
         xyz_to_linear(self.adaptation.map_or(xyz, |adaptation| adaptation.apply(xyz)))
     }
@@ -247,7 +249,8 @@ impl<'a> Look<'a> {
     }
 }
 
-/// The straight way in: for the lower hemisphere it is from below, and for a grid that covers neither its first direction.
+/// Returns normal incidence: from below for the lower hemisphere. A grid that covers neither pole gives its first
+/// direction.
 pub(super) fn normal(incoming: &Axis) -> Direction {
     let [up, down] = [0.0, 180.0].map(|theta| Direction::from_degrees(theta, 0.0));
     match incoming {
@@ -260,7 +263,8 @@ pub(super) fn normal(incoming: &Axis) -> Direction {
     }
 }
 
-/// The spectral intensity's unit in W/sr/nm (of photons: what is left when each has its energy).
+/// Returns the factor from the spectral intensity's unit to W/sr/nm. For photon units it applies after the conversion
+/// of photons to energy.
 fn watts(unit: Unit) -> Option<f64> {
     match unit {
         Unit::WattPerSteradianNanometre | Unit::MicromolePerSecondSteradianNanometre => Some(1.0),
@@ -270,7 +274,7 @@ fn watts(unit: Unit) -> Option<f64> {
     }
 }
 
-/// Every entry of the index axes, row-major.
+/// Returns all entries of the index axes, row-major.
 fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
     let count: usize = axes.iter().map(Axis::len).product();
     if count > MOST_COLOURS {
@@ -279,7 +283,7 @@ fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewE
     Ok((0..count).map(|entry| material.index_of(entry)).collect())
 }
 
-/// The names of an entry's axes, where they have any.
+/// Returns the labels of an entry on its index axes, if they have any.
 pub(super) fn label(axes: &[Axis], index: &[usize]) -> Option<String> {
     let names: Vec<&str> = axes
         .iter()

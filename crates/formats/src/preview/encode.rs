@@ -1,9 +1,9 @@
-//! Linear sRGB → PNG.
+//! Encoding of linear sRGB as PNG.
 
 use super::error::PreviewError;
 use crate::domain::colour::{linear_to_srgb, srgb_to_linear};
 
-/// From linear values to eight bits, without a power for each.
+/// Conversion of linear values to eight bits by table lookup instead of a power function.
 pub(super) struct Transfer {
     /// The smallest linear value of each byte above 0.
     thresholds: [f32; 255],
@@ -23,12 +23,12 @@ impl Transfer {
     }
 }
 
-/// An sRGB value of 0..=1 of a linear one.
+/// Returns the gamma-encoded sRGB values of 0..=1.
 pub(super) fn encoded(linear: [f64; 3]) -> [f32; 3] {
     linear.map(|c| linear_to_srgb(c.clamp(0.0, 1.0)) as f32)
 }
 
-/// The bytes of a PNG of `size` × `size` sRGB pixels, eight bits a channel.
+/// Returns a PNG of `size` × `size` sRGB pixels with eight bits per channel.
 pub(super) fn png(size: usize, pixels: &[u8]) -> Result<Vec<u8>, PreviewError> {
     let refused = |error: png::EncodingError| PreviewError::Encode(error.to_string());
     let mut bytes = Vec::with_capacity(size * size);

@@ -1,12 +1,12 @@
-//! The characters of labels, five wide and seven high, drawn here.
+//! Bitmap font of the labels, five dots wide and seven high.
 
-/// A character's width, and the step to the next one.
+/// Width of a character, and advance to the next one, in dots.
 pub(super) const WIDTH: usize = 5;
 pub(super) const STEP: usize = 6;
-/// A character's height.
+/// Height of a character in dots.
 pub(super) const HEIGHT: usize = 7;
 
-/// The rows of a character, top first, the leftmost dot in bit 4; an unknown one is blank.
+/// Returns the rows of a character, top first, with the leftmost dot in bit 4. An unknown character is blank.
 pub(super) fn glyph(c: char) -> [u8; HEIGHT] {
     GLYPHS.iter().find(|(known, _)| *known == c).map_or([0; HEIGHT], |(_, rows)| *rows)
 }

@@ -1,11 +1,11 @@
-//! What a material looks like: its colours under a named light, and a picture of it as PNG.
+//! Previews of a material: its colours under a named light, and a picture as PNG.
 //!
 //! # Conventions
 //! * **Reflectance** is relative to the perfect diffuser, which is white: radiance factors π·f, albedos, reflectances.
-//!   Relative values are relative to the brightest spectrum asked for.
-//! * **Lights** are relative to the brightest spectrum asked for too, beside a white of the illuminant's chromaticity; their
-//!   sRGB is as bright as can be shown without turning white: the largest channel is 1.
-//! * **sRGB** is what an eye adapted to the illuminant's white sees (linear Bradford to D65): the perfect diffuser is white in
+//!   Relative values are relative to the brightest requested spectrum.
+//! * **Lights** are also relative to the brightest requested spectrum, beside a white of the illuminant's chromaticity.
+//!   Their sRGB is as bright as possible without turning white: the largest channel is 1.
+//! * **sRGB** is adapted from the illuminant's white to D65 (linear Bradford), so that the perfect diffuser is white in
 //!   any light. Out of gamut, hue and lightness are kept and chroma is reduced ([`map_to_gamut`]).
 //! * **RGB data** are taken as linear sRGB.
 //! * **Pictures** are the same bytes on every machine and number of threads.
@@ -32,14 +32,14 @@ use crate::evaluate::Material;
 use error::unfit;
 use std::ops::RangeInclusive;
 
-/// Sizes of pictures, in pixels along a side.
+/// Allowed picture sizes, in pixels along a side.
 pub const SIZES: RangeInclusive<usize> = 64..=512;
-/// The size where none is named.
+/// Default picture size, in pixels along a side.
 pub const DEFAULT_SIZE: usize = 256;
 
-/// A picture of `material` as PNG, `size` × `size`: a ball of a BRDF, BTDF or BSDF; the polar diagram of a luminaire or a
-/// phase function; the plot of spectra. `index` names an entry of the leading index axes; without it, spectra are all drawn,
-/// and of others the first entry is.
+/// Returns a picture of `material` as PNG of `size` × `size` pixels. A BRDF, BTDF or BSDF is shown as a ball, a
+/// luminaire or a phase function as a polar diagram, and spectra as a plot. `index` selects an entry of the leading
+/// index axes. Without it all spectra are drawn; other materials show their first entry.
 pub fn picture(
     material: &Material,
     index: Option<&[usize]>,

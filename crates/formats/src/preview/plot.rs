@@ -1,5 +1,5 @@
-//! Spectra over wavelength: one filled with the colours of its wavelengths, several as lines in their own colours; what has
-//! no wavelengths as patches.
+//! Plots of spectra over wavelength: a single one filled with the colours of its wavelengths, several as lines in their
+//! own colours. Data without wavelengths are shown as patches.
 
 use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, Point, TEXT};
 use super::encode::encoded;
@@ -10,12 +10,12 @@ use crate::domain::colour::{Observer, Xyz, map_to_gamut, xyz_to_linear};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// Curves in one picture; of more, as many are picked evenly.
+/// Upper bound on the curves in one picture; of more spectra, evenly spaced ones are drawn.
 const MOST_CURVES: usize = 48;
-/// Angles of incidence at which a reflectance by direction is drawn, in degrees.
+/// Angles of incidence at which a directional reflectance is drawn, in degrees.
 const INCIDENCES: [f64; 4] = [0.0, 45.0, 65.0, 80.0];
 
-/// The picture of a table of spectra.
+/// Draws a table of spectra.
 pub(super) fn spectra(
     material: &Material,
     index: Option<&[usize]>,
@@ -31,7 +31,7 @@ pub(super) fn spectra(
     }
 }
 
-/// The spectra to draw.
+/// Returns the spectra to draw.
 fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, PreviewError> {
     let layout = material.layout();
     let axes = &material.axes()[..layout.indices];
@@ -76,7 +76,7 @@ fn curves(
     let mut canvas = Canvas::new(size);
     let whole = canvas.size();
     let divisions = if size >= 200 { 5 } else { 3 };
-    // Noise below 0 is shown, but does not take half the picture.
+    // Noise below 0 is shown, but does not enlarge the axis.
     let low = if smallest < -0.02 * largest { smallest } else { 0.0 };
     let high = if largest > low { largest } else { 0.0 };
     let span = high - low;
@@ -121,7 +121,7 @@ fn curves(
         let points: Vec<Option<Point>> = points(wavelengths, row, &x, &y);
         canvas.line(&points, canvas.stroke(1.5), [0.92, 0.93, 0.95]);
     } else {
-        // The colours of the wavelengths as a strip on the axis.
+        // Strip on the axis with the colours of the wavelengths.
         let strip = canvas.stroke(4.0);
         canvas.fill(&[[left, bottom], [right, bottom], [right, bottom + strip], [left, bottom + strip]], |p| {
             (colours.at(nm_of(p[0])), 1.0)
@@ -152,7 +152,7 @@ fn points(wavelengths: &[f64], row: &[f32], x: &impl Fn(f64) -> f64, y: &impl Fn
     wavelengths.iter().zip(row).map(|(nm, v)| (!v.is_nan()).then(|| [x(*nm), y(f64::from(*v))])).collect()
 }
 
-/// Runs of measured samples.
+/// Returns runs of consecutive measured samples.
 fn pieces(wavelengths: &[f64], row: &[f32]) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![Vec::new()];
     for (nm, v) in wavelengths.iter().zip(row) {
@@ -166,7 +166,7 @@ fn pieces(wavelengths: &[f64], row: &[f32]) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// What has no wavelengths: a square for each entry.
+/// Draws a square patch for each entry of data without wavelengths.
 fn patches(inks: &[Ink], size: usize) -> Result<Vec<u8>, PreviewError> {
     let mut canvas = Canvas::new(size);
     let whole = canvas.size();
@@ -181,7 +181,7 @@ fn patches(inks: &[Ink], size: usize) -> Result<Vec<u8>, PreviewError> {
     canvas.finish()
 }
 
-/// What relative spectra are multiplied by, so that the brightest is white.
+/// Returns the scale factor of the displayed spectra: relative ones are scaled so that the brightest has luminance 0.9.
 fn brightness(material: &Material, channels: &Channels, rows: &[Vec<f32>]) -> f64 {
     let lights = rows.iter().map(|row| {
         let [r, g, b] = channels.linear(row).map(f64::from);
@@ -196,7 +196,7 @@ fn brightness(material: &Material, channels: &Channels, rows: &[Vec<f32>]) -> f6
     }
 }
 
-/// A curve's own colour, never so dark that it is lost on the paper.
+/// Returns the colour of a curve, lightened if it would be invisible on the background.
 fn ink_of(channels: &Channels, row: &[f32], scale: f64) -> Ink {
     let linear = channels.linear(row).map(|c| f64::from(c) * scale);
     if linear.iter().any(|c| !c.is_finite()) {
@@ -207,7 +207,7 @@ fn ink_of(channels: &Channels, row: &[f32], scale: f64) -> Ink {
     ink.map(|c| c + (0.45 - brightest).max(0.0))
 }
 
-/// The colours of wavelengths: those of the spectrum's lines, brought into the gamut and to one brightness, with dark ends.
+/// Display colours of wavelengths: spectral colours mapped into the gamut at equal brightness, dark at both ends.
 struct Colours(Vec<Ink>);
 
 impl Colours {
@@ -217,11 +217,11 @@ impl Colours {
             let lambda = 360.0 + nm as f64;
             let xyz = Xyz { x: observer.x.at(lambda), y: observer.y.at(lambda), z: observer.z.at(lambda) };
             let linear = xyz_to_linear(xyz.scaled(100.0));
-            // Towards grey until no channel is negative: smooth along the spectrum.
+            // Desaturated until no channel is negative, which is smooth along the spectrum.
             let lowest = linear.iter().copied().fold(0.0, f64::min);
             let lifted = linear.map(|c| c - lowest);
             let brightest = lifted.iter().copied().fold(0.0, f64::max).max(1e-12);
-            // The eye's ends: 0 at 380 and 740 nm, whole from 430 to 660.
+            // Fades out at the limits of vision: 0 at 380 and 740 nm, full from 430 to 660 nm.
             let end = ((lambda - 375.0) / 55.0).min((745.0 - lambda) / 85.0).clamp(0.0, 1.0);
             let strength = 0.16 + 0.74 * end * end * (3.0 - 2.0 * end);
             let grey = if end > 0.0 { 0.0 } else { 1.0 };

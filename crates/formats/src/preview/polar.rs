@@ -1,4 +1,4 @@
-//! Polar diagrams: the intensity of a luminaire in two planes, a phase function by scattering angle.
+//! Polar diagrams: intensity of a luminaire in two planes, and a phase function over the scattering angle.
 
 use super::canvas::{AXIS, Canvas, GRID, Hold, Ink, PAPER, Point, TEXT};
 use super::encode::encoded;
@@ -9,28 +9,29 @@ use crate::domain::colour::map_to_gamut;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// What has no colour is drawn in this.
+/// Colour of curves without a hue.
 const NEUTRAL: Ink = [0.66, 0.72, 0.82];
-/// Scattered light spans more than this: its radius is logarithmic.
+/// Ratio of largest to smallest scattered light above which the radius is logarithmic.
 const LINEAR_SPAN: f64 = 12.0;
-/// Decades of a logarithmic radius, at most.
+/// Upper bound on the decades of a logarithmic radius.
 const DECADES: f64 = 4.0;
 
-/// A diagram's place: where its middle is, and how long a radius of 1 is.
+/// Position of a diagram: its centre, and its radius in pixels for a value of 1.
 struct Dial {
     centre: Point,
     radius: f64,
 }
 
 impl Dial {
-    /// The point at a radius of 0..=1 and an angle in degrees, 0 downward, counter-clockwise.
+    /// Returns the point at a radius of 0..=1 and an angle in degrees, 0 downward, counter-clockwise.
     fn at(&self, r: f64, degrees: f64) -> Point {
         let (sin, cos) = libm::sincos(degrees.to_radians());
         [self.centre[0] + self.radius * r * sin, self.centre[1] + self.radius * r * cos]
     }
 }
 
-/// The intensity of entry `index` of a luminaire in the planes C 0°–180° (filled) and C 90°–270° (dashed): gamma 0° is down.
+/// Draws the intensity of entry `index` of a luminaire in the planes C 0°–180° (filled) and C 90°–270° (dashed). Gamma
+/// 0° points down.
 pub(super) fn luminaire(
     material: &Material,
     index: &[usize],
@@ -43,7 +44,7 @@ pub(super) fn luminaire(
     let mut light = [0.0_f64; 3];
     let mut planes = [Vec::new(), Vec::new()];
     for (plane, values) in planes.iter_mut().enumerate() {
-        // From −180° to 180°: gamma in the plane C, and in the one across for negative angles.
+        // Angles −180° to 180° are gamma: positive in the plane C, negative in the opposite plane.
         for angle in -180..=180_i32 {
             let c = 90.0 * plane as f64 + if angle < 0 { 180.0 } else { 0.0 };
             let wo = Direction::from_luminaire_degrees(c, f64::from(angle.abs()));
@@ -60,7 +61,7 @@ pub(super) fn luminaire(
     if largest <= 0.0 {
         return Err(crate::domain::colour::ColourError::Dark.into());
     }
-    // Where little goes up, the middle moves up.
+    // With little upward light the centre moves up.
     let up = planes.iter().flat_map(|p| p.iter().enumerate()).filter(|(i, _)| (*i as i32 - 180).abs() > 100);
     let up = up.map(|(_, v)| *v).filter(|v| v.is_finite()).fold(0.0, f64::max);
     let half = up < 0.04 * largest;
@@ -68,7 +69,7 @@ pub(super) fn luminaire(
     let whole = canvas.size();
     let dial = dial(&canvas, half, &planes, largest);
     let (lines, wide) = (canvas.stroke(1.0), canvas.stroke(2.0));
-    // Rings up to the corners.
+    // Rings extend to the corners.
     let rings = step(largest, 4);
     let farthest = whole * if half { 1.4 } else { 0.9 } / dial.radius * largest;
     for ring in (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= farthest) {
@@ -89,7 +90,7 @@ pub(super) fn luminaire(
     canvas.line(&line(&planes[0]), wide, ink);
     canvas.segment(dial.at(0.0, 0.0), dial.at(0.0, 0.0), 2.0 * wide, AXIS);
     label_angles(&mut canvas, &dial, half);
-    // Along 15°, where rays are not.
+    // Labels lie along 15°, between the rays.
     let shown = (1..64).map(|i| f64::from(i) * rings).take_while(|r| *r <= 1.05 * largest);
     for ring in shown {
         canvas.label(dial.at(ring / largest, 15.0), Hold::Middle, &short(ring), TEXT);
@@ -98,8 +99,8 @@ pub(super) fn luminaire(
     canvas.finish()
 }
 
-/// The phase function of entry `index`, by the angle between the light's way in and its way out: 0° is straight on, to the
-/// right. Each direction has the colour of what goes there.
+/// Draws the phase function of entry `index` over the angle between incident and scattered propagation. 0° is forward
+/// and points right. Each direction has the colour of its scattered light.
 pub(super) fn phase(
     material: &Material,
     index: &[usize],
@@ -110,7 +111,7 @@ pub(super) fn phase(
     let axes = material.axes();
     let wi = layout.incoming.map(|axis| super::colours::normal(&axes[axis]));
     let mut spectrum = vec![0.0; material.lambdas()];
-    // 0..360°; wi points to the source, so straight on is −wi. The curve is the mean over wavelengths.
+    // Angles 0..360°. wi points to the source, so that forward is −wi. The curve is the mean over wavelengths.
     let mut values = Vec::new();
     let mut inks = Vec::new();
     for angle in 0..=360_u32 {
@@ -142,7 +143,7 @@ pub(super) fn phase(
         let v = if logarithmic { libm::log10(v.max(1e-300)) } else { v };
         ((v - low) / (high - low)).clamp(0.0, 1.0)
     };
-    // 0° to the right: the dial's angles start downward.
+    // 0° points right; angles of the dial start downward.
     let at = |r: f64, degrees: f64| dial.at(r, degrees + 90.0);
     let (lines, wide) = (canvas.stroke(1.0), canvas.stroke(2.0));
     let rings: Vec<f64> = if logarithmic {
@@ -184,7 +185,7 @@ pub(super) fn phase(
     canvas.finish()
 }
 
-/// The unit in the upper left corner, what lines mean in the upper right one.
+/// Draws the unit in the upper left corner and the key to the line styles in the upper right one.
 fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
     let (_, height) = canvas.extent("0");
     let whole = canvas.size();
@@ -202,7 +203,7 @@ fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
     }
 }
 
-/// The light's way in, from the left to the middle.
+/// Draws the incident light as an arrow from the left to the centre.
 fn arrow(canvas: &mut Canvas, dial: &Dial) {
     let width = canvas.stroke(1.5);
     let at = |r: f64, across: f64| [dial.centre[0] - dial.radius * r, dial.centre[1] + dial.radius * across];
@@ -210,11 +211,11 @@ fn arrow(canvas: &mut Canvas, dial: &Dial) {
     canvas.fill(&[at(0.0, 0.0), at(0.09, 0.04), at(0.09, -0.04)], |_| (TEXT, 1.0));
 }
 
-/// What a luminaire's spectrum is drawn as.
+/// Reduction of a luminaire's spectrum to the drawn amount.
 enum Sum {
-    /// Photometric.
+    /// Luminous intensity, with weights for spectra in watts per nm.
     Luminous(Vec<f32>),
-    /// Per nm, over wavelengths.
+    /// Integral over wavelengths of a spectral density per nm.
     Integral(Vec<f64>),
     Mean,
 }
@@ -251,7 +252,7 @@ impl Amount {
         Self { sum: Sum::Integral(grid.weights()), unit: summed }
     }
 
-    /// NaN where all is masked.
+    /// Returns the amount of a spectrum; NaN if all samples are masked.
     fn of_spectrum(&self, spectrum: &[f32]) -> f64 {
         let weight = |i: usize| match &self.sum {
             Sum::Luminous(weights) => f64::from(weights[i]),
@@ -271,7 +272,7 @@ fn symbol(unit: Unit) -> &'static str {
     }
 }
 
-/// The dial that makes the curves as large as there is room beside the labels.
+/// Returns the dial with the largest radius that leaves room for the labels.
 fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Dial {
     let whole = canvas.size();
     let (text, height) = if canvas.is_labelled() { canvas.extent("180°") } else { (0.0, 0.0) };
@@ -289,19 +290,19 @@ fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Di
     Dial { centre, radius }
 }
 
-/// Angles at the ends of the rays, along the edge of the picture.
+/// Draws the angles at the ends of the rays, along the edge of the picture.
 fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
     let whole = canvas.size();
     let (_, height) = canvas.extent("0");
     let (inset, side) = (0.5 * height + 4.0, 4.0);
     for angle in (0..360_u32).step_by(30) {
         let shown = if angle > 180 { 360 - angle } else { angle };
-        // The legend is where 150° would be.
+        // The legend occupies the position of 150°.
         if shown == 150 || half && shown > 90 {
             continue;
         }
         let (sin, cos) = libm::sincos(f64::from(angle).to_radians());
-        // To the nearest edge along the ray.
+        // Extends to the nearest edge along the ray.
         let room = |c: f64, s: f64, inset: f64| {
             if s > 1e-9 {
                 (whole - inset - c) / s
@@ -343,14 +344,14 @@ fn dashed(canvas: &mut Canvas, points: &[Option<Point>], width: f64, ink: Ink) {
     }
 }
 
-/// The colour of light as ink: as bright as it can be, on dark paper.
+/// Returns the colour of light at full brightness, for drawing on a dark background.
 fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
     let brightest = light.iter().copied().fold(0.0, f64::max);
     if !coloured || brightest <= 0.0 || light.iter().any(|c| c.is_nan()) {
         return NEUTRAL;
     }
     let ink = encoded(map_to_gamut(light.map(|c| 0.9 * c / brightest)));
-    // Deep blue would be lost on the paper.
+    // Deep blue would be invisible on the background.
     let seen = ink.iter().sum::<f32>() / 3.0;
     if seen < 0.35 { mixed(ink, TEXT, f64::from(0.35 - seen)) } else { ink }
 }

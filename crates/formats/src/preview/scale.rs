@@ -1,6 +1,6 @@
 //! Round numbers for scales.
 
-/// Steps of 1, 2 or 5 × a power of ten: the smallest that makes at most `most` of them up to `largest`.
+/// Returns the smallest step of 1, 2 or 5 × a power of ten that divides `largest` into at most `most` steps.
 pub(super) fn step(largest: f64, most: usize) -> f64 {
     if !(largest.is_finite() && largest > 0.0) {
         return 1.0;
@@ -16,14 +16,14 @@ pub(super) fn step(largest: f64, most: usize) -> f64 {
     }
 }
 
-/// A number in few characters: `250`, `0.05`, `2e-7`.
+/// Formats a number in few characters: `250`, `0.05`, `2e-7`.
 pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !size.is_finite() {
         return if size == 0.0 { "0".to_owned() } else { String::new() };
     }
     if (1e-3..1e5).contains(&size) {
-        // Up to three significant digits.
+        // At most three significant digits.
         let digits = (2.0 - libm::floor(libm::log10(size))).clamp(0.0, 5.0) as usize;
         let text = format!("{value:.digits$}");
         return if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text };

@@ -1,17 +1,19 @@
-//! A grid of angles as a function on the sphere: bilinear in (theta, phi), held to the ends that it stands for.
+//! Grids of angles as functions on the sphere: bilinear in (theta, phi), constant from the outermost angles to the
+//! ends of the covered range.
 
 use super::error::{Angle, AnglesError, ProjectionError, Role};
 use crate::domain::{Direction, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 use crate::numeric::bracket::Bracket;
 
-/// How far (in degrees) samples on the rim of what a grid covers are pulled inside, so that they fall into a cell of its
-/// own side of the rim.
+/// Degrees by which samples on the boundary of the covered range are moved inside, so that they fall into a covered
+/// cell.
 const INSIDE: f64 = 1e-6;
-/// Azimuths at which a sample without azimuth is looked up: it stands for its whole ring.
+/// Number of azimuths at which a sample without azimuth is looked up. Such a sample represents its whole ring. Raising
+/// it makes comparisons finer and slower.
 const RING: usize = 16;
 
-/// Refuses angles that make no grid.
+/// Checks that the angles form a grid.
 pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
     let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let theta = &angles.theta;
@@ -48,7 +50,7 @@ pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> 
     if fits { Ok(()) } else { unfit(AnglesError::Extent { extent, first, last }) }
 }
 
-/// Refuses checked angles that cover no area, whose average over a triangle means nothing.
+/// Refuses checked angles that cover no area: averages over a triangle would be undefined.
 pub(super) fn check_area(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
     let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let (low, high) = angles.covers;
@@ -62,7 +64,7 @@ pub(super) fn check_area(role: Role, angles: &Angles) -> Result<(), ProjectionEr
     }
 }
 
-/// The number of samples: `theta` × `phi`.
+/// Returns the number of samples: `theta` × `phi`.
 pub(super) fn count(angles: &Angles) -> usize {
     angles.theta.len() * columns(angles)
 }
@@ -71,7 +73,7 @@ fn columns(angles: &Angles) -> usize {
     angles.phi.as_ref().map_or(1, |azimuths| azimuths.phi.len())
 }
 
-/// Mean spacings in degrees: of theta, and of phi where it says anything (more than one azimuth).
+/// Returns the mean spacings in degrees: of theta, and of phi if there is more than one azimuth.
 pub(super) fn mean_spacing(angles: &Angles) -> (f64, Option<f64>) {
     let even = |values: &[f64]| match values {
         [first, .., last] => Some((last - first) / (values.len() - 1) as f64),
@@ -88,7 +90,7 @@ pub(super) fn mean_spacing(angles: &Angles) -> (f64, Option<f64>) {
     (theta, phi)
 }
 
-/// The smallest distance between neighbouring samples along theta or phi, in degrees.
+/// Returns the smallest distance between neighbouring samples along theta or phi, in degrees.
 pub(super) fn finest_spacing(angles: &Angles) -> f64 {
     let (theta, phi) = mean_spacing(angles);
     let azimuths = angles.phi.as_ref().map_or(&[][..], |azimuths| &azimuths.phi);
@@ -96,16 +98,16 @@ pub(super) fn finest_spacing(angles: &Angles) -> f64 {
     gaps.fold(theta.min(phi.unwrap_or(theta)), f64::min)
 }
 
-/// Which samples make the value at one direction: rows of theta and columns of phi with their linear weights.
+/// Samples that determine the value in one direction: rows of theta and columns of phi, with their linear weights.
 pub(super) struct Stencil {
     pub(super) rows: [(usize, f64); 2],
     pub(super) columns: [(usize, f64); 2],
 }
 
-/// Finds stencils on checked angles.
+/// Bilinear interpolant on checked angles; returns the samples and weights for a direction.
 pub(super) struct Interpolant<'a> {
     angles: &'a Angles,
-    /// The weight of each azimuth in the mean of the linear interpolant over azimuth; sums to 1.
+    /// Weight of each azimuth in the mean of the linear interpolant over azimuth; the weights sum to 1.
     azimuth_mean: Vec<f64>,
 }
 
@@ -115,28 +117,29 @@ impl<'a> Interpolant<'a> {
         Self { angles, azimuth_mean }
     }
 
-    /// The number of azimuths; sample (row, column) has index `row · columns + column`.
+    /// Returns the number of azimuths. Sample (row, column) has index `row · columns + column`.
     pub(super) fn columns(&self) -> usize {
         self.azimuth_mean.len()
     }
 
-    /// At a pole every azimuth is the same direction: its row counts as the mean over azimuth.
+    /// Returns true if the row lies at a pole. All azimuths are one direction there, so its value is the mean over
+    /// azimuth.
     pub(super) fn is_pole(&self, row: usize) -> bool {
         let theta = self.angles.theta[row];
         theta == 0.0 || theta == 180.0
     }
 
-    /// The weight of each azimuth in a row's mean over azimuth.
+    /// Returns the weight of each azimuth in the mean of a row over azimuth.
     pub(super) fn azimuth_mean(&self) -> &[f64] {
         &self.azimuth_mean
     }
 
-    /// Whether the grid has a value at `direction`.
+    /// Returns true if the grid has a value at `direction`.
     pub(super) fn covers(&self, direction: Direction) -> bool {
         self.at(direction).is_some()
     }
 
-    /// The samples that make the value at `direction`; `None` outside what the grid covers.
+    /// Returns the samples that determine the value at `direction`; `None` outside the covered range.
     pub(super) fn at(&self, direction: Direction) -> Option<Stencil> {
         let theta = direction.theta_degrees();
         let (low, high) = self.angles.covers;
@@ -156,7 +159,7 @@ fn azimuth_columns(azimuths: &Azimuths, phi: f64) -> Option<[(usize, f64); 2]> {
     let (first, last) = (values[0], values[values.len() - 1]);
     let around = |phi: f64| Bracket::held(values, phi).weights();
     match azimuths.extent {
-        // Beyond the ends a mirrored sample and its image are neighbours with the same value: held is linear.
+        // Beyond the ends, a sample and its mirror image are neighbours with equal values: constant is linear there.
         AzimuthExtent::Mirrored => Some(around(if phi > 180.0 { 360.0 - phi } else { phi })),
         AzimuthExtent::Circle => {
             let phi = first + (phi - first).rem_euclid(360.0);
@@ -173,7 +176,8 @@ fn azimuth_columns(azimuths: &Azimuths, phi: f64) -> Option<[(usize, f64); 2]> {
     }
 }
 
-/// The trapezoidal weights of the mean over the azimuths covered, as the circle they extend to has them.
+/// Returns trapezoidal weights of the mean over the covered azimuths, including the seam of a full circle and mirrored
+/// halves.
 fn azimuth_mean(azimuths: &Azimuths) -> Vec<f64> {
     let values = azimuths.phi.as_slice();
     let n = values.len();
@@ -199,8 +203,9 @@ fn azimuth_mean(azimuths: &Azimuths) -> Vec<f64> {
         .collect()
 }
 
-/// The directions of the samples as (sample, direction) in sample order; a sample without azimuth has several, on its
-/// ring. Samples on the rim of what the grid covers are pulled inside by a millionth of a degree.
+/// Returns the directions of the samples as (sample, direction), in sample order. A sample without azimuth yields
+/// several directions on its ring. Samples on the boundary of the covered range are moved inside by a millionth of a
+/// degree.
 pub(super) fn sample_directions(angles: &Angles) -> Vec<(usize, Direction)> {
     let (low, high) = angles.covers;
     let theta = |t: f64| if high - low > 2.0 * INSIDE { t.clamp(low + INSIDE, high - INSIDE) } else { t };
@@ -223,8 +228,8 @@ pub(super) fn sample_directions(angles: &Angles) -> Vec<(usize, Direction)> {
     }
 }
 
-/// The cells of `mesh` that hold samples, as (sample, cell): with the mirror images of mirrored samples, and every cell
-/// that a ring without azimuth passes through (judged by the theta of its vertices).
+/// Returns the cells of `mesh` that contain samples, as (sample, cell). Mirrored samples also count in the cells of
+/// their images. A ring without azimuth counts in every cell whose vertices enclose its theta.
 pub(super) fn sampled_cells(angles: &Angles, mesh: TriangleMesh) -> Vec<(usize, usize)> {
     match &angles.phi {
         None => {

@@ -1,4 +1,4 @@
-//! Averages over cells as a sparse operator: for each cell, which samples with which weights.
+//! Averages over cells as a sparse operator: samples and weights for each cell.
 
 use super::angles::{Interpolant, finest_spacing};
 use crate::domain::vector::{add, scale, unit};
@@ -6,43 +6,48 @@ use crate::domain::{Direction, TriangleMesh, Vertices, centroid, child, solid_an
 use crate::formats::{Angles, Outside};
 use rayon::prelude::*;
 
-/// Each cell is divided into at least 4 to this power parts.
+/// Lower bound on the divisions of a cell: it is split into 4^k parts. Raising it makes averages more accurate and
+/// slower.
 const MIN_DIVISIONS: u32 = 2;
-/// Each cell is divided into 4 to this power parts where that stays above [`FINEST_LEVEL`]: a beam that peaks within one
-/// cell then keeps its flux to a thousandth.
+/// Usual divisions of a cell: 4^k parts, as long as these stay above [`FINEST_LEVEL`]. A beam that peaks within one
+/// cell then keeps its flux to a thousandth. Raising it is more accurate and slower.
 const USUAL_DIVISIONS: u32 = 3;
-/// The level of parts below which cells are not divided for the sake of narrow spacings.
+/// Finest level of parts that narrow sample spacings can demand. Raising it resolves narrower spacings and takes
+/// longer.
 const FINEST_LEVEL: u32 = 9;
-/// How much further parts are divided that the rim of what is covered runs through: the jump there is all their error.
+/// Additional divisions of parts that the boundary of the covered range crosses. The jump there causes all of their
+/// error. Raising it reduces this error and takes longer.
 const RIM_DIVISIONS: u32 = 4;
-/// How far vertices are pulled toward the centroid before they are asked on which side of the rim they are.
+/// Fraction by which vertices are moved toward the centroid before the boundary test: vertices often lie on the
+/// boundary.
 const PULL: f64 = 1e-6;
-/// The size in degrees of an octant: √(π/2 sr).
+/// Edge length in degrees of a square with the solid angle of an octant, π/2 sr.
 pub(super) const OCTANT_DEGREES: f64 = 71.809_610_472_257_87;
-/// A cell whose weights sum to less than this is not covered: only rounding reaches it.
+/// Sum of weights below which a cell counts as not covered: only rounding reaches it.
 const COVERED: f64 = 1e-9;
 
-/// For each cell the samples that make its average: `value = Σ weight·sample / (Σ weight + zero)`, where missing samples
-/// drop out of both sums (normalised averaging, Knutsson & Westin 1993) and `zero` is the part of the cell that is 0.
+/// Samples and weights of the average over each cell: `value = Σ weight·sample / (Σ weight + zero)`. Missing samples
+/// drop out of both sums (normalised averaging, Knutsson & Westin 1993). `zero` is the fraction of the cell in which
+/// the value is 0.
 #[derive(Clone, Debug)]
 pub(super) struct Averages {
-    /// Where the entries of each cell start; one more than there are cells.
+    /// Start of the entries of each cell, followed by the total number of entries.
     starts: Vec<usize>,
     samples: Vec<u32>,
     weights: Vec<f64>,
     zeros: Vec<f64>,
 }
 
-/// The weights of one cell in the making.
+/// Weights of one cell under construction.
 struct Cell {
     entries: Vec<(u32, f64)>,
     zero: f64,
 }
 
 impl Averages {
-    /// The averages over the triangles of `mesh` of the bilinear interpolant on checked `angles`, by the midpoint rule:
-    /// every triangle is split into 4^k (see [`divisions`]) whose values at their centroids count by solid angle; parts
-    /// on the rim of what is covered are split further.
+    /// Creates the averages over the triangles of `mesh` of the bilinear interpolant on checked `angles`, by the
+    /// midpoint rule. Every triangle is split into 4^k parts (see [`divisions`]), whose values at the centroids are
+    /// weighted by solid angle. Parts on the boundary of the covered range are split further.
     pub(super) fn over_triangles(mesh: TriangleMesh, angles: &Angles, outside: Outside) -> Self {
         let interpolant = Interpolant::new(angles);
         let divisions = divisions(mesh, angles);
@@ -62,7 +67,8 @@ impl Averages {
         Self::from_cells(&cells)
     }
 
-    /// The averages over the triangles of a coarser mesh of `4^depth` children each, by solid angle.
+    /// Creates the averages over the triangles of a coarser mesh, each with `4^depth` children, weighted by solid
+    /// angle.
     pub(super) fn over_children(fine: TriangleMesh, depth: u8) -> Self {
         let children = 1_usize << (2 * u32::from(depth));
         let cells: Vec<Cell> = fine
@@ -100,14 +106,14 @@ impl Averages {
         self.zeros.len()
     }
 
-    /// Whether no sample reaches `cell`: it is 0 or masked, whatever the samples are.
+    /// Returns true if no sample contributes to `cell`: it is 0 or masked for any samples.
     pub(super) fn is_empty(&self, cell: usize) -> bool {
         self.starts[cell] == self.starts[cell + 1]
     }
 
-    /// Writes into `sums` the average over `cell` of rows of samples, NaN where nothing covers the cell: sample `s` is
-    /// the row of `sums.len()` values at `offset + s · stride`. `missing` says whether there may be NaN among them;
-    /// `weights` is scratch of the same length, left with anything.
+    /// Writes into `sums` the average over `cell` of rows of samples, or NaN if nothing covers the cell. Sample `s` is
+    /// the row of `sums.len()` values at `offset + s · stride`. `missing` is true if there may be NaN among them.
+    /// `weights` is scratch space of the same length, overwritten before it is read.
     pub(super) fn average<T: Copy + Into<f64>>(
         &self,
         cell: usize,
@@ -157,7 +163,7 @@ impl Averages {
     }
 }
 
-/// How often each triangle is split in four, so that the parts are at most half as large as the finest spacing.
+/// Returns how many times each triangle is split into four, so that the parts are at most half the finest spacing.
 pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     let level = u32::from(mesh.level());
     let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / finest_spacing(angles)));
@@ -165,11 +171,11 @@ pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     finest.max((level + USUAL_DIVISIONS).min(FINEST_LEVEL)).saturating_sub(level).max(MIN_DIVISIONS)
 }
 
-/// Adds up the weights of the samples over one cell.
+/// Sum of the sample weights over one cell.
 struct Tally<'a> {
     interpolant: &'a Interpolant<'a>,
     entries: Vec<(u32, f64)>,
-    /// Weights of rows at a pole, which count as their mean over azimuth.
+    /// Weights of rows at a pole, whose value is their mean over azimuth.
     poles: Vec<(usize, f64)>,
     outside: f64,
     total: f64,
@@ -212,7 +218,7 @@ impl<'a> Tally<'a> {
         covered != [covered[0]; 3]
     }
 
-    /// Adds one part by its value at the centroid.
+    /// Adds one part with its value at the centroid.
     fn add(&mut self, vertices: Vertices) {
         let angle = solid_angle(vertices);
         self.total += angle;
@@ -254,7 +260,7 @@ impl<'a> Tally<'a> {
     }
 }
 
-/// Sorts by sample and adds up the weights of the same one, in the order they came.
+/// Sorts by sample and sums the weights of equal samples in their order of arrival.
 fn merge(entries: &mut Vec<(u32, f64)>) {
     entries.sort_by_key(|entry| entry.0);
     entries.dedup_by(|later, kept| {
@@ -333,7 +339,8 @@ mod tests {
 
     #[test]
     fn the_mean_of_z_over_a_cell_is_its_projected_solid_angle() {
-        // The average of z over a triangle is known exactly; the interpolant's error falls with the square of the step.
+        // The average of z over a triangle is known exactly; the interpolant's error falls with the square of the
+        // step.
         let m = mesh(Domain::Hemisphere, 2);
         let exact: Vec<f64> = (0..m.len()).map(|i| m.projected_solid_angle(i) / m.solid_angle(i)).collect();
         let mut before = f64::MAX;

@@ -1,16 +1,17 @@
-//! Wavelengths to other wavelengths: the average of the piecewise linear spectrum over the band of each target.
+//! Wavelength resampling: the average of the piecewise linear spectrum over the band of each target.
 
 use crate::domain::WavelengthGrid;
 
-/// Relative tolerance for a target wavelength at the end of the measured range.
+/// Relative tolerance for a target wavelength at the end of the measured range. Raising it accepts targets farther
+/// outside.
 const END_TOLERANCE: f64 = 1e-9;
 
-/// The weights that make band averages on one wavelength grid from samples on another.
+/// Weights that turn samples on one wavelength grid into band averages on another.
 ///
-/// A target's band reaches half way to its neighbours (the first and last end at themselves) and is cut at the measured
-/// range, so that the trapezoidal integral over targets within the range is the integral of the piecewise linear
-/// spectrum between the first and the last target: nothing is lost between wavelengths. A target outside the measured
-/// range has no weights.
+/// The band of a target reaches half way to its neighbours and is cut at the measured range. The first and the last
+/// band end at their own target. The trapezoidal integral over targets within the range therefore equals the integral
+/// of the piecewise linear spectrum between the first and the last target: no energy between wavelengths is lost. A
+/// target outside the measured range has no weights.
 #[derive(Clone, Debug)]
 pub(super) struct Bands {
     /// For each target: the first sample, and the weights of it and its successors; they sum to 1.
@@ -34,12 +35,12 @@ impl Bands {
         self.targets.len()
     }
 
-    /// How many targets lie outside the measured range.
+    /// Returns the number of targets outside the measured range.
     pub(super) fn outside(&self) -> usize {
         self.targets.iter().filter(|(_, weights)| weights.is_empty()).count()
     }
 
-    /// The average of `row` over the band of `target`, of what is not masked (NaN) in it; NaN if nothing is left.
+    /// Returns the average of `row` over the band of `target`, without masked (NaN) values; NaN if no value is left.
     pub(super) fn average(&self, row: &[f64], target: usize) -> f64 {
         let (first, weights) = &self.targets[target];
         let (mut sum, mut total) = (0.0, 0.0);
@@ -74,7 +75,7 @@ fn band(from: &WavelengthGrid, centre: f64, low: f64, high: f64) -> (usize, Vec<
     while k + 1 < from.len() && from.at(k) < high {
         let (a, b) = (from.at(k), from.at(k + 1));
         let (p, q) = (a.max(low), b.min(high));
-        // The integral of a linear function is its value in the middle times the length: exact.
+        // The midpoint rule is exact for a linear function.
         let (length, t) = ((q - p).max(0.0), (0.5 * (p + q) - a) / (b - a));
         weights[k - start] += length * (1.0 - t) / width;
         weights.push(length * t / width);

@@ -1,47 +1,47 @@
-//! Reasons why a measurement cannot be put on the axes asked for.
+//! Reasons why a measurement cannot be put on the requested axes.
 
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh};
 use crate::formats::{AzimuthExtent, StatedGridError};
 
-/// Reasons why a measurement cannot be put on the axes asked for.
+/// Reason why a measurement cannot be put on the requested axes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProjectionError {
-    /// The level asked for does not fit the data.
+    /// The requested level does not fit the data.
     #[error("{role}_level: {}", level.refusal(*role))]
     Level {
         /// The axis concerned.
         role: Role,
-        /// What does not fit.
+        /// Reason for the refusal.
         level: LevelError,
     },
-    /// The angles of the samples make no grid.
+    /// The angles of the samples form no grid.
     #[error("{role} angles: {angles}")]
     Angles {
         /// The axis concerned.
         role: Role,
-        /// What is wrong with them.
+        /// Reason for the refusal.
         angles: AnglesError,
     },
-    /// The samples at scattered directions make no sense.
+    /// The samples at scattered directions are invalid.
     #[error("scattered directions: {0}")]
     Scattered(#[from] ScatteredError),
     /// A spectrum or wavelengths that do not fit the data.
     #[error(transparent)]
     Spectral(#[from] SpectralError),
-    /// The domain asked for does not fit the data.
+    /// The requested domain does not fit the data.
     #[error("domain: {0}")]
     Domain(#[from] DomainError),
     /// The measurement cannot be made reciprocal.
     #[error("reciprocal: {0}")]
     Reciprocal(#[from] ReciprocalError),
-    /// The grid of the file is no axis of directions.
+    /// The grid of the file cannot become an axis of directions.
     #[error("grid of directions: {0}")]
     Grid(#[from] StatedGridError),
-    /// The axes are out of their limits.
+    /// The axes exceed their limits.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The tensor cannot be made.
+    /// The tensor cannot be created.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
@@ -50,28 +50,28 @@ pub enum ProjectionError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DomainError {
-    /// A grid was asked for by name and a level of triangles, too.
+    /// The request combines the domain `grid` with a level of triangles.
     #[error("`grid` was asked for, and levels, which are those of triangles: leave one out")]
     Level,
-    /// A grid was asked for of a source that has none.
+    /// The request demands the domain `grid` of a source that has none.
     #[error("`grid` was asked for, but the file states no grid of directions: leave it out, or ask for `triangles`")]
     NoGrid,
-    /// Triangles were asked for of an array that is on its final grid.
+    /// The request demands triangles of an array that is on its final grid.
     #[error("`triangles` was asked for, but the array holds directions on their final grid: leave it out")]
     Final,
 }
 
-/// Measurements of which exchanged pairs of directions cannot be averaged.
+/// Reasons why exchanged pairs of directions cannot be averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReciprocalError {
-    /// A quantity of which an exchanged pair has another value.
+    /// A quantity that is not reciprocal.
     #[error("found {found}, expected a brdf")]
     Quantity {
         /// The quantity.
         found: Quantity,
     },
-    /// A grid that does not hold every exchanged pair.
+    /// A grid that lacks some exchanged pairs.
     #[error(
         "the grid does not hold every exchanged pair of directions, expected outgoing angles that are the incoming ones \
          (and azimuths of 0 to 180 degrees where there is no incoming one), on the file's own grid"
@@ -79,12 +79,12 @@ pub enum ReciprocalError {
     Grid,
 }
 
-/// Axes of directions.
+/// Role of an axis of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Directions that light comes from.
+    /// Directions from which light arrives.
     Incoming,
-    /// Directions that light goes to.
+    /// Directions into which light leaves.
     Outgoing,
 }
 
@@ -97,13 +97,13 @@ impl std::fmt::Display for Role {
     }
 }
 
-/// Levels that do not fit the data.
+/// Reasons why a level does not fit the data.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LevelError {
     /// A level above the limit.
     AboveLimit {
-        /// The level asked for.
+        /// The requested level.
         found: u8,
     },
     /// Data without directions of this role.
@@ -120,7 +120,7 @@ pub enum LevelError {
     },
     /// A level finer than that of the data.
     TooFine {
-        /// The level asked for.
+        /// The requested level.
         found: u8,
         /// The triangles of the data.
         mesh: TriangleMesh,
@@ -145,11 +145,11 @@ impl LevelError {
     }
 }
 
-/// Angles that make no grid, in degrees.
+/// Reasons why angles, in degrees, form no grid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnglesError {
-    /// No angle at all.
+    /// There is no angle at all.
     #[error("no {angle}, expected at least one")]
     Empty {
         /// The missing angle.
@@ -171,12 +171,12 @@ pub enum AnglesError {
     Order {
         /// The angle concerned.
         angle: Angle,
-        /// The value that is not above the one before.
+        /// The value that is not larger than its predecessor.
         found: f64,
-        /// The one before.
+        /// The predecessor.
         before: f64,
     },
-    /// A covered range without some of the samples.
+    /// The covered range excludes some of the samples.
     #[error("covers theta {low} to {high}, expected a range that holds {first} to {last}")]
     Covers {
         /// Start of the covered range.
@@ -188,27 +188,27 @@ pub enum AnglesError {
         /// The last theta.
         last: f64,
     },
-    /// Azimuths that do not have the extent stated.
+    /// Azimuths that do not fit the stated extent.
     #[error("phi {first} to {last} {}", match extent {
         AzimuthExtent::Circle => "go round more than once, expected less than 360 degrees",
         AzimuthExtent::Mirrored => "are mirrored, expected 0 to 180 degrees",
         AzimuthExtent::Sector => "are more than a turn",
     })]
     Extent {
-        /// The extent stated.
+        /// The stated extent.
         extent: AzimuthExtent,
         /// The first azimuth.
         first: f64,
         /// The last azimuth.
         last: f64,
     },
-    /// A single theta, which has no area to average over.
+    /// A single theta, which covers no area to average over.
     #[error("one theta ({theta} degrees) that stands for itself alone covers no area, expected two or more")]
     OneTheta {
         /// The theta.
         theta: f64,
     },
-    /// A sector of a single azimuth, which has no area to average over.
+    /// A sector of a single azimuth, which covers no area to average over.
     #[error("a sector of one azimuth ({phi} degrees) covers no area, expected two or more, or none for all")]
     OneAzimuth {
         /// The azimuth.
@@ -228,12 +228,12 @@ pub enum AnglesError {
     },
 }
 
-/// Angles of a direction.
+/// Angle of a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Angle {
-    /// The angle to the normal or axis.
+    /// Polar angle to the normal or axis.
     Theta,
-    /// The azimuth.
+    /// Azimuth.
     Phi,
 }
 
@@ -246,14 +246,14 @@ impl std::fmt::Display for Angle {
     }
 }
 
-/// Scattered samples that make no sense.
+/// Reasons why scattered samples are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScatteredError {
-    /// No sample.
+    /// There is no sample.
     #[error("none, expected at least one")]
     Empty,
-    /// Directions that are not one for each sample.
+    /// The number of directions differs from the number of samples.
     #[error("{found} {role} directions, expected {expected} or none")]
     Count {
         /// The directions concerned.
@@ -272,9 +272,9 @@ pub enum ScatteredError {
         role: Role,
         /// Position of the sample, from 0.
         index: usize,
-        /// Its theta in degrees.
+        /// Theta of the direction in degrees.
         theta: f64,
-        /// Its azimuth in degrees.
+        /// Azimuth of the direction in degrees.
         phi: f64,
     },
     /// More samples than can be numbered.
@@ -283,7 +283,7 @@ pub enum ScatteredError {
         /// Number of samples.
         found: usize,
     },
-    /// No sample in the domain of the quantity.
+    /// No sample lies in the domain of the quantity.
     #[error("no sample of the {count} lies on the {domain} of a {quantity}")]
     Beside {
         /// Number of samples.
@@ -295,17 +295,17 @@ pub enum ScatteredError {
     },
 }
 
-/// Spectra and wavelengths that do not fit the data.
+/// Reasons why spectra and wavelengths do not fit the data.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectralError {
-    /// A spectrum to join, but data with a spectral axis.
+    /// A spectrum to join, for data that already have a spectral axis.
     #[error("spectrum: the samples have a spectral axis of their own, {}", axis.describe())]
     OwnAxis {
         /// The spectral axis of the data.
         axis: Box<Axis>,
     },
-    /// A spectrum without one factor for each wavelength.
+    /// A spectrum whose number of factors differs from its number of wavelengths.
     #[error("spectrum: {found} factors for {expected} wavelengths")]
     Factors {
         /// Number of factors.
@@ -313,21 +313,21 @@ pub enum SpectralError {
         /// Number of wavelengths.
         expected: usize,
     },
-    /// Wavelengths asked for, but data with colour channels.
+    /// Requested wavelengths for data with colour channels.
     #[error("wavelengths: the data have colour channels ({}), no wavelengths", axis.describe())]
     Channels {
         /// The spectral axis of the data.
         axis: Box<Axis>,
     },
-    /// Wavelengths asked for, but data without any.
+    /// Requested wavelengths for data without wavelengths.
     #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with them")]
     NoWavelengths,
-    /// Wavelengths asked for that are all outside the measured range.
+    /// Requested wavelengths that all lie outside the measured range.
     #[error("wavelengths: {} to {} nm requested, measured {} to {} nm", requested.0, requested.1, measured.0, measured.1)]
     Outside {
-        /// The first and last wavelength asked for, in nm.
+        /// The first and last requested wavelength, in nm.
         requested: (f64, f64),
-        /// The first and last wavelength measured, in nm.
+        /// The first and last measured wavelength, in nm.
         measured: (f64, f64),
     },
 }

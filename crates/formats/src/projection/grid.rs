@@ -1,4 +1,4 @@
-//! Samples on a grid of angles → averages over triangles.
+//! Projection of samples on a grid of angles: averages over triangles.
 
 use super::angles::{self, check, check_area, sampled_cells};
 use super::averages::{Averages, divisions};
@@ -11,13 +11,13 @@ use super::spectral;
 use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
 
-/// How the directions of one side come onto an axis.
+/// Conversion of the directions of one side to an axis.
 enum Side<'a> {
-    /// There are none.
+    /// There are no such directions.
     Absent,
-    /// Elevations of isotropic data.
+    /// Elevations of isotropic data, kept as they are.
     Elevations(&'a Angles),
-    /// Triangles.
+    /// Averages over triangles.
     Triangles(&'a Angles, Choice),
 }
 
@@ -63,7 +63,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
-/// Checks count and finiteness; how many samples are missing.
+/// Checks number and finiteness of the values. Returns the number of missing samples.
 pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     check_axes(&grid.index)?;
     let mut shape: Vec<usize> = grid.index.iter().map(Axis::len).collect();
@@ -84,7 +84,7 @@ pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     Ok(grid.values.iter().filter(|v| v.is_nan()).count())
 }
 
-/// Refuses angles that are no grid of directions of the quantity.
+/// Refuses angles that are no valid grid of directions for the quantity.
 pub(super) fn check_sides(quantity: Quantity, grid: &AngleGrid) -> Result<(), ProjectionError> {
     incoming_side(grid.incoming.as_ref(), None)?;
     outgoing_side(quantity, grid.outgoing.as_ref(), None)?;
@@ -173,7 +173,7 @@ impl Side<'_> {
         }
     }
 
-    /// Which samples lie in which entries of the axis.
+    /// Returns pairs of a sample and the axis entry that contains it.
     fn sampled(&self) -> Vec<(usize, usize)> {
         match self {
             Self::Absent => vec![(0, 0)],
@@ -182,7 +182,7 @@ impl Side<'_> {
         }
     }
 
-    /// Everything chosen and assumed, for the user.
+    /// Adds notes for the user: choices and assumptions.
     fn describe(&self, role: Role, outside: Outside, notes: &mut Vec<String>) {
         let (angles, choice) = match self {
             Self::Absent => return,
@@ -226,7 +226,7 @@ impl Side<'_> {
     }
 }
 
-/// Counts cells with a sample inside, between samples, and without any.
+/// Counts cells that contain samples, lie between samples, or have none.
 fn cover(
     grid: &AngleGrid,
     resampling: &Resampling,

@@ -1,4 +1,4 @@
-//! The level of triangles that fits the density of the samples.
+//! Choice of the triangle level that fits the density of the samples.
 
 use super::angles::mean_spacing;
 use super::averages::OCTANT_DEGREES;
@@ -6,25 +6,26 @@ use super::error::{LevelError, ProjectionError, Role};
 use crate::domain::{Domain, TriangleMesh};
 use crate::formats::Angles;
 
-/// The finest level that is chosen without being asked for.
+/// Finest level chosen automatically. Raising it resolves denser samples with larger tensors.
 const MAX_CHOSEN_LEVEL: u8 = 6;
 
-/// A tensor on chosen levels has at most this many samples (128 MiB): finer ones are for who asks for them.
+/// Largest number of samples of a tensor on automatically chosen levels (128 MiB of float32). Finer levels must be
+/// requested.
 pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 
-/// A mesh and why it is this one.
+/// A mesh and the reason for its choice.
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
     pub(super) mesh: TriangleMesh,
-    /// Whether the user named the level.
+    /// True if the user gave the level.
     pub(super) requested: bool,
-    /// The level before it was lowered for size.
+    /// Level before it was lowered or raised.
     wanted: u8,
     spacing: String,
 }
 
-/// The mesh of `domain` for samples on `angles`: at the `requested` level, or at the level whose mean cell size (the
-/// square root of its solid angle) is nearest in ratio to the finer of the two spacings.
+/// Chooses the mesh of `domain` for samples on `angles`: the `requested` level, or the one that fits the spacing. That
+/// is the level whose mean cell size (square root of the solid angle) is nearest in ratio to the finer spacing.
 pub(super) fn choose(
     role: Role,
     domain: Domain,
@@ -39,7 +40,7 @@ pub(super) fn choose(
     at_level(role, domain, natural_level(theta, phi), requested, spacing)
 }
 
-/// As [`choose`], for samples that lie `spacing` degrees from their neighbours in every direction.
+/// Like [`choose`], for samples that lie `spacing` degrees from their neighbours in every direction.
 pub(super) fn choose_by_distance(
     role: Role,
     domain: Domain,
@@ -63,7 +64,7 @@ fn at_level(
 }
 
 impl Choice {
-    /// Lowers a chosen level by one; `false` where the user named it or there is nothing coarser.
+    /// Lowers a chosen level by one. Returns false if the user gave it or no coarser level exists.
     pub(super) fn lower(&mut self) -> bool {
         match self.mesh.coarser() {
             Some(coarser) if !self.requested => {
@@ -74,7 +75,7 @@ impl Choice {
         }
     }
 
-    /// Raises a chosen level by one; `false` where the user named it or there is nothing finer.
+    /// Raises a chosen level by one. Returns false if the user gave it or no finer level exists.
     pub(super) fn raise(&mut self) -> bool {
         match TriangleMesh::new(self.mesh.domain(), self.mesh.level() + 1) {
             Some(finer) if !self.requested => {
@@ -85,7 +86,7 @@ impl Choice {
         }
     }
 
-    /// One sentence for the user.
+    /// Returns one sentence for the user on the level and its reason.
     pub(super) fn note(&self, role: Role) -> String {
         let level = self.mesh.level();
         let size = OCTANT_DEGREES / f64::from(1_u32 << level);
@@ -106,11 +107,11 @@ impl Choice {
     }
 }
 
-/// How many entries one side of a tensor has.
+/// Entries of one direction axis of a tensor.
 pub(super) enum Entries<'a> {
-    /// Those of the file.
+    /// Fixed number of entries, given by the file.
     Fixed(usize),
-    /// Triangles of a chosen level.
+    /// Triangles of a chosen level, which may be lowered.
     Chosen(&'a mut Choice),
 }
 
@@ -130,8 +131,8 @@ impl Entries<'_> {
     }
 }
 
-/// Lowers chosen levels, the finer one first, until the tensor is within its limit; what the user named stays. `others` is
-/// the number of samples of a pair of directions.
+/// Lowers chosen levels, the axis with more entries first, until the tensor fits its limit. Levels given by the user
+/// stay. `others` is the number of samples for each pair of directions.
 pub(super) fn lower_to_fit<'a>(mut incoming: Entries<'a>, mut outgoing: Entries<'a>, others: usize) {
     while incoming.count().saturating_mul(outgoing.count()).saturating_mul(others) > MAX_CHOSEN_SAMPLES {
         let incoming_first = incoming.count() > outgoing.count();
@@ -148,7 +149,7 @@ fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
     libm::round(libm::log2(OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(MAX_CHOSEN_LEVEL)) as u8
 }
 
-/// At most two decimals, without trailing zeros.
+/// Rounds to two decimals.
 pub(super) fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 100.0) / 100.0
 }

@@ -1,25 +1,25 @@
-//! The width of the narrowest lobe that a file shows: along theta, in the plane of incidence, through the brightest
-//! sample.
+//! Width of the narrowest lobe of a file, along theta in the plane of incidence, through the brightest sample.
 
 use super::planes::scattered_samples;
 use crate::domain::{Axis, Quantity};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered, not_wider};
 use std::collections::BTreeMap;
 
-/// Degrees by which a direction may miss the plane of incidence and still lie in it.
+/// Largest angle in degrees between a direction and the plane of incidence at which it counts as in the plane.
 const IN_PLANE: f64 = 0.6;
-/// Incoming directions that lie closer than this in degrees are one.
+/// Largest angle in degrees between incoming directions that count as equal.
 const SAME: f64 = 0.05;
-/// Upper bound on the samples in which a lobe is looked for: larger files are not searched.
+/// Upper bound on the samples of a file in which a lobe is searched; larger files are skipped.
 const MOST: usize = 1 << 24;
 
-/// A sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.
+/// Sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.
 type Sample = (f64, f32);
 
-/// Full width at half height, in degrees, of the narrowest lobe under any incoming direction of a BRDF, BTDF or BSDF,
-/// in its middle band; `None` where no lobe falls to half its height on both sides of its peak.
+/// Returns the full width at half maximum, in degrees, of the narrowest lobe of a BRDF, BTDF or BSDF. It is taken over
+/// all incoming directions, in the middle band. Returns `None` if no lobe falls to half its height on both sides of
+/// its peak.
 ///
-/// A lobe narrower than the distance between samples looks as wide as that.
+/// A lobe narrower than the sample spacing appears as wide as the spacing.
 pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
     if !acquisition.quantity.has_cosine() {
         return None;
@@ -32,15 +32,15 @@ pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
     profiles.into_iter().filter_map(full_width).reduce(f64::min)
 }
 
-/// A remark on the narrowest lobe of a file where it looks no wider than an angle of the instrument; `None` where it is
-/// wider, there is no lobe, or the file states no such angle.
+/// Returns a remark if the narrowest lobe of a file is no wider than an angle of the instrument. Returns `None` if it
+/// is wider, if there is no lobe, or if the file states no such angle.
 pub fn unresolved_lobe(acquisition: &Acquisition) -> Option<String> {
     let instrument = &acquisition.instrument;
     let width = if instrument.is_unknown() { None } else { narrowest_lobe(acquisition) };
     not_wider(instrument, width?)
 }
 
-/// Full width at half height through the brightest of the samples, in degrees.
+/// Returns the full width at half maximum around the brightest sample, in degrees.
 fn full_width(mut profile: Vec<Sample>) -> Option<f64> {
     profile.retain(|(_, value)| !value.is_nan());
     profile.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -79,7 +79,7 @@ fn of_grid(grid: &AngleGrid) -> Vec<Vec<Sample>> {
     (0..n_in).map(profile).collect()
 }
 
-/// Columns of azimuths in the plane of incidence, with the sign of theta there.
+/// Returns the azimuth columns in the plane of incidence, with the sign of theta for each.
 fn columns(outgoing: &Angles, phi_i: f64) -> Vec<(usize, f64)> {
     let Some(azimuths) = &outgoing.phi else { return vec![(0, 1.0), (0, -1.0)] };
     let sign = |phi: f64| {
@@ -103,7 +103,7 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Vec<Vec<Sample>> {
     let steps = |degrees: f64| (degrees / SAME).round() as i64;
     let mut profiles: BTreeMap<[i64; 2], Vec<Sample>> = BTreeMap::new();
     for (row, (&[theta_i, phi_i], &[theta, phi])) in scattered.incoming.iter().zip(&scattered.outgoing).enumerate() {
-        // Under light along the normal every plane is one of incidence: that of azimuth 0 is looked at.
+        // At normal incidence every plane is a plane of incidence: that of azimuth 0 is used.
         let off = (phi - if theta_i < SAME { 0.0 } else { phi_i }).rem_euclid(360.0);
         let across = libm::sin(off.to_radians()) * libm::sin(theta.to_radians());
         if across.abs() > libm::sin(IN_PLANE.to_radians()) || quantity == Quantity::Brdf && theta > 90.0 {

@@ -1,4 +1,4 @@
-//! Samples as the instrument took them → a tensor of cell averages on chosen axes, with a coverage report.
+//! Projection of acquired samples onto chosen axes: a tensor of cell averages, with a coverage report.
 
 mod angles;
 mod averages;
@@ -38,14 +38,18 @@ use crate::formats::{Acquisition, Samples};
 
 /// Projects `acquisition` onto the axes of `request`.
 ///
-/// Samples on angles become averages of their bilinear interpolant over triangles (isotropic incoming elevations stay
-/// as they are); samples on final axes stay, or become averages over coarser triangles; a function of the file is averaged
-/// over triangles, by |cos θ| of the outgoing direction; samples at scattered directions become averages of local fits
-/// (isotropic elevations stay, holes are filled by rules that the notes declare, and marked); wavelengths asked for become
-/// averages over their bands. The result is `[index…, incoming, outgoing, spectral]`, NaN where nothing was measured.
+/// The result is `[index…, incoming, outgoing, spectral]`, with NaN where nothing was measured.
 ///
-/// With [`DirectionDomain::Grid`] a grid of angles stays as the file states it: each direction of the tensor is one of the
-/// file, each sample one of its numbers (times the file's multipliers).
+/// - Samples on angles become averages of their bilinear interpolant over triangles. Isotropic incoming elevations
+///   stay unchanged.
+/// - Samples on final axes stay, or become averages over coarser triangles.
+/// - A function given by the file is averaged over triangles, weighted by |cos θ| of the outgoing direction.
+/// - Samples at scattered directions become averages of local fits; isotropic elevations stay. Holes are filled by
+///   rules that the notes declare, and marked.
+/// - Requested wavelengths become averages over their bands.
+///
+/// With [`DirectionDomain::Grid`] a grid of angles stays as the file states it. Each direction of the tensor is then
+/// one of the file. Each sample is one of its numbers, times the file's multipliers.
 pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Projected, ProjectionError> {
     let instead = planes::instead(acquisition, request.domain);
     if let (Samples::Grid(grid), Some(_)) = (&acquisition.samples, &instead) {

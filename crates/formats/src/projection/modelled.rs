@@ -1,4 +1,4 @@
-//! A function of the file's own model → averages over triangles.
+//! Projection of a function defined by the file's own model: averages over triangles.
 
 use super::angles::{check, mean_spacing};
 use super::averages::OCTANT_DEGREES;
@@ -14,27 +14,27 @@ use crate::domain::{
 use crate::formats::{Acquisition, Modelled};
 use rayon::prelude::*;
 
-/// How often an incoming cell is split in four at least: the function is piecewise linear in its angles.
+/// Least number of times an incoming cell is split into four. The function is piecewise linear in its angles.
 const INCOMING_DIVISIONS: u32 = 1;
-/// How often an outgoing cell is split in four at least.
+/// Least number of times an outgoing cell is split into four. Raising it is more accurate and slower.
 const OUTGOING_DIVISIONS: u32 = 2;
-/// The level of parts below which cells are not split for the sake of narrow spacings.
+/// Finest level of parts that narrow spacings can demand.
 const FINEST_LEVEL: u32 = 9;
-/// What one evaluation costs besides its channels, in channels.
+/// Fixed cost of one evaluation, as a number of channels.
 const OVERHEAD: usize = 64;
-/// Channels that are evaluated at most, where cells may be split less for it: some ten seconds.
+/// Largest number of channel evaluations, about ten seconds: cells are split less often to stay below it.
 const MAX_WORK: u64 = 1 << 33;
-/// Spectra that one task works through at a time.
+/// Number of spectra that one task computes at a time.
 const BLOCK: usize = 16;
 
-/// The incoming directions of the tensor.
+/// Incoming directions of the tensor.
 enum Incoming<'a> {
-    /// The elevations of the file.
+    /// Elevations of the file, in degrees.
     Elevations(&'a [f64]),
     Triangles(Choice),
 }
 
-/// A direction within a cell, and what its value counts.
+/// A direction within a cell, and its weight.
 type Part = (Direction, f64);
 
 /// Projects `modelled`, the function of `acquisition`.
@@ -44,7 +44,7 @@ pub(super) fn project(
     request: &AxesRequest,
 ) -> Result<Projected, ProjectionError> {
     check(Role::Incoming, &modelled.incoming)?;
-    // A phase function is one over the whole sphere, and no cosine weighs its light.
+    // A phase function covers the whole sphere, without a cosine weight.
     let is_phase = acquisition.quantity == Quantity::Phase;
     let domain = if is_phase { Domain::Sphere } else { Domain::Hemisphere };
     let mut incoming = incoming(modelled, domain, request.incoming_level)?;
@@ -131,7 +131,7 @@ impl Incoming<'_> {
         }
     }
 
-    /// How often each cell is split in four.
+    /// Returns how many times each cell is split into four.
     fn divisions(&self, modelled: &Modelled) -> u32 {
         match self {
             Self::Elevations(_) => 0,
@@ -142,7 +142,7 @@ impl Incoming<'_> {
         }
     }
 
-    /// The directions that stand for each entry, and what was chosen, for the user.
+    /// Returns the directions that represent each entry, and adds notes on the choices for the user.
     fn parts(&self, divisions: u32, notes: &mut Vec<String>) -> Vec<Vec<Part>> {
         match self {
             Self::Elevations(theta) => {
@@ -166,13 +166,13 @@ impl Incoming<'_> {
     }
 }
 
-/// How often each triangle is split in four, so that the parts are at most half as large as the spacing.
+/// Returns how many times each triangle is split into four, so that the parts are at most half the spacing.
 fn divisions(mesh: TriangleMesh, spacing: f64, least: u32) -> u32 {
     let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(FINEST_LEVEL));
     (wanted as u32).saturating_sub(u32::from(mesh.level())).max(least)
 }
 
-/// Divisions of incoming and outgoing cells lowered, the finer one first, until their work is within its limit.
+/// Lowers the divisions of incoming and outgoing cells, the finer ones first, until the work is within its limit.
 fn affordable([mut incoming, mut outgoing]: [u32; 2], pairs: usize, channels: usize) -> [u32; 2] {
     let work = |divisions: u32| {
         (pairs as u64).saturating_mul((channels + OVERHEAD) as u64).saturating_mul(1_u64 << (2 * divisions).min(63))
@@ -184,7 +184,7 @@ fn affordable([mut incoming, mut outgoing]: [u32; 2], pairs: usize, channels: us
     [incoming, outgoing]
 }
 
-/// The parts of a triangle by their centroids, each counting its solid angle times `factor`.
+/// Splits a triangle into parts, represented by their centroids. The weight of each is its solid angle times `factor`.
 fn split(vertices: Vertices, divisions: u32, parts: &mut Vec<Part>, factor: impl Fn(Direction) -> f64 + Copy) {
     if divisions > 0 {
         for c in 0..4 {
@@ -196,9 +196,9 @@ fn split(vertices: Vertices, divisions: u32, parts: &mut Vec<Part>, factor: impl
     }
 }
 
-/// The mean over pairs of directions; what is missing drops out (normalised averaging, Knutsson & Westin 1993).
+/// Mean over pairs of directions, without missing values (normalised averaging, Knutsson & Westin 1993).
 struct Mean {
-    /// The outgoing directions.
+    /// Outgoing directions with their weights.
     parts: Vec<Part>,
     sums: Vec<f64>,
     weights: Vec<f64>,
@@ -226,7 +226,7 @@ impl Mean {
                 }
             }
         }
-        // Without any weight 0 / 0: masked.
+        // 0 / 0 without any weight: masked.
         sums.iter_mut().zip(&*weights).for_each(|(sum, total)| *sum /= total);
     }
 }
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn cells_keep_the_light_that_they_reflect() {
-        // f · cos is 1 everywhere: f grows without bounds at the horizon, its light does not.
+        // f · cos is 1 everywhere: f grows without bounds at the horizon, the reflected light does not.
         let projected = projected(&acquisition(None, 10.0, |_, wo| 1.0 / wo.cos_theta()), None, Some(3));
         let mesh = mesh(&projected.measurement.tensor.axes()[1]);
         let samples = projected.measurement.tensor.samples();

@@ -1,4 +1,4 @@
-//! Samples that lie on final axes already: kept, made coarser, or put on other wavelengths.
+//! Projection of samples that already lie on final axes: kept, made coarser, or resampled to other wavelengths.
 
 use super::averages::Averages;
 use super::error::{LevelError, ProjectionError, Role};
@@ -54,7 +54,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
-/// The axis at `level`, and how it comes from `axis`.
+/// Returns the axis at `level`, and the averages that lead to it from `axis`.
 fn coarsen(
     role: Role,
     axis: Option<&Axis>,

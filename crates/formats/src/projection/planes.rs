@@ -1,20 +1,22 @@
-//! Grids of scattered light that leave too much open: one incoming azimuth is isotropic, planes of a scan are directions.
+//! Grids whose angles leave the values between them undefined. One incoming azimuth is taken as isotropic; scan planes
+//! become scattered samples.
 
 use super::request::DirectionDomain;
 use crate::domain::Axis;
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
 use std::borrow::Cow;
 
-/// Degrees between azimuths beyond which they are planes of a scan rather than steps of a grid: light between them does not
-/// follow from them.
+/// Largest gap in degrees between azimuths that form a grid. Wider gaps separate scan planes: light between them
+/// cannot be interpolated. Raising it keeps more scans as grids.
 const PLANES: f64 = 90.0;
-/// Directions that are fitted without a grid, at most: scans in planes have fewer.
+/// Largest number of direction pairs that are fitted without a grid; larger grids stay grids. Scans in planes have
+/// fewer.
 const MOST: usize = 1 << 22;
 
-/// Formats whose files define the function between any two of their azimuths: their grids are no scans in planes.
+/// Formats whose files define the function between any two of their azimuths: their grids are no scan planes.
 const DENSE: [&str; 1] = ["mbsdf"];
 
-/// Samples at scattered directions: those of a file that states no grid, or one that leaves too much open.
+/// Returns the samples at scattered directions: those of a file without a grid, or with a grid of scan planes.
 pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Scattered>> {
     match &acquisition.samples {
         Samples::Scattered(scattered) => Some(Cow::Borrowed(scattered)),
@@ -22,8 +24,8 @@ pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Sca
     }
 }
 
-/// Samples that stand for the grid of `acquisition`, and the note that says so; `None` where it is kept. With the domain
-/// [`DirectionDomain::Grid`] by name, planes stay a grid.
+/// Returns samples that replace the grid of `acquisition`, and a note for the user; `None` if the grid is kept. If the
+/// user requests [`DirectionDomain::Grid`], scan planes stay a grid.
 pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, &'static str)> {
     if let Some(scattered) = open_samples(acquisition, domain) {
         let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
@@ -35,7 +37,7 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
     let mut grid = grid.clone();
     grid.incoming = Some(Angles { phi: None, ..incoming.clone() });
     if let Some(azimuths) = grid.outgoing.as_mut().and_then(|angles| angles.phi.as_mut()) {
-        // Half a circle is mirrored at azimuth 0 alone.
+        // Half a circle is mirrored at azimuth 0 only.
         if azimuths.extent == AzimuthExtent::Mirrored && azimuth != 0.0 {
             return None;
         }
@@ -45,7 +47,7 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
     Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
 }
 
-/// Samples at scattered directions that stand for a grid with nothing between its angles; `None` where it is kept.
+/// Returns scattered samples in place of a grid with undefined gaps between its angles; `None` if the grid is kept.
 fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<Scattered> {
     let (grid, incoming, outgoing) = pairs_of_directions(acquisition)?;
     let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
@@ -56,30 +58,30 @@ fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> O
     is_taken.then(|| scattered(grid, incoming, outgoing, width))
 }
 
-/// The grid of scattered light of one sample, and its angles.
+/// Returns the grid of a BRDF, BTDF or BSDF of one sample, with its incoming and outgoing angles.
 fn pairs_of_directions(acquisition: &Acquisition) -> Option<(&AngleGrid, &Angles, &Angles)> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let is_single = acquisition.quantity.has_cosine() && grid.index.is_empty();
     Some((grid, grid.incoming.as_ref()?, grid.outgoing.as_ref()?)).filter(|_| is_single)
 }
 
-/// Whether azimuths are planes of a scan, between which nothing is known.
+/// Returns true if azimuths are scan planes, between which nothing is known.
 fn is_plane(angles: &Angles) -> bool {
     single_azimuth(angles).is_some() || widest_gap(angles) > PLANES
 }
 
-/// Returns true for angles that stand for an area: neither one ring nor planes of a scan.
+/// Returns true if the angles cover an area: they are neither a single ring nor scan planes.
 pub(super) fn has_area(angles: &Angles) -> bool {
     angles.covers.0 < angles.covers.1 && !is_plane(angles)
 }
 
-/// The azimuth of a sector that is one plane.
+/// Returns the azimuth of a sector that consists of a single plane.
 pub(super) fn single_azimuth(angles: &Angles) -> Option<f64> {
     let azimuths = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector)?;
     if let [alone] = azimuths.phi[..] { Some(alone) } else { None }
 }
 
-/// The largest difference of neighbouring azimuths, in degrees.
+/// Returns the largest difference between neighbouring azimuths, in degrees.
 fn widest_gap(angles: &Angles) -> f64 {
     let Some(azimuths) = &angles.phi else { return 0.0 };
     let within = azimuths.phi.array_windows().map(|[a, b]| b - a).fold(0.0, f64::max);
@@ -89,7 +91,7 @@ fn widest_gap(angles: &Angles) -> f64 {
     }
 }
 
-/// Each pair of directions with its spectrum, those that are missing left out.
+/// Returns each measured pair of directions with its spectrum.
 fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usize) -> Scattered {
     let [into, out] = [incoming, outgoing].map(directions);
     let pairs = into.iter().flat_map(|wi| out.iter().map(move |wo| (*wi, *wo)));
@@ -117,7 +119,7 @@ fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usiz
     found
 }
 
-/// `[theta, phi]` of every sample of one side.
+/// Returns `[theta, phi]` in degrees of every sample of one side.
 fn directions(angles: &Angles) -> Vec<[f64; 2]> {
     let phi = angles.phi.as_ref().map_or(&[0.0][..], |azimuths| &azimuths.phi);
     angles.theta.iter().flat_map(|&theta| phi.iter().map(move |&phi| [theta, phi])).collect()

@@ -1,4 +1,4 @@
-//! A projected measurement, and what its cells stand on.
+//! A projected measurement, and the coverage of its cells.
 
 use super::scattered::report::ScatterReport;
 use super::scattered::{CarriedLobe, ScatteredSamples};
@@ -9,48 +9,48 @@ use serde::Serialize;
 /// A projected measurement.
 #[derive(Clone, Debug)]
 pub struct Projected {
-    /// The tensor and what it is.
+    /// The tensor with its quantity and unit.
     pub measurement: Measurement,
-    /// What the cells stand on.
+    /// Coverage of the cells by samples.
     pub coverage: Coverage,
-    /// Which cells are filled (continued, mirrored or exchanged, not measured): one for each spectrum of the tensor, row-major;
-    /// empty where none is.
+    /// Marks filled cells (continued, mirrored or exchanged, not measured): one entry for each spectrum of the tensor,
+    /// row-major. Empty if no cell is filled.
     pub filled: Vec<bool>,
-    /// The numbers of a file that states a factor beside them, on the axes of the measurement; `None` where the factor is
-    /// 1, or the numbers were resampled: then those of the measurement are all there are.
+    /// Numbers of a file that states a separate factor, on the axes of the measurement. `None` if the factor is 1 or
+    /// the numbers were resampled.
     pub numbers: Option<Numbers>,
-    /// The samples that a material made of the measurement is compared with, where they lie at scattered directions.
+    /// Samples at scattered directions, with which a material made of the measurement is compared.
     pub scattered: Option<ScatteredSamples>,
-    /// A lobe narrower than the cells: the measurement is the sum of both.
+    /// Lobe narrower than the cells; the measurement is the sum of both.
     pub lobe: Option<CarriedLobe>,
 }
 
-/// Numbers as the file writes them: a value of the measurement is `factor` times one of them.
+/// Numbers as the file writes them. A value of the measurement is `factor` times its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers {
-    /// The numbers.
+    /// The numbers as stated.
     pub tensor: Tensor,
     /// Product of all multipliers that the file states once for all numbers.
     pub factor: f64,
 }
 
-/// What the cells of a projection stand on.
+/// Coverage of a projection: how many cells are measured, interpolated, filled or empty.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Coverage {
-    /// Cells of directions (spectra, not samples).
+    /// Number of cells of directions (spectra, not samples).
     pub cells: u64,
-    /// Cells with a sample inside, or data that were on their final axes already.
+    /// Number of cells that contain a sample, or all cells for data already on their final axes.
     pub measured: u64,
-    /// Cells between samples.
+    /// Number of cells between samples.
     pub interpolated: u64,
-    /// Cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
+    /// Number of cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
     #[serde(skip_serializing_if = "is_zero")]
     pub filled: u64,
-    /// Cells outside what was measured: masked, or 0 where the format's standard says so.
+    /// Number of cells outside the measured range: masked, or 0 if the format's standard says so.
     pub empty: u64,
-    /// Why these axes: one sentence each.
+    /// Reasons for the chosen axes, one sentence each.
     pub notes: Vec<String>,
-    /// Differences between values that the file states for one direction; measured on its own grid only.
+    /// Differences between values that the file states for one direction; measured on the file's own grid only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradictions: Option<Contradictions>,
     /// Noise and outliers of samples at scattered directions.

@@ -1,20 +1,22 @@
-//! Measured surfaces made reciprocal: each value is the mean with that of the exchanged pair of directions.
+//! Conversion of measured surfaces to reciprocal ones: each value becomes its mean with that of the exchanged
+//! directions.
 
 use super::error::{ProjectionError, ReciprocalError};
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Measurement, Quantity, Tensor};
 
-/// A reciprocal measurement, and how far the given one was from being so.
+/// A reciprocal measurement, and the deviation of the original from reciprocity.
 #[derive(Clone, Debug)]
 pub struct Reciprocal {
-    /// The measurement, on the axes of the given one.
+    /// The measurement, on the original axes.
     pub measurement: Measurement,
-    /// Median difference of the two values of an exchanged pair, in parts of their mean, where that is positive; `None` where
+    /// Median difference of the two values of an exchanged pair, relative to their mean if that is positive. `None` if
     /// there is no such pair.
     pub difference: Option<f64>,
 }
 
-/// Makes a BRDF on a grid reciprocal: f(ωi, ωo) becomes the mean of f(ωi, ωo) and f(ωo, ωi), or the one of them that was
-/// measured. The grid has to hold every exchanged pair: its outgoing directions are its incoming ones, as in an MBSDF file.
+/// Makes a BRDF on a grid reciprocal: f(ωi, ωo) becomes the mean of f(ωi, ωo) and f(ωo, ωi), or the one that was
+/// measured. The grid must hold every exchanged pair: its outgoing directions are its incoming ones, as in an MBSDF
+/// file.
 pub fn reciprocal(measurement: &Measurement) -> Result<Reciprocal, ProjectionError> {
     if measurement.quantity != Quantity::Brdf {
         return Err(ReciprocalError::Quantity { found: measurement.quantity }.into());
@@ -82,8 +84,8 @@ impl Exchange {
     }
 }
 
-/// Returns true where an azimuth and its negative are stated by one value: exchanging the directions of an isotropic
-/// surface turns the azimuth between them round.
+/// Returns true if one value represents an azimuth and its negative. Exchanging the directions of an isotropic surface
+/// reverses the azimuth between them.
 fn is_even(grid: &DirectionGrid) -> bool {
     grid.frame() == Frame::Surface && grid.azimuths().is_none_or(|azimuths| azimuths.extent == AzimuthExtent::Mirrored)
 }
@@ -108,7 +110,7 @@ mod tests {
         let axes = vec![Axis::Elevation(vec![0.0, 45.0]), grid(&[0.0, 45.0], AzimuthExtent::Mirrored)];
         let made = reciprocal(&brdf(axes, vec![1.0, 1.0, 2.0, 4.0, 4.0, f32::NAN, 5.0, 6.0])).unwrap();
         assert_eq!(made.measurement.tensor.samples(), [1.0, 1.0, 3.0, 4.0, 3.0, 4.0, 5.0, 6.0]);
-        // One pair is there twice: 2 and 4.
+        // One pair differs: 2 and 4.
         assert!((made.difference.unwrap() - 2.0 / 3.0).abs() < 1e-6, "{:?}", made.difference);
     }
 

@@ -1,4 +1,4 @@
-//! The axes that a user asks for.
+//! Axes that a user requests.
 
 use super::error::{DomainError, ProjectionError};
 use crate::domain::{WavelengthGrid, named};
@@ -7,20 +7,20 @@ use crate::domain::{WavelengthGrid, named};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum DirectionDomain {
-    /// The polar angles and azimuths of the file, where it has a grid of them.
+    /// The polar angles and azimuths of the file, if it has a grid of them.
     Grid,
     /// The triangles of a subdivided octahedron, over which samples are averaged.
     Triangles,
 }
 named!(DirectionDomain, "domain of directions", { Grid = "grid", Triangles = "triangles" });
 
-/// Domain of sources with a grid where neither it nor a level is named.
+/// Domain of sources with a grid if the request gives neither a domain nor a level.
 const DEFAULT: DirectionDomain = DirectionDomain::Grid;
 
-/// The axes the user asks for; what is not given is chosen from the data's own density.
+/// Requested axes; everything omitted is chosen from the density of the data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxesRequest {
-    /// Grid of the file or triangles; a level asks for triangles, too.
+    /// Domain of directions: the grid of the file, or triangles. A level also selects triangles.
     pub domain: Option<DirectionDomain>,
     /// Subdivision level of the incoming triangles.
     pub incoming_level: Option<u8>,
@@ -28,14 +28,14 @@ pub struct AxesRequest {
     pub outgoing_level: Option<u8>,
     /// Wavelengths to resample to.
     pub wavelengths: Option<WavelengthGrid>,
-    /// Subdivisions of the outgoing triangles of scattered samples beyond the level that fits their spacing, where no level is
-    /// named; fewer where the tensor would be too large.
+    /// Additional subdivisions of the outgoing triangles of scattered samples, beyond the level that fits their
+    /// spacing. Used if no level is given; fewer if the tensor would become too large.
     pub finer: u8,
-    /// The relative error that is promised later (1 % if none is named).
+    /// Relative error promised by the later compression: 0.01 is 1 %, also the default.
     pub target: Option<f64>,
 }
 
-/// Relative error that is promised if none is named.
+/// Relative error promised if the request gives none: 0.01 is 1 %.
 const TARGET: f64 = 0.01;
 
 impl AxesRequest {
@@ -49,7 +49,7 @@ impl AxesRequest {
         }
     }
 
-    /// Returns the relative error that is promised.
+    /// Returns the promised relative error.
     pub(super) fn target(&self) -> f64 {
         self.target.unwrap_or(TARGET)
     }

@@ -1,36 +1,36 @@
-//! Samples on their own axes to samples on the tensor's: one pass over the output, rows at a time.
+//! Resampling of samples on their own axes to the axes of the tensor, in one pass over the output.
 
 use super::averages::Averages;
 use super::bands::Bands;
 use rayon::prelude::*;
 
-/// Values that one task works through at a time.
+/// Number of values that one task computes at a time.
 const BLOCK: usize = 1 << 12;
 
-/// What happens to an axis of directions (1 long where there is none).
+/// Resampling of an axis of directions; its length is 1 if there are no directions.
 pub(super) enum Directions {
     Kept(usize),
     Averaged {
-        /// How many samples there were.
+        /// Number of samples before averaging.
         from: usize,
         averages: Averages,
     },
 }
 
-/// What happens to the spectral axis (1 long where there is none).
+/// Resampling of the spectral axis; its length is 1 if there are no channels.
 #[derive(Clone, Debug)]
 pub(super) enum Channels {
     Kept(usize),
     Banded {
-        /// How many samples there were.
+        /// Number of samples before averaging.
         from: usize,
         bands: Bands,
     },
-    /// One sample becomes many: each factor times the sample.
+    /// Multiplies the single sample by each factor.
     Multiplied(Vec<f64>),
 }
 
-/// From `[outer, incoming, outgoing, spectral]` to the same with other lengths.
+/// Resampling of an array `[outer, incoming, outgoing, spectral]` along its last three axes.
 pub(super) struct Resampling {
     pub(super) outer: usize,
     pub(super) incoming: Directions,
@@ -53,7 +53,7 @@ impl Directions {
         }
     }
 
-    /// Whether no sample reaches entry `index`.
+    /// Returns true if no sample contributes to entry `index`.
     pub(super) fn is_empty(&self, index: usize) -> bool {
         match self {
             Self::Kept(_) => false,
@@ -91,7 +91,7 @@ impl Channels {
 }
 
 impl Resampling {
-    /// Whether the samples stay as they are.
+    /// Returns true if the samples stay unchanged.
     pub(super) fn is_identity(&self) -> bool {
         matches!(
             self,
@@ -99,10 +99,10 @@ impl Resampling {
         )
     }
 
-    /// The samples on the new axes; NaN = masked. `missing` says whether there may be NaN among `values`.
+    /// Returns the samples on the new axes; NaN is masked. `missing` is true if there may be NaN among `values`.
     ///
-    /// Beside the output it holds one plane `[outgoing, spectral]` of samples; each value of the output is summed by one
-    /// task in the order of the samples, so that the bits do not depend on threads.
+    /// Besides the output it needs memory for one plane `[outgoing, spectral]` of samples. One task sums each output
+    /// value in the order of the samples, so that the bits do not depend on the number of threads.
     pub(super) fn apply(&self, values: &[f32], missing: bool) -> Vec<f32> {
         let plane = self.outgoing.from() * self.channels.from();
         let out_plane = self.outgoing.to() * self.channels.to();
@@ -118,7 +118,7 @@ impl Resampling {
                 }
                 Directions::Averaged { averages, .. } => {
                     let mut mean = vec![0.0_f64; plane];
-                    // An incoming cell outside what was measured is masked throughout.
+                    // An incoming cell outside the measured range is masked throughout.
                     let missing = missing || (0..averages.len()).any(|cell| averages.is_empty(cell));
                     for (cell, target) in target.chunks_mut(out_plane).enumerate() {
                         mean.par_chunks_mut(BLOCK).enumerate().for_each_init(Vec::new, |weights, (block, sums)| {
@@ -157,7 +157,7 @@ impl Resampling {
     }
 }
 
-/// All masked samples are the same NaN.
+/// Converts to float32, with one bit pattern of NaN for all masked samples.
 fn sample(value: f64) -> f32 {
     if value.is_nan() { f32::NAN } else { value as f32 }
 }

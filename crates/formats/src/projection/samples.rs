@@ -1,4 +1,4 @@
-//! The errors of a tensor at the samples that the file held.
+//! Errors of a tensor at the original samples of the file.
 
 use super::angles::{check, sample_directions};
 use super::error::Role;
@@ -10,16 +10,16 @@ use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Meas
 use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
 use rayon::prelude::*;
 
-/// Samples compared at a time: two arrays of this length are all the memory it takes.
+/// Number of samples compared at a time: memory is needed for two arrays of this length.
 const PIECE: usize = 1 << 20;
 
-/// A sample and the entry of the tensor's axis that holds it.
+/// A sample and the entry of the tensor's axis that contains it.
 type Pair = (usize, usize);
 
-/// Everything that leads from samples `[index, incoming, outgoing, spectral]` to entries of the tensor.
+/// Mapping of samples `[index, incoming, outgoing, spectral]` to entries of the tensor.
 struct Pairing<'a> {
     values: &'a [f32],
-    /// How many samples there are in the file on the side of wi, of wo, and channels.
+    /// Numbers of samples in the file: incoming directions, outgoing directions and channels.
     shape: (usize, usize, usize),
     outer: usize,
     incoming: Vec<Pair>,
@@ -27,12 +27,15 @@ struct Pairing<'a> {
     channels: Channels,
 }
 
-/// The errors of `measurement` (projected, or decoded) at the original samples of the file, looked up piecewise constant
-/// in direction and resampled to the wavelengths of the tensor; `None` where the samples are the tensor's own but for
-/// wavelengths, or the tensor is not one of this file, and of samples at scattered directions, where a material is evaluated ([`ScatteredSamples`]).
+/// Measures the errors of `measurement`, projected or decoded, at the original samples of the file. Values are looked
+/// up piecewise constant in direction; samples are resampled to the wavelengths of the tensor.
 ///
-/// A sample on the rim of what was measured is looked up a millionth of a degree inside; one without azimuth stands for
-/// its ring and is compared at 16 azimuths; samples outside the tensor's directions are left out.
+/// Returns `None` if the directions of the samples are those of the tensor, or if the tensor does not belong to this
+/// file. Also returns `None` for samples at scattered directions, which are compared with an evaluated material
+/// ([`ScatteredSamples`]).
+///
+/// A sample on the boundary of the measured range is looked up a millionth of a degree inside. A sample without
+/// azimuth represents its ring and is compared at 16 azimuths. Samples outside the tensor's directions are skipped.
 ///
 /// [`ScatteredSamples`]: super::ScatteredSamples
 pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) -> Option<ErrorReport> {
@@ -73,7 +76,8 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
     Some(errors.finish())
 }
 
-/// What is said of a grid whose levels, chosen by its spacing, represent its samples to more than half of the target.
+/// Returns a note if the cells of a grid, at levels chosen by its spacing, miss its samples by more than half the
+/// target.
 pub(super) fn coarseness(
     acquisition: &Acquisition,
     measurement: &Measurement,
@@ -138,7 +142,8 @@ fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measu
     }
 }
 
-/// The way from a file's channels to those on the `axis` of the tensor; `None` where that is not one of this file.
+/// Returns the conversion of the file's channels to those on the `axis` of the tensor; `None` if that is not from this
+/// file.
 fn channels(own: Option<&Axis>, factor: Option<&SpectralFactor>, axis: Option<&Axis>) -> Option<Channels> {
     let wanted = if let Some(Axis::Wavelength(grid)) = axis { Some(grid) } else { None };
     let spectral = spectral::plan(own, factor, wanted).ok()?;

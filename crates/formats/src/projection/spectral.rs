@@ -1,4 +1,4 @@
-//! The spectral axis of a projection: kept, resampled to the wavelengths asked for, or made by a joined spectrum.
+//! Spectral axis of a projection: kept, resampled to the requested wavelengths, or created from a joined spectrum.
 
 use super::bands::Bands;
 use super::error::SpectralError;
@@ -6,14 +6,15 @@ use super::resampling::Channels;
 use crate::domain::{Axis, WavelengthGrid};
 use crate::formats::SpectralFactor;
 
-/// The spectral axis of the tensor, how it comes about, and what the user should know of it.
+/// Spectral axis of the tensor, the resampling that leads to it, and notes for the user.
 pub(super) struct Spectral {
     pub(super) axis: Option<Axis>,
     pub(super) channels: Channels,
     pub(super) notes: Vec<String>,
 }
 
-/// `own` is the spectral axis of the samples, `factor` a spectrum joined with them, `wanted` what the user asks for.
+/// Plans the spectral axis. `own` is that of the samples, `factor` a spectrum joined with them, `wanted` the requested
+/// wavelengths.
 pub(super) fn plan(
     own: Option<&Axis>,
     factor: Option<&SpectralFactor>,
@@ -56,7 +57,7 @@ pub(super) fn plan(
     }
 }
 
-/// Whether two grids have the same wavelengths, however they are kept.
+/// Returns true if two grids have equal wavelengths, whatever their representation.
 pub(super) fn same(a: &WavelengthGrid, b: &WavelengthGrid) -> bool {
     a.len() == b.len() && (0..a.len()).all(|i| a.at(i) == b.at(i))
 }

@@ -82,7 +82,7 @@ fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
     }
 }
 
-/// Sources with a grid of angles leave it.
+/// A request for triangles.
 fn triangles() -> AxesRequest {
     AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() }
 }
@@ -330,10 +330,10 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
         assert!(y.abs() < 0.3 || marked, "cell {cell} beside the plane: {sample}");
     }
     assert!(samples.iter().any(|s| !s.is_nan()));
-    // Its samples are scattered: a material is evaluated at them, instead of looking up cells.
+    // Scattered samples are compared with an evaluated material, not with cells.
     assert!(projected.scattered.is_some() && error_at_samples(&acquired, &projected.measurement).is_none());
     assert_eq!(scattered_samples(&acquired).unwrap().directions(), projected.scattered.unwrap().len());
-    // By name, and in a format that defines what lies between, the planes are a grid.
+    // By name, and in a format that defines the values between planes, the planes are a grid.
     let grid = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
     let of_format = Acquisition { format: "mbsdf", ..acquired.clone() };
     for (acquired, request) in [(&acquired, &grid), (&of_format, &AxesRequest::default())] {
@@ -372,7 +372,7 @@ fn missing_samples_are_counted_and_holes_masked() {
     assert_eq!(coverage.measured + coverage.interpolated + coverage.empty, coverage.cells);
     assert!(coverage.empty > 0 && coverage.measured > 0 && coverage.interpolated > 0);
     assert!(coverage.notes.iter().any(|n| n.contains("are missing")));
-    // A sample that is there is never masked.
+    // A sample that is present is never masked.
     let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
     assert_eq!(errors.max_absolute_error, 0.0);
     grid_of(&mut acquired).values.fill(f32::NAN);
@@ -396,7 +396,7 @@ fn a_joined_spectrum_adds_the_wavelength_axis() {
     let samples = resampled.measurement.tensor.samples();
     assert!(samples.chunks(4).all(|s| s[0].is_nan() && !s[1].is_nan()));
     assert_eq!(resampled.coverage.empty, 0);
-    // At the wavelengths asked for: 400 to 600 nm can be compared, 300 nm cannot.
+    // At the requested wavelengths: 400 to 600 nm can be compared, 300 nm cannot.
     let directions = 13 * 12;
     let errors = error_at_samples(&acquired, &resampled.measurement).unwrap();
     assert_eq!((errors.samples, errors.masked_samples, errors.mask_mismatches), (4 * directions, directions, 0));

@@ -13,7 +13,7 @@ fn plain(bytes: &[u8]) -> Result<Acquisition, FormatError> {
     read(bytes, &Interpretation::default())
 }
 
-/// Every file that reads, arrays written here included.
+/// Returns every file that reads, including arrays written here.
 fn good_files() -> Vec<(String, Vec<u8>, Interpretation)> {
     let mut files = Vec::new();
     let mut directories: Vec<PathBuf> = ["data", "tests/fixtures"].map(|d| crate::root().join(d)).to_vec();
@@ -61,7 +61,7 @@ fn cut_and_flipped_files_never_panic() {
     }
 }
 
-/// A small file of every text format with all that its numbers can be, and what is said of it.
+/// Returns a small file of every text format with all kinds of numbers, and its interpretation.
 fn small_texts() -> Vec<(&'static str, String, Interpretation)> {
     let plain = Interpretation::default();
     let quantity = Some(Quantity::Phase.into());
@@ -126,7 +126,7 @@ fn spdx(data: &str) -> String {
     )
 }
 
-/// Where the numbers of a text are.
+/// Returns the byte ranges of the numbers in a text.
 fn numbers(text: &str) -> Vec<std::ops::Range<usize>> {
     let bytes = text.as_bytes();
     let part = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'+' | b'_');
@@ -141,7 +141,8 @@ fn numbers(text: &str) -> Vec<std::ops::Range<usize>> {
     found
 }
 
-/// A refusal that a user can act on: its format, a place in what was sent, what was found and what was expected.
+/// Checks that a user can act on a refusal: it names the format, a place in the input, what was found and what was
+/// expected.
 fn check_refusal(error: &FormatError, what: &str) {
     let text = error.to_string();
     let said = !error.message.is_empty() && text.len() < 2000 && !text.chars().any(char::is_control);
@@ -186,7 +187,7 @@ fn every_length_of_a_text_is_a_file_or_a_refusal() {
     }
 }
 
-/// A small file of every binary format, and what is said of it.
+/// Returns a small file of every binary format, and its interpretation.
 fn small_binaries() -> Vec<(&'static str, Vec<u8>, Interpretation)> {
     let plain = Interpretation::default();
     let axes = |axes: serde_json::Value| Interpretation {

@@ -54,7 +54,7 @@ fn metadata<'a>(acquisition: &'a Acquisition, key: &str) -> &'a str {
     acquisition.report.metadata.iter().find(|(found, _)| found == key).map_or("", |(_, value)| value)
 }
 
-/// The intensity at stated angles: gamma from nadir and C, both as listed.
+/// Returns the intensity at listed angles: gamma from nadir and C.
 fn intensity(grid: &AngleGrid, gamma: f64, c: f64) -> f32 {
     let angles = grid.outgoing.as_ref().unwrap();
     let row = angles.theta.iter().position(|&theta| theta == 180.0 - gamma).unwrap();

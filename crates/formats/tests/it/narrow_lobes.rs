@@ -1,4 +1,4 @@
-//! Light or outlier: scans of narrow lobes keep their light or are warned of, and outliers of smooth ones are rejected.
+//! Outlier rejection: scans of narrow lobes keep their light or cause a warning; outliers of smooth lobes are rejected.
 
 use wavelume_core::domain::{Direction, Quantity, Unit};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
@@ -6,7 +6,7 @@ use wavelume_formats::formats::{Acquisition, Instrument, NoteKind, ParseReport, 
 use wavelume_formats::pipeline::{FitReport, Outcome, PipelineError};
 use wavelume_formats::{Request, Source};
 
-/// Independent numbers, even between 0 and 1 (`SplitMix64`, Steele and others 2014).
+/// Generator of independent uniform numbers between 0 and 1 (`SplitMix64`, Steele and others 2014).
 struct Random(u64);
 
 impl Random {
@@ -17,7 +17,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Of standard deviation 1 (Box and Muller 1958).
+    /// Returns a normal deviate of mean 0 and standard deviation 1 (Box and Muller 1958).
     fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.even()).ln()).sqrt() * (std::f64::consts::TAU * self.even()).cos()
     }
@@ -29,8 +29,8 @@ const BASE: f64 = 0.3 / std::f64::consts::PI;
 /// A BRDF of wi and wo.
 type Truth = dyn Fn(Direction, Direction) -> f64;
 
-/// A base of albedo 0.3, and a Gaussian about the mirror direction, `width` degrees wide at half its maximum, that takes 0.3
-/// times the cosine of incidence of the light.
+/// Returns a base of albedo 0.3 with a Gaussian lobe about the mirror direction, `width` degrees wide at half its
+/// maximum. The lobe reflects 0.3 times the cosine of incidence of the light.
 fn gaussian(width: f64) -> impl Fn(Direction, Direction) -> f64 {
     let width = width.to_radians();
     move |wi, wo| {
@@ -40,7 +40,7 @@ fn gaussian(width: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// A gloss of this roughness (GGX, without shadowing) over the base.
+/// Returns a GGX lobe of this roughness, without shadowing, over the base.
 fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     move |wi, wo| {
         let [[a, b, c], [x, y, z]] = [wi.xyz(), wo.xyz()];
@@ -50,14 +50,14 @@ fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// Rises to grazing directions.
+/// BRDF that rises towards grazing directions.
 fn velvet(wi: Direction, wo: Direction) -> f64 {
     let off = |d: Direction| (1.0 - d.cos_theta().powi(2)).powi(4);
     0.05 + 0.3 * off(wo) + 0.1 * off(wi) * off(wo)
 }
 
-/// Samples of `truth` with 1 % noise under a spiral of 4,000 at eight elevations, this share of them ten times too high; the
-/// spiral is turned from each to the next.
+/// Returns samples of `truth` with 1 % noise: a spiral of 4,000 directions at each of eight elevations, rotated from
+/// one to the next. The fraction `outliers` of the samples is ten times too high.
 fn scan(truth: &Truth, outliers: f64, seed: u64) -> Source {
     let mut random = Random(seed);
     let (mut incoming, mut outgoing, mut values) = (Vec::new(), Vec::new(), Vec::new());
@@ -94,8 +94,8 @@ fn source(incoming: Vec<[f64; 2]>, outgoing: Vec<[f64; 2]>, values: Vec<f32>) ->
     Source { acquisition, content_digest: "b3-0".to_owned(), spectrum_digest: None }
 }
 
-/// The largest part of all light under one of the elevations that the material has too much or too little within 40° of the
-/// mirror direction.
+/// Returns the signed error of the material's light within 40° of the mirror direction, as a fraction of all light. It
+/// is the largest in magnitude over the elevations.
 fn astray(outcome: &Outcome, truth: &Truth, elevations: &[f64]) -> f64 {
     let material = Material::open(&outcome.bytes).unwrap();
     let edge = |i: i32| (40.0 * (f64::from(i) / 90.0).powi(3)).to_radians();
@@ -150,7 +150,7 @@ fn describe(outcome: &Outcome) -> String {
     )
 }
 
-/// How a random scan goes over the outgoing directions.
+/// Order of the outgoing directions in a random scan.
 #[derive(Clone, Copy, Debug)]
 enum Way {
     Spiral,
@@ -161,7 +161,7 @@ enum Way {
     Half,
 }
 
-/// A random scan and its truth.
+/// Random scan with its true BRDF.
 struct Case {
     source: Source,
     truth: Box<Truth>,
@@ -174,7 +174,7 @@ fn gaussian_of(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 
     move |wi, wo| BASE + albedo / 0.3 * (of_one(wi, wo) - BASE)
 }
 
-/// A GGX lobe about as wide at half its maximum under normal incidence.
+/// Returns a GGX lobe of about this width at half its maximum under normal incidence.
 fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     let square = (width.to_radians() / (4.0 * 0.6436)).powi(2);
     move |wi, wo| {
@@ -188,7 +188,7 @@ fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 
     }
 }
 
-/// A scan drawn from a seed, with this share of outliers ten times too high.
+/// Returns a scan drawn from a seed. The fraction `outliers` of its samples is ten times too high.
 fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
     let mut random = Random(seed);
     loop {

@@ -1,4 +1,4 @@
-//! Phase functions stay on the scattering angles of their files, and go back to them.
+//! Phase functions keep the scattering angles of their files, and are written back on them.
 
 use crate::root;
 use std::fs;

@@ -1,7 +1,7 @@
-//! Bytes and bits that must not change while the code is moved: digests of compressed files, of every export, and of batches
-//! evaluated and drawn, compared with `tests/golden/recorded.txt`.
+//! Regression tests of exact results: digests of compressed files, of every export, and of batches evaluated and drawn,
+//! compared with `tests/golden/recorded.txt`.
 //!
-//! A change that is meant to alter them writes the list anew, and its commit says which lines changed and why:
+//! A change that intentionally alters them rewrites the list, and its commit states which lines changed and why:
 //! `WAVELUME_RECORD=1 cargo test -p wavelume-formats --test it recorded`.
 
 use crate::root;
@@ -33,7 +33,7 @@ const FOLDERS: [&str; 10] = [
     "tests/fixtures/spectra",
     "tests/fixtures/spectra/spectralon",
 ];
-/// Files that take long on as many triangles as they ask for; they are projected onto those of `LEVEL`.
+/// Files that are slow at their own resolution; they are projected onto the triangles of `LEVEL`.
 const LARGE: [&str; 7] = [
     "data/carpaint_blue.mbsdf",
     "henyey_greenstein_angles",
@@ -49,10 +49,10 @@ const SLOW: &str = "data/carpaint_blue.mbsdf";
 /// Files whose materials are exported in every format that holds them.
 const EXPORTED: [&str; 5] =
     ["scattered scan", "examp1.ies", "henyey_greenstein_moments", "data/illuminant_B", "test_rgb_theta_2_phi_3"];
-/// Pairs of directions that are asked for of each material: three blocks and a part of one.
+/// Number of direction pairs evaluated per material: three full blocks and a partial one.
 const PAIRS: usize = 151;
 
-/// The name of a thing and its digest.
+/// Digests by name.
 type List = BTreeMap<String, String>;
 
 /// Points of a sequence that fills the unit square evenly (R2, Roberts 2018).
@@ -60,7 +60,8 @@ fn point(i: usize) -> [f64; 2] {
     [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
 }
 
-/// A narrow lobe over a base seen by a goniometer without a grid: three elevations of the lamp, three wavelengths.
+/// Returns a narrow lobe over a base, as measured by a goniometer without a grid: three elevations of the lamp, three
+/// wavelengths.
 fn scattered_scan() -> Vec<u8> {
     let mut text =
         "# radiometric-csv: 1\n# quantity: brdf\n# value_unit: 1/sr\n# cosine_included: false\n# angle_unit: deg\n\
@@ -91,7 +92,7 @@ fn in_data(path: &Path) -> bool {
         && path.file_name().is_some_and(|name| root().join("data").join(name).exists())
 }
 
-/// The files: a name and bytes of each.
+/// Returns the names and bytes of the files.
 fn inputs() -> Vec<(String, Vec<u8>)> {
     let mut paths: Vec<PathBuf> = FOLDERS
         .iter()
@@ -128,7 +129,7 @@ fn directions(offset: usize, over_sphere: bool) -> [Vec<f32>; 3] {
     to
 }
 
-/// Everything that a renderer asks of a material, in batches.
+/// Runs everything that a renderer needs of a material, in batches.
 fn ask(name: &str, material: &Material, list: &mut List) -> Result<(), EvaluateError> {
     let index = vec![0; material.layout().indices];
     let [wi, wo] = [directions(7, false), directions(1_000, true)];
@@ -178,7 +179,7 @@ fn opened(name: &str, bytes: &[u8], list: &mut List) -> Material {
     material
 }
 
-/// The digests of everything that is made of one file.
+/// Returns the digests of everything computed from one file.
 fn made_of(name: &str, bytes: &[u8]) -> List {
     let mut list = List::new();
     let interpretation = Interpretation::default();

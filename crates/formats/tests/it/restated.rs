@@ -1,4 +1,4 @@
-//! What comes back is what went in: files read, kept on their own grid, written again and read again.
+//! Round trips: files read, kept on their own grid, written and read again give the same content.
 
 use crate::root;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ const FOLDERS: [&str; 5] = [
     "tests/fixtures/mbsdf",
 ];
 
-/// Files of an extension that are measurements, with their bytes.
+/// Returns the measurement files with an extension, and their bytes.
 fn files(extension: &str) -> Vec<(PathBuf, Vec<u8>, Acquisition)> {
     let of_folder = |folder: &&str| fs::read_dir(root().join(folder)).unwrap().map(|entry| entry.unwrap().path());
     let mut paths: Vec<PathBuf> = FOLDERS.iter().flat_map(of_folder).collect();
@@ -67,7 +67,7 @@ fn luminaires_come_back_with_their_angles_numbers_and_keywords() {
     assert!(count > 25, "{count} files");
 }
 
-/// The numbers of a text behind its header.
+/// Returns the numbers of a text after its header.
 fn numbers(bytes: &[u8], behind: &str) -> Vec<f64> {
     let text = String::from_utf8_lossy(bytes);
     let (_, rest) = text.split_once(behind).unwrap();
@@ -148,7 +148,7 @@ fn files_without_provenance_are_written_with_the_least_that_the_format_asks_for(
     }
 }
 
-/// What the grid of a text file is after it was written again.
+/// Returns true if a text file that is read and written again keeps its grid and metadata.
 fn comes_back(text: &str) -> bool {
     let acquisition =
         read(text.as_bytes(), &Interpretation::default()).unwrap_or_else(|error| panic!("{error}: {text}"));
@@ -196,7 +196,7 @@ fn every_form_of_planes_comes_back() {
     }
 }
 
-/// The bytes of a file after they were compressed on their own grid.
+/// Returns the bytes of a file after compression on its own grid.
 fn compressed(bytes: &[u8], target: Target, metadata: bool) -> Vec<u8> {
     let request = Request { domain: Some(DirectionDomain::Grid), metadata, ..Request::to(target) };
     let input = Input { bytes, spectrum: None, interpretation: &Interpretation::default() };

@@ -1,4 +1,4 @@
-//! The promise at scattered samples: noise, fit and outliers of synthetic scans whose truth is known.
+//! Error bounds at scattered samples: noise, fit and outliers of synthetic scans with known truth.
 
 use wavelume_core::domain::{Axis, Direction, Quantity, Tensor, Unit, WavelengthGrid};
 use wavelume_core::evaluate::{Interpolation, Material, Place};
@@ -9,7 +9,7 @@ use wavelume_formats::pipeline::{FitReport, Input, Outcome, PipelineError, read}
 use wavelume_formats::projection::{AxesRequest, DirectionDomain, project};
 use wavelume_formats::{Request, Source};
 
-/// Independent numbers, even between 0 and 1 (`SplitMix64`, Steele and others 2014).
+/// Generator of independent uniform numbers between 0 and 1 (`SplitMix64`, Steele and others 2014).
 struct Random(u64);
 
 impl Random {
@@ -20,7 +20,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Of standard deviation 1 (Box and Muller 1958).
+    /// Returns a normal deviate of mean 0 and standard deviation 1 (Box and Muller 1958).
     fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.even()).ln()).sqrt() * (std::f64::consts::TAU * self.even()).cos()
     }
@@ -29,9 +29,9 @@ impl Random {
 /// Directions from the normal to `lowest` degrees.
 #[derive(Clone, Copy, Debug)]
 enum Way {
-    /// One turn after the other, even in solid angle.
+    /// Spiral, turn after turn, uniform in solid angle.
     Spiral,
-    /// Independent.
+    /// Independent random directions.
     Random,
 }
 
@@ -51,7 +51,7 @@ fn directions(way: Way, count: usize, lowest: f64) -> Vec<[f64; 2]> {
     (0..count).map(of).collect()
 }
 
-/// A gloss of this roughness (GGX, without shadowing) over a diffuse base.
+/// Returns a GGX lobe of this roughness, without shadowing, over a diffuse base.
 fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     move |wi, wo| {
         let [[a, b, c], [x, y, z]] = [wi.xyz(), wo.xyz()];
@@ -61,14 +61,14 @@ fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// What an instrument does to the truth.
+/// Disturbances that the simulated instrument adds to the truth.
 #[derive(Clone, Copy, Debug, Default)]
 struct Disturbed {
     noise: f64,
     outliers: f64,
 }
 
-/// The samples, and which of them are outliers.
+/// Returns the samples, and true for each outlier.
 fn disturbed(truth: &[f64], by: Disturbed) -> (Vec<f32>, Vec<bool>) {
     let mut random = Random(3);
     let sample = |&truth: &f64| {
@@ -138,7 +138,7 @@ fn level(outcome: &Outcome) -> u8 {
     axes.iter().rev().find_map(|a| if let Axis::Triangles(mesh) = a { Some(mesh.level()) } else { None }).unwrap()
 }
 
-/// The warnings of a compression to 1 %, after a look at everything that is promised of it.
+/// Returns the warnings of a compression to 1 %, after checking everything that is promised of it.
 fn checked((source, is_outlier): (Source, Vec<bool>), noise: f64) -> Vec<String> {
     let outcome = source.compress(&Request::er_l2(0.01)).unwrap();
     let fit = fit(&outcome);

@@ -31,7 +31,7 @@ fn wavelengths(count: usize) -> Axis {
     Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, count).unwrap())
 }
 
-/// A positive function of every axis, another one for each seed.
+/// Positive test function of every axis; each seed gives another one.
 fn measurement(quantity: Quantity, axes: Vec<Axis>, seed: u64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(seed);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -63,7 +63,7 @@ fn spectrum(seed: u64) -> Measurement {
     measurement(Quantity::Spectrum, vec![wavelengths(75)], seed)
 }
 
-/// The same with these samples masked.
+/// Returns the measurement with the given samples masked.
 fn masked(m: &Measurement, is_masked: impl Fn(usize) -> bool) -> Measurement {
     let samples = m.tensor.samples().iter().enumerate().map(|(i, &s)| if is_masked(i) { f32::NAN } else { s });
     let tensor = Tensor::new(m.tensor.axes().to_vec(), samples.collect()).unwrap();
@@ -74,7 +74,7 @@ fn file(m: &Measurement, settings: &Settings) -> Vec<u8> {
     compress::compress(m, settings, &Silent).unwrap().bytes
 }
 
-/// Of the paper's policies at 5 %, in bior4.4.
+/// Settings of one of the paper's policies in bior4.4, with an error target of 5 %.
 fn kept(m: &Measurement, policy: Policy) -> Vec<u8> {
     file(m, &settings(Target::ErL2(0.05), policy, "bior4.4"))
 }
@@ -88,8 +88,8 @@ fn combined(files: &[Vec<u8>], weights: &[f64]) -> Combined {
     combine(&operands(files, weights), &settings, Recompress::IfNeeded, &Silent).unwrap()
 }
 
-/// The largest difference of the decoded result from the exact combination, relative to the largest sum of magnitudes,
-/// and the samples masked.
+/// Returns the largest difference between the decoded result and the exact combination, relative to the largest sum of
+/// magnitudes, and the number of masked samples.
 fn off(files: &[Vec<u8>], weights: &[f64], result: &[u8]) -> (f64, usize) {
     let decoded: Vec<_> = files.iter().map(|bytes| decode(bytes).unwrap().measurement.tensor).collect();
     let found = decode(result).unwrap().measurement.tensor;
@@ -131,7 +131,7 @@ fn coefficients_are_added_exact_to_rounding() {
                 let (off, masked) = off(&files, &weights, &sum.compressed.bytes);
                 assert!(off < 3e-6 && masked == 0, "{policy}: {off}");
                 assert!(sum.added().relative_rmse < 3e-6, "{policy}: {:?}", sum.added());
-                // A union of supports: nothing but what the operands keep.
+                // A union of supports: only coefficients that an operand keeps.
                 let most: u64 = files.iter().map(|f| compress::inspect(f).unwrap().kept_coefficients.unwrap()).sum();
                 assert!(sum.compressed.summary.kept_coefficients.unwrap() <= most);
                 let inherited: f64 = sum.operands.iter().map(|o| o.weight.abs() * o.max_absolute_error).sum();
@@ -170,7 +170,8 @@ fn a_difference_with_itself_is_zero_and_one_operand_is_scaled() {
 fn masked_in_either_is_masked_and_the_rest_stays_exact() {
     let row = 64 * 13;
     let masks: [&dyn Fn(usize) -> bool; 4] = [
-        // Scattered samples; one outgoing direction; all but one child of some nodes; whole incoming and outgoing nodes.
+        // Scattered samples; one outgoing direction; all but one child of some nodes; whole incoming and outgoing
+        // nodes.
         &|i| i % 37 == 5,
         &|i| i / 13 % 64 == 9,
         &|i| matches!(i / 13 % 64, 1..=3 | 20..=22 | 32..=46),

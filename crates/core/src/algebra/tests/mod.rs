@@ -1,4 +1,4 @@
-//! Identities of the algebra over every basis, rule at the ends and length, and every refusal.
+//! Identities of the algebra over every basis, boundary rule and length, and every error.
 
 mod materials;
 mod products;
@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::sync::Arc;
 
-/// The lengths asked of products, 75 and 91 among them.
+/// Line lengths for the tests of products.
 const LENGTHS: [usize; 7] = [1, 2, 3, 5, 8, 75, 91];
 
 fn space(basis: LineBasis, boundary: Boundary, length: usize) -> Arc<LineSpace> {

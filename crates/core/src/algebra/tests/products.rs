@@ -1,11 +1,11 @@
-//! Products by couplings are decode–multiply–encode, in every basis, under every rule, at every length.
+//! Products by couplings equal decode–multiply–encode, in every basis, under every boundary rule, at every length.
 
 use super::*;
 use crate::algebra::{Accumulator, Couplings, Multiplier, SparseSpectrum};
 use crate::transform::Klt;
 use rayon::prelude::*;
 
-/// Everything that must hold of the products in one basis.
+/// Checks all identities of products in one basis.
 fn check(space: &Arc<LineSpace>, name: &str) {
     let couplings = Couplings::new(space).unwrap();
     let n = space.length();
@@ -35,7 +35,7 @@ fn products_are_exact_in_every_basis_at_every_length() {
 fn products_are_exact_under_every_rule_at_the_ends() {
     let cases = LineBasis::distinct().enumerate().flat_map(|(b, basis)| {
         let rules = Boundary::ALL.iter().flat_map(move |&boundary| {
-            // The long length by turns.
+            // The long line only for every few bases.
             let lengths = [2, 5, 8, 23, 75].into_iter().filter(move |&n| n < 75 || b % 5 == boundary as usize);
             lengths.map(move |length| (boundary, length))
         });
@@ -94,16 +94,16 @@ fn one_is_the_neutral_factor() {
     }
 }
 
-/// On whole pairs a fine function meets a constant part of any coarser one: C(k; i, j) is 0 but for k = j, and the square
-/// of a function has one coefficient a level.
+/// On whole pairs, a fine function meets only a constant part of any coarser one. C(k; i, j) is then nonzero for k = j
+/// only, and the square of a function has one coefficient per level.
 #[test]
 fn couplings_of_haar_are_few() {
     let length = 64;
     let couplings = Couplings::new(&own("haar", length)).unwrap();
     let functions = length - 1;
     let ancestors: usize = (1..length).map(|i| 6 - i.trailing_zeros() as usize).sum();
-    // The mean with itself and each function; each function with those it lies in, and its square: those again and the mean
-    // (its own mean is 0 on the halves where its square is constant).
+    // The mean with itself and each function; each function with those it lies in, and its square: those again and the
+    // mean (its own mean is 0 on the halves where its square is constant).
     let expected = 1 + functions + (ancestors - functions) + ancestors;
     assert_eq!(couplings.len(), expected);
     assert!(!couplings.is_empty() && couplings.bytes() < 40 * expected);
@@ -125,7 +125,7 @@ fn multipliers_are_products_with_one_factor() {
     }
 }
 
-/// The data's own basis: exact where it is whole, the projection on its span where it is not.
+/// The Karhunen-Loève basis of the data: exact if complete, otherwise a projection on its span.
 #[test]
 fn products_in_the_datas_own_basis() {
     let rows: Vec<f32> = (0..60).flat_map(|seed| samples(20, seed)).map(|x| x as f32).collect();

@@ -1,4 +1,4 @@
-//! Every refusal of spectra, by its variant.
+//! Every error of spectra, by its variant.
 
 use super::*;
 use crate::algebra::{
@@ -33,7 +33,7 @@ fn tables_that_are_too_long() {
     assert!(matches!(Gram::new(&gram, None), Err(AlgebraError::TooLong { what: "a Gram matrix", .. })));
     let samples = vec![1.0; MAX_GRAM + 1];
     assert!(matches!(Multiplier::new(&gram, &samples), Err(AlgebraError::TooLong { what: "a multiplier", .. })));
-    // Filters as long as the line: every function meets every other.
+    // Filters as long as the line: all functions overlap.
     let dense = own("db38", MAX_COUPLED);
     assert!(matches!(Couplings::new(&dense), Err(AlgebraError::TooManyCouplings { length: MAX_COUPLED, .. })));
     assert!(Couplings::new(&own("haar", MAX_COUPLED)).is_ok());
@@ -88,7 +88,7 @@ fn two_bases_do_not_mix() {
     is_refused(Functional::new(&space, &[1.0; 8]).unwrap().of(&b).map(|_| ()));
     is_refused(Couplings::new(&space).unwrap().product(&a, &b).map(|_| ()));
     is_refused(Multiplier::new(&space, &[1.0; 8]).unwrap().product(&b).map(|_| ()));
-    // The caller's own vectors are the same for the same object only.
+    // Vectors given by the caller match only within one object.
     let vectors = |angle: f64| LineSpace::orthonormal("own", &[vec![angle.cos(), angle.sin()]]).unwrap();
     let (one, two) = (vectors(0.0), vectors(1.0));
     let [one, two] = [one, two].map(|space| space.analyse(&[1.0, 2.0]).unwrap());

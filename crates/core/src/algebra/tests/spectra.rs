@@ -1,4 +1,4 @@
-//! Sums, dot products and functionals are those of the samples.
+//! Sums, dot products and functionals of coefficients equal those of the samples.
 
 use super::*;
 use crate::algebra::{Accumulator, Entry, Functional, Gram, SparseSpectrum, SpectrumPool};
@@ -11,7 +11,8 @@ fn every_space() -> Vec<(LineBasis, Boundary, usize)> {
     bases.flat_map(|(basis, boundary)| LENGTHS.map(|length| (basis, boundary, length))).collect()
 }
 
-/// Rounding of f64 grows with the norms of analysis and synthesis functions, which are large for splines with short duals.
+/// Tolerances are wide because f64 rounding grows with the norms of the basis functions, which are large for splines
+/// with short duals.
 #[test]
 fn samples_come_back_and_dot_products_are_theirs_in_every_basis() {
     every_space().into_par_iter().for_each(|(basis, boundary, length)| {

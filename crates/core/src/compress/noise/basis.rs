@@ -1,44 +1,44 @@
-//! Orthonormal bases of a few samples on an axis that start with the polynomials at the samples' positions.
+//! Orthonormal bases of a few samples on an axis, starting with the polynomials at the samples' positions.
 
 use crate::domain::TriangleMesh;
 use crate::numeric::dense::dot;
 use crate::numeric::orthogonal::remainder;
 
-/// Where the entries of an axis are.
+/// Positions of the entries of an axis.
 pub(super) enum Place {
-    /// Triangles that are fine enough for cubics.
+    /// Triangles of a mesh that is fine enough for cubics.
     Plane(TriangleMesh),
     /// Positions on a line.
     Line(Vec<f64>),
-    /// Entries without neighbours: they have a mean, no more.
+    /// Entries without neighbours; only their mean is removed.
     Unordered,
 }
 
-/// The part of an orthonormal basis that tells noise from signal.
+/// Part of an orthonormal basis that separates noise from signal.
 pub(super) struct Basis {
-    /// Polynomials of degree 2, orthogonal to those below.
+    /// Polynomials of degree 2, orthogonal to lower degrees.
     pub(super) second: Vec<Vec<f64>>,
-    /// Polynomials of degree 3, orthogonal to those below.
+    /// Polynomials of degree 3, orthogonal to lower degrees.
     pub(super) third: Vec<Vec<f64>>,
-    /// Orthogonal to every polynomial of degree ≤ 3 (of entries without neighbours: to the constant).
+    /// Vectors orthogonal to every polynomial of degree ≤ 3 (for entries without neighbours: to the constant).
     pub(super) high: Vec<Vec<f64>>,
 }
 
-/// Directions with less than this of their length left are in the span already.
+/// Fraction of its length below which the remainder of a vector counts as linearly dependent.
 const DEPENDENT: f64 = 1e-5;
 
 impl Basis {
-    /// The basis of one sample.
+    /// Basis of a single sample.
     pub(super) fn single() -> Self {
         Self { second: Vec::new(), third: Vec::new(), high: vec![vec![1.0]] }
     }
 }
 
 impl Place {
-    /// The basis of the samples at `entries`; `None` if nothing would be left of them.
+    /// Basis of the samples at `entries`; `None` if no vector orthogonal to the polynomials would remain.
     pub(super) fn basis(&self, entries: &[usize]) -> Option<Basis> {
         let n = entries.len();
-        // What a polynomial of degree 3 needs, and one more.
+        // Number of polynomials up to degree 3, plus one.
         let fewest = match self {
             Self::Plane(_) => 11,
             Self::Line(_) => 5,
@@ -67,7 +67,7 @@ impl Place {
         }
         let mut high = Vec::new();
         while vectors.len() < n {
-            // The unit vector with the most left of it.
+            // The unit vector with the largest remainder.
             let left = |i: usize| 1.0 - vectors.iter().map(|v| v[i] * v[i]).sum::<f64>();
             let (_, best) = (0..n).map(|i| (left(i), i)).max_by(|a, b| a.0.total_cmp(&b.0))?;
             let mut unit = vec![0.0; n];
@@ -79,7 +79,7 @@ impl Place {
         Some(Basis { second, third, high })
     }
 
-    /// Coordinates of about −1..1; the second on triangles only.
+    /// Coordinates scaled to about −1..1; the second only for triangles.
     fn coordinates(&self, entries: &[usize]) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
         match self {
             Self::Plane(mesh) => {
@@ -108,14 +108,14 @@ fn power(x: f64, exponent: i32) -> f64 {
     (0..exponent).fold(1.0, |product, _| product * x)
 }
 
-/// Shifted and scaled to −1..1.
+/// Shifts and scales the values to −1..1.
 fn centred(values: &[f64]) -> Vec<f64> {
     let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);
     values.iter().map(|v| (v - f64::midpoint(low, high)) / half).collect()
 }
 
-/// What is left of `vector` outside the span of `vectors`, of length 1; `None` if that is nothing.
+/// Remainder of `vector` outside the span of `vectors`, normalised to length 1; `None` if it vanishes.
 fn orthonormal(vector: Vec<f64>, vectors: &[Vec<f64>]) -> Option<Vec<f64>> {
     remainder(vector, vectors, |squares| squares.after.sqrt() > DEPENDENT * squares.before.sqrt())
 }

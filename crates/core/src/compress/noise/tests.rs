@@ -1,4 +1,5 @@
-//! Known noise on known signals: found within its tolerance, and not found where there is none.
+//! Tests of the noise estimate: known noise on known signals is found within its tolerance, and none is reported
+//! without noise.
 
 use super::*;
 use crate::domain::{Direction, Domain, Quantity, Sampling, Tensor, TriangleMesh, WavelengthGrid};
@@ -31,7 +32,7 @@ impl Normal {
     }
 }
 
-/// A signal with noise of every sample and of every row of the last axis.
+/// Signal with noise in every sample (`own`) and in every row of the last axis (`gain`).
 fn measured(quantity: Quantity, axes: Vec<Axis>, signal: impl Fn(&[usize]) -> f64, own: f64, gain: f64) -> Measurement {
     let mut normal = Normal(Pcg64::seed_from_u64(11));
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -60,7 +61,7 @@ fn points(level: u8, domain: Domain) -> Vec<Direction> {
     (0..mesh.len()).map(|i| mesh.centroid(i)).collect()
 }
 
-/// Diffuse red and a GGX lobe of roughness `alpha` with a little dispersion.
+/// Diffuse red with a GGX lobe of roughness `alpha` and a little dispersion.
 fn glossy(alpha: f64) -> impl Fn(&[usize]) -> f64 {
     let (incoming, outgoing) = (points(1, Domain::Hemisphere), points(4, Domain::Hemisphere));
     move |place| {
@@ -186,7 +187,7 @@ fn zeros_masks_and_negatives_are_left_out() {
     for (every, value) in [(29, 0.0), (23, f32::NAN), (31, -1.0), (12, 1e-9)] {
         let mut rng = Pcg64::seed_from_u64(5);
         let mut samples = whole.tensor.samples().to_vec();
-        // A third of the directions entirely, and others here and there.
+        // A third of the directions is missing entirely, and scattered samples of others.
         for (i, sample) in samples.iter_mut().enumerate() {
             if (i / 31) % 1024 < 340 || rng.random_range(0..every) == 0 {
                 *sample = value;

@@ -1,4 +1,4 @@
-//! The first layer in a spectral basis of the data's own, in fixed bases on the other axes.
+//! First layer in a spectral basis of the data's own, with fixed bases on the other axes.
 
 use super::super::rows::{clear_uncoded, coding_order};
 use super::super::scales::Scales;
@@ -13,14 +13,14 @@ use crate::transform::{AxisTransform, Klt, Plan, PlanError};
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Logarithms and their principal components.
+/// Logarithms with their principal components.
 pub(crate) struct AdaptiveLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
     transforms: Vec<AxisTransform>,
     klt: Klt,
     logs: Vec<f32>,
-    /// Coefficients of the last fineness: a size and an error are asked for one after the other.
+    /// Cache of the coefficients at the last fineness: size and error are requested one after the other.
     last: RefCell<Option<(Fineness, Rc<Coefficients>)>>,
 }
 
@@ -28,7 +28,7 @@ pub(crate) struct AdaptiveLayer<'a> {
 struct Coefficients {
     basis: Basis,
     chunk: Vec<u8>,
-    /// `None` where the planes' axes cannot be transformed, which `AdaptiveLayer::new` excludes.
+    /// `None` if the planes' axes cannot be transformed, which `AdaptiveLayer::new` excludes.
     planes: Option<(Plan, Scales, Rows, Vec<f32>)>,
 }
 
@@ -42,7 +42,7 @@ impl<'a> AdaptiveLayer<'a> {
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
     }
 
-    /// The coefficients at `fineness`.
+    /// Returns the coefficients at `fineness`.
     fn at(&self, fineness: Fineness) -> Rc<Coefficients> {
         if let Some((known, coefficients)) = &*self.last.borrow()
             && *known == fineness
@@ -57,7 +57,7 @@ impl<'a> AdaptiveLayer<'a> {
         coefficients
     }
 
-    /// Coefficients on the basis, transformed on the other axes.
+    /// Projects the logarithms on the basis, and transforms the other axes.
     fn planes(&self, basis: &Basis) -> Result<(Plan, Scales, Rows, Vec<f32>), PlanError> {
         let mut planes = basis.analyse(&self.logs);
         let (axes, plan) = plan_of_planes(&self.axes, &self.transforms, basis.rank())?;
@@ -95,7 +95,7 @@ impl FirstLayer for AdaptiveLayer<'_> {
     fn kept(&self, fineness: Fineness) -> u64 {
         let at = self.at(fineness);
         let planes = at.planes.as_ref().map_or(0, |(_, scales, _, planes)| scales.count_kept(fineness.step, planes));
-        // The basis itself is part of what is kept.
+        // The entries of the basis count as kept coefficients.
         planes + at.basis.entries() as u64
     }
 
@@ -108,7 +108,7 @@ impl FirstLayer for AdaptiveLayer<'_> {
     }
 }
 
-/// The logarithms that a basis chunk and a coefficients chunk stand for.
+/// Decodes the logarithms of a basis chunk and a coefficients chunk.
 pub(crate) fn decode(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -134,7 +134,7 @@ pub(crate) fn decode(
     Ok(logs)
 }
 
-/// The axes of coefficients on `rank` vectors, and their transform.
+/// Axes of the coefficients on `rank` vectors, with their transform plan.
 fn plan_of_planes(axes: &[Axis], transforms: &[AxisTransform], rank: usize) -> Result<(Vec<Axis>, Plan), PlanError> {
     let mut axes = axes.to_vec();
     let mut transforms = transforms.to_vec();
@@ -146,7 +146,7 @@ fn plan_of_planes(axes: &[Axis], transforms: &[AxisTransform], rank: usize) -> R
     Ok((axes, plan))
 }
 
-/// Which coefficients are live: those of rows with a live sample.
+/// Marks the coefficients of rows that have a live sample; `None` without classes.
 fn plane_classes(axes: &[Axis], classes: Option<&[Class]>, rank: usize) -> Option<Vec<Class>> {
     let length = axes.last().map_or(1, Axis::len);
     let class_of = |row: &[Class]| {

@@ -1,4 +1,4 @@
-//! Candidate: a first layer in one scheme, tried at any steps: its errors, its chunks and the parts of its file.
+//! Candidate: a first layer in one scheme, evaluated at any step: its errors, its chunks and the parts of its file.
 
 use super::super::classes::apply_classes;
 use super::super::effort::Tally;
@@ -27,29 +27,29 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Corrections of a sample at most, in steps: its neighbours are numbers of 32 bits too.
+/// Upper bound on the correction of a sample, in steps; it keeps the integers within 32 bits.
 const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
 
-/// Sizes of a candidate that are known already.
+/// Cache of a candidate's sizes.
 #[derive(Default)]
 pub(super) struct Sizes {
-    /// Sizes by step: bytes without the level index or, where the target counts those, coefficients.
+    /// Sizes by step, in coefficients for a ratio, otherwise in bytes without the level index.
     pub(super) known: RefCell<BTreeMap<Notch, f64>>,
-    /// Bytes of the level index, estimated until a file was put together.
+    /// Bytes of the level index; an estimate until a file has been assembled.
     pub(super) index: Cell<Option<f64>>,
 }
 
-/// A first layer in one basis, ready to be tried at any step.
+/// First layer in one scheme, ready to be tried at any step.
 pub(super) struct Candidate<'a> {
     pub(super) measurement: &'a Measurement,
     pub(super) settings: &'a Settings,
     pub(super) plane: ClassPlane<'a>,
     pub(super) layer: Counted<'a>,
-    /// Correction of the light of each block and wavelength, with the step of its logarithms; `None` where no error of light
-    /// is promised.
+    /// Light corrections of each block and wavelength, with the step of their logarithms; `None` if no error of light
+    /// is bounded.
     light: Option<(Light, f32)>,
     pub(super) floor: f32,
-    /// The error or size nearest to the wanted one, where none is reached.
+    /// Error or size closest to the wanted one, reported if none is reached.
     pub(super) closest: Cell<f64>,
     pub(super) sizes: Sizes,
 }
@@ -97,7 +97,7 @@ impl<'a> Candidate<'a> {
         Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
     }
 
-    /// Returns true where a file may state coarser levels.
+    /// Returns true if a file may state coarser levels.
     pub(super) fn has_levels(&self) -> bool {
         (self.layer.is_predicted() || self.layer.is_gridded()) && !self.settings.random_access
     }
@@ -106,7 +106,7 @@ impl<'a> Candidate<'a> {
         self.measurement.tensor.samples()
     }
 
-    /// Writes the values that a decoder has at `fineness` before it adds the corrections of single samples.
+    /// Writes the values that a decoder has at `fineness`, before corrections of single samples.
     fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
@@ -116,7 +116,7 @@ impl<'a> Candidate<'a> {
         }
     }
 
-    /// Writes the magnitudes of samples that a decoder has at `fineness`.
+    /// Writes the decoded magnitudes of the samples at `fineness`.
     pub(super) fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
         if self.light.is_none() {
             return self.layer.magnitudes(fineness, self.plane.values, values);
@@ -125,7 +125,7 @@ impl<'a> Candidate<'a> {
         self.plane.values.finish(values);
     }
 
-    /// The corrections of the light of `values`.
+    /// Computes the light corrections of `values`, in steps.
     fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
         let mut samples = values.to_vec();
         self.plane.values.finish(&mut samples);
@@ -137,7 +137,7 @@ impl<'a> Candidate<'a> {
         light.steps(self.settings.albedo_error.unwrap_or(1.0), (step, largest[0]), (self.original(), &samples))
     }
 
-    /// The chunk of the light's corrections.
+    /// Encodes the light corrections; `None` if no error of light is bounded.
     fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
         let (light, step) = self.light.as_ref()?;
         let mut values = vec![0.0; self.original().len()];
@@ -148,7 +148,7 @@ impl<'a> Candidate<'a> {
         Some((ChunkKind::Light, encoder.finish()))
     }
 
-    /// er(L2) of what a decoder has at `fineness`.
+    /// Returns er(L2) of the samples decoded at `fineness`.
     pub(super) fn relative_error(
         &self,
         fineness: Fineness,
@@ -165,7 +165,7 @@ impl<'a> Candidate<'a> {
         Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
     }
 
-    /// The corrections of the first layer; `None` where that is not finite.
+    /// Encodes the corrections of single samples on top of the first layer; `None` if a decoded value is not finite.
     pub(super) fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
         let mut logs = vec![0.0; self.original().len()];
         self.layer.approximate(steps.first, &mut logs);
@@ -181,12 +181,12 @@ impl<'a> Candidate<'a> {
             .zip(self.plane.classes)
             .map(|((&s, &value), &class)| {
                 let wanted = values.wanted(s, class, floor);
-                // On grids negative samples may be bounded, not approximated.
+                // On grids, negative samples may be bounded instead of approximated.
                 if wanted.is_nan() || is_bounded && class == Class::Negative {
                     return 0;
                 }
                 let k = libm::round((wanted - f64::from(value)) / f64::from(steps.correction));
-                // The decoder adds in f32: make sure that the nearest step is still the nearest there.
+                // The decoder adds in f32, where a neighbouring step may be nearer.
                 nearest_in_f32(value, k.clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION) as i32, steps.correction, wanted)
             })
             .collect();
@@ -213,7 +213,7 @@ impl<'a> Candidate<'a> {
             floor: self.floor,
             kept: self.layer.kept(steps.first),
             errors: self.plane.counts,
-            // The length of the pyramid is known when the file is put together.
+            // The length of the pyramid is known when the file is assembled.
             ..Header::of(self.measurement, Policy::Rd)
         }
     }
@@ -231,8 +231,9 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// er(L2) over positive samples at or above the floor, over negative ones where there are no others; blocks are added in
-/// order. Both have the same step, hence nearly the same relative error; only the positive ones are promised one.
+/// er(L2) over positive samples at or above the floor, or over negative ones if there are no positive ones; blocks are
+/// summed in order. Both have the same step and therefore nearly the same relative error, but only positive samples
+/// have a promised error.
 fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32) -> f64 {
     let block = 1 << 16;
     let sums: Vec<[(f64, u64); 2]> = original
@@ -259,7 +260,8 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
     mean(0).or(mean(1)).unwrap_or(0.0)
 }
 
-/// Correction among k − 1, k and k + 1 steps that brings the decoder's sum, which is rounded to f32, nearest to `wanted`.
+/// Returns the correction among k − 1, k and k + 1 steps that brings the decoder's sum, rounded to f32, nearest to
+/// `wanted`.
 fn nearest_in_f32(log: f32, k: i32, step: f32, wanted: f64) -> i32 {
     let distance = |k: i32| {
         let mut sum = [log];

@@ -1,13 +1,17 @@
-//! A smooth model of scattering in coordinates that follow the lobe, fitted to each plane: the pyramid codes what it misses.
+//! Smooth model of scattering in coordinates that follow the lobe, fitted to each plane; the pyramid codes its
+//! residual.
 //!
-//! A gloss lobe moves with the incoming direction, but in the coordinates of the half vector h it stays (Rusinkiewicz 1998,
-//! *A new change of variables for efficient BRDF representation*). The model is linear in products of cubic B-splines:
-//! * isotropic: of the angle between h and the normal, of that between wi and h, of wo's and of that between wi and wo;
+//! A gloss lobe moves with the incoming direction, but stays fixed in the coordinates of the half vector h
+//! (Rusinkiewicz 1998, *A new change of variables for efficient BRDF representation*). The model is linear in products
+//! of cubic B-splines:
+//! * isotropic: of the angle between h and the normal, of that between wi and h, of wo's polar angle and of the angle
+//!   between wi and wo;
 //! * anisotropic: of h's two tangential coordinates and of the angle between wi and h;
 //! * zonal: of the angle between wi and wo alone, for phase functions.
 //!
-//! The columns are made orthonormal on the coded rows (Cholesky's factor of their Gram matrix, f64, in order), so that the
-//! pyramid's step serves their coefficients too. Square roots and divisions only: the same columns on any machine.
+//! The columns are made orthonormal on the coded rows (Cholesky factor of their Gram matrix, f64, in a fixed order), so
+//! that the pyramid's step serves their coefficients too. Only square roots and divisions are used, so the columns are
+//! identical on every machine.
 
 mod columns;
 mod kind;
@@ -25,33 +29,34 @@ use columns::{Columns, Entries, LANES, RUN, add_up};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows of a mesh on which the columns are made orthonormal: few, because a decoder does it, too.
+/// Largest number of rows of a mesh on which the columns are made orthonormal. Raising it slows decoding, too.
 const MESH_ROWS: usize = 1 << 12;
-/// The same of a grid, whose few rows around the normal have columns of their own.
+/// Like [`MESH_ROWS`], for a grid, whose few rows around the normal have columns of their own.
 pub(crate) const GRID_ROWS: usize = 1 << 16;
-/// Rows to which the model is fitted.
+/// Largest number of rows to which the model is fitted. Raising it slows encoding.
 const FITTED_ROWS: usize = 1 << 16;
-/// Coefficients round down from here.
+/// Rounding offset of coefficients, in steps: magnitudes are rounded down below 1 − this. Raising it keeps more of
+/// them.
 const ROUNDING: f64 = 0.4;
-/// Quantised coefficients stay below this.
+/// Upper bound on quantised coefficients.
 const LARGEST: f64 = (1 << 24) as f64;
-/// Blocks that have a constant of their own.
+/// Largest number of blocks for which each block has a constant of its own.
 const MOST_CONSTANTS: usize = 64;
 
-/// A model on the rows of a shape.
+/// Model on the rows of a shape.
 pub(crate) struct Chart {
     columns: Columns,
     incoming: Vec<Vector>,
     outgoing: Vec<Vector>,
     factor: GramFactor,
-    /// Of the rows the model is fitted to; an encoder's.
+    /// Gram factor of the fitted rows; only in an encoder.
     fitted: Option<GramFactor>,
-    /// Rows that are fitted to: all without it.
+    /// Marks the rows that are fitted; `None` for all.
     live: Option<Vec<bool>>,
 }
 
 impl Chart {
-    /// The model of `kind` on the representatives of `shape`; `None` where it makes no sense.
+    /// Builds the model of `kind` on the representatives of `shape`; `None` if the shape lacks the directions.
     pub(crate) fn of_triangles(kind: ChartKind, shape: &Shape, representatives: &Representatives) -> Option<Self> {
         let incoming = incoming(shape, kind)?;
         let incoming = (0..representatives.len()).map(|k| incoming.get(representatives.block(k)).copied());
@@ -61,8 +66,8 @@ impl Chart {
         Some(Self::new(kind, incoming, outgoing, MESH_ROWS))
     }
 
-    /// The model of `kind` on rows of every incoming direction with every outgoing one, with columns that are orthonormal on
-    /// at most `most` of them.
+    /// Builds the model of `kind` on the rows of every incoming with every outgoing direction. Its columns are
+    /// orthonormal on at most `most` rows.
     pub(crate) fn new(kind: ChartKind, incoming: Vec<Vector>, outgoing: Vec<Vector>, most: usize) -> Self {
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
         let columns = Columns { kind, constants };
@@ -71,7 +76,7 @@ impl Chart {
         chart
     }
 
-    /// Ready to be fitted to these rows, or to all.
+    /// Prepares the model for fitting to the rows `live`, or to all.
     pub(crate) fn prepared(mut self, live: Option<Vec<bool>>) -> Self {
         self.live = live;
         let gram = self.gram(FITTED_ROWS);
@@ -87,7 +92,7 @@ impl Chart {
         self.incoming.len() * self.outgoing.len()
     }
 
-    /// Fills in the columns of some rows of all blocks together; those beyond the last are that row again.
+    /// Computes the columns of the next rows; entries beyond the last row repeat the first of them.
     fn fill(&self, rows: impl Iterator<Item = usize>, entries: &mut [Entries; LANES]) {
         let mut rows = rows.take(LANES);
         let first = rows.next().unwrap_or(0);
@@ -98,18 +103,18 @@ impl Chart {
         self.columns.fill(&places.map(row), entries);
     }
 
-    /// Every how many rows are looked at, so that there are at most `most`.
+    /// Stride with which at most `most` rows are used.
     fn stride(&self, most: usize) -> usize {
-        // Odd, so that all places among siblings have their turn.
+        // Odd, so that every position among siblings occurs.
         if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }
     }
 
-    /// Returns true where the model is fitted to a row.
+    /// Returns true if the model is fitted to this row.
     fn is_live(&self, row: usize) -> bool {
         self.live.as_ref().is_none_or(|live| live[row])
     }
 
-    /// The Gram matrix of all columns (its lower triangle) on `most` of the rows that are fitted to, as if on all of them.
+    /// Gram matrix of all columns (lower triangle) on at most `most` of the fitted rows, scaled to all of them.
     fn gram(&self, most: usize) -> Vec<f64> {
         let n = self.columns.count();
         let stride = self.stride(most);
@@ -133,7 +138,7 @@ impl Chart {
         gram
     }
 
-    /// The best coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
+    /// Fits the coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
     fn fit(&self, fitted: &GramFactor, planes: &[f32], vectors: usize) -> Vec<f64> {
         let (n, leaves) = (self.columns.count(), self.outgoing.len());
         let stride = self.stride(FITTED_ROWS);
@@ -169,12 +174,12 @@ impl Chart {
         sums
     }
 
-    /// All representatives.
+    /// Range of all representatives.
     pub(crate) fn all(&self) -> Range<usize> {
         0..self.incoming.len()
     }
 
-    /// The model's planes `[representatives, vectors, leaves]` of coefficients on the orthonormal columns.
+    /// Evaluates the model's planes `[representatives, vectors, leaves]` from coefficients on the orthonormal columns.
     pub(crate) fn evaluate(
         &self,
         mut coefficients: Vec<f64>,
@@ -183,7 +188,7 @@ impl Chart {
     ) -> Vec<f32> {
         let (n, leaves) = (self.columns.count(), self.outgoing.len());
         coefficients.chunks_exact_mut(n).for_each(|c| self.factor.solve_transposed(c));
-        // Some vectors together, by column.
+        // Several vectors together, by column.
         let groups: Vec<Vec<[f64; RUN]>> = coefficients
             .chunks(n * RUN)
             .map(|vectors| (0..n).map(|column| std::array::from_fn(|k| *vectors.get(k * n + column).unwrap_or(&0.0))))
@@ -209,7 +214,7 @@ impl Chart {
         planes
     }
 
-    /// Codes the model of planes at `step`: an encoder is given them; both return the model's coefficients.
+    /// Codes the model of planes at `step` and returns its coefficients. `planes` is given to an encoder only.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -253,12 +258,12 @@ impl Chart {
     }
 }
 
-/// Returns true where `shape` has the directions that a model of `kind` needs.
+/// Returns true if `shape` has the directions that a model of `kind` needs.
 pub(super) fn has_chart(shape: &Shape, kind: ChartKind) -> bool {
     incoming(shape, kind).is_some()
 }
 
-/// The incoming direction of every block.
+/// Incoming direction of every block; `None` if the shape does not fit the model.
 fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
     let zonal = kind == ChartKind::Zonal;
     if zonal != (shape.mesh().domain() == Domain::Sphere) {

@@ -1,4 +1,4 @@
-//! Class plane of a measurement, and what any first layer approximates beside it.
+//! Class plane of a measurement, and the values that a first layer approximates.
 
 use super::super::fill::fill;
 use super::super::values::Values;
@@ -6,21 +6,21 @@ use crate::codec::{ChunkKind, Class};
 use crate::domain::{ErrorReport, Measurement};
 use rayon::prelude::*;
 
-/// Classes, counts and noise of a measurement: what is the same in every basis and at every step.
+/// Classes, counts and noise of a measurement; independent of basis and step.
 #[derive(Clone, Copy)]
 pub(super) struct ClassPlane<'a> {
     pub(super) values: Values,
     pub(super) classes: &'a [Class],
-    /// The classes chunk, where there is one.
+    /// Encoded classes chunk; `None` if all samples are positive.
     pub(super) coded: Option<&'a (ChunkKind, Vec<u8>)>,
     pub(super) counts: ErrorReport,
-    /// Negative samples on grids of angles are approximated like positive ones.
+    /// True if negative samples on grids of angles are approximated like positive ones.
     pub(super) weighs_negative: bool,
-    /// The standard deviation of the relative noise, where it is asked for and can be told.
+    /// Standard deviation of the relative noise; `None` if not requested or not estimable.
     pub(super) noise: Option<f64>,
 }
 
-/// Values that a first layer approximates, filled smoothly where a sample has none.
+/// Values for a first layer to approximate, filled smoothly at zero and masked samples.
 pub(super) fn approximated(measurement: &Measurement, plane: ClassPlane<'_>, floor: f32) -> Vec<f32> {
     let samples = measurement.tensor.samples();
     let mut values = vec![0.0_f32; samples.len()];

@@ -1,4 +1,4 @@
-//! A first layer coded at one fineness, kept until another is asked for; planes coded as streams of their own.
+//! Cache of a first layer coded at one fineness, and planes coded as separate streams.
 
 use super::spectrum::Basis;
 use super::steps::Fineness;
@@ -6,17 +6,17 @@ use crate::codec::{ChunkKind, Encoder};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A layer at one fineness.
+/// First layer coded at one fineness.
 pub(super) struct Coded {
     pub(super) basis: Option<Basis>,
     pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
-    /// Planes as a decoder has them, `[unit, vector, leaf]`.
+    /// Decoded planes, `[unit, vector, leaf]`.
     pub(super) planes: Vec<f32>,
-    /// Integers that are not 0, those of the basis among them.
+    /// Number of nonzero integers, including those of the basis.
     pub(super) kept: u64,
 }
 
-/// The fineness coded last, with its result: a size and an error are asked for one after the other.
+/// Cache of the last fineness with its result: size and error are requested one after the other.
 #[derive(Default)]
 pub(super) struct LastCoded(Mutex<Option<(Fineness, Arc<Coded>)>>);
 
@@ -35,8 +35,8 @@ impl LastCoded {
     }
 }
 
-/// Codes `count` streams on all threads: `code(encoder, k)` returns the planes of stream k as a decoder has them, and their
-/// integers that are not 0. Returns all planes one after another, the sum, and the streams.
+/// Codes `count` streams in parallel: `code(encoder, k)` returns the decoded planes of stream k and the number of
+/// nonzero integers. Returns all planes in order, the total count, and the streams.
 pub(super) fn code_streams(
     count: usize,
     code: impl Fn(&mut Encoder, usize) -> (Vec<f32>, u64) + Sync,

@@ -1,4 +1,4 @@
-//! The choice among schemes: each is searched, or discarded after one look, and the best is kept.
+//! Contest of schemes: each is searched, or discarded after one trial, and the best is kept.
 
 use super::super::compressed::Ranked;
 use super::super::error::CompressError;
@@ -15,20 +15,22 @@ use super::steps::Steps;
 use super::target_steps::{find_steps, refined, risk};
 use crate::domain::Progress;
 
-/// With fewer bytes than samples by this factor, a file holds no noise: fixed bases, which win on noise, are not tried.
+/// Samples per byte above which a file holds no noise; fixed bases, which win on noise, are then skipped.
 const FEW: f64 = 128.0;
-/// Up to so many schemes are all searched; raising it costs trials.
+/// Largest number of schemes that are all searched; raising it costs trials.
 const FEW_SCHEMES: usize = 6;
-/// Samples above which all are searched, too: there a look misjudges noise, whose error stands still over many sizes.
+/// Largest number of samples for the shortlist of one trial each. In larger measurements one trial misjudges noise,
+/// whose error stays equal over many sizes.
 const SMALL: usize = 1 << 13;
-/// Schemes that are searched after a look at many. Raising it costs trials, and finds a better one now and then.
+/// Number of schemes searched after one trial of each. Raising it costs trials, and seldom finds a better one.
 const SEARCHED: usize = 2;
 
-/// The best scheme with its steps, and the ranking: the fewest bytes at a wanted error, the least error at a wanted size.
+/// Returns the best scheme with its steps, and the ranking. Best means fewest bytes at a wanted error, least error at a
+/// wanted size.
 ///
-/// At a wanted error wavelets of the same measurement need nearly the same step, so the search of the first serves the
-/// others for the comparison; and they compete only where the data's own basis follows noise, which costs bits a sample.
-/// At a wanted size the step of the best scheme so far is where the search of the next one starts.
+/// At a wanted error, wavelets of one measurement need nearly the same step, so the search of the first serves the
+/// others for the comparison. They compete only where the data's own basis follows noise, which costs bits for each
+/// sample. At a wanted size, the search of each scheme starts at the step of the best scheme so far.
 pub(super) fn best_of<'a>(
     work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
     schemes: &[Scheme],
@@ -39,7 +41,7 @@ pub(super) fn best_of<'a>(
     let by_error = by_size || target == Target::Auto;
     let mut ranking: Vec<(f64, Ranked)> = Vec::new();
     let mut best: Option<(f64, &Scheme, Option<Steps>)> = None;
-    // The best candidate itself, where it holds little of its own.
+    // The best candidate itself, kept if it needs little memory.
     let mut best_work = None;
     let mut shared = None;
     let mut decoded = if by_error { vec![0.0; samples] } else { Vec::new() };
@@ -63,7 +65,7 @@ pub(super) fn best_of<'a>(
                 find_steps(&candidate, progress)
             } {
                 Ok(found) => Some(found),
-                // Few vectors cannot follow noise, and their own bytes may not fit; another basis may.
+                // A basis of few vectors cannot follow noise, and its own bytes may not fit; another basis may.
                 Err(CompressError::Unreachable(error)) => {
                     refused.push((candidate.closest.get(), error));
                     continue;
@@ -83,7 +85,7 @@ pub(super) fn best_of<'a>(
                 refused.push((f64::INFINITY, UnreachableError::Overflow));
                 continue;
             }
-            // What is nearest to the truth is not what is nearest to the measurement.
+            // The file nearest to the truth is not the one nearest to the noisy measurement.
             let risk =
                 if target == Target::Auto { risk(&candidate, steps, &mut decoded, progress)?.sqrt() } else { error };
             Some((error, risk))
@@ -92,7 +94,7 @@ pub(super) fn best_of<'a>(
         };
         let score = errors.map_or(bytes as f64, |(_, score)| score);
         let er_l2 = errors.map(|(error, _)| error);
-        // At a wanted error the smallest comes first, at a wanted size the nearest.
+        // The ranking is by size at a wanted error, by error at a wanted size.
         let place = er_l2.unwrap_or(bytes as f64);
         ranking.push((place, Ranked { basis: scheme.name().to_owned(), bytes: bytes as u64, er_l2 }));
         if best.is_none_or(|(least, _, _)| score < least) {
@@ -109,8 +111,8 @@ pub(super) fn best_of<'a>(
     Ok((chosen, steps, ranking.into_iter().map(|(_, ranked)| ranked).collect()))
 }
 
-/// Of many schemes for a wanted size those that promise the least error, and the step to start from: the first is searched,
-/// the others are tried once at its step, and judged by what their errors would be with the bytes that are allowed.
+/// Selects the schemes with the least expected error at a wanted size, and the step to start from. The first scheme is
+/// searched. The others are tried once at its step, and their errors are extrapolated to the allowed bytes.
 fn looked_at<'a, 's>(
     work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
     schemes: &'s [Scheme],

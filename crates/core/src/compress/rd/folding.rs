@@ -1,4 +1,4 @@
-//! Rows of a tensor ⇄ planes of the blocks that stand for all under a group of symmetries.
+//! Conversion between rows of a tensor and planes of the representative blocks of a symmetry group.
 
 use super::super::values::Values;
 use super::shape::Shape;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// The means of rows over orbits: `[representatives, leaves, length]`.
+/// Means of rows over orbits: `[representatives, leaves, length]`.
 pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Representatives, logs: &[f32]) -> Vec<f32> {
     let (n, leaves) = (shape.length(), shape.leaves());
     if group.order() == 1 && shape.inner() == 1 {
@@ -32,8 +32,9 @@ pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Represen
     folded
 }
 
-/// Planes `[representatives, vectors, leaves]` to logarithms: every block has the rows of its representative, moved by the
-/// first member that moves the representative there. With `finish` they become magnitudes, those of equal rows at once.
+/// Converts planes `[representatives, vectors, leaves]` to logarithms. Every block takes the rows of its
+/// representative, moved by the first member that maps the representative to it. With `finish` the result is
+/// magnitudes, computed once for equal rows.
 pub(super) fn synthesise(
     shape: &Shape,
     group: &Group,
@@ -68,7 +69,7 @@ pub(super) fn synthesise(
     );
 }
 
-/// Planes `[blocks, vectors, leaves]` to rows `[blocks, leaves, length]`.
+/// Converts planes `[blocks, vectors, leaves]` to rows `[blocks, leaves, length]`.
 pub(super) fn synthesise_rows(basis: Option<&Basis>, leaves: usize, planes: &[f32], rows: &mut [f32]) {
     let Some(basis) = basis else { return rows.copy_from_slice(planes) };
     let vectors = basis.rank();
@@ -79,7 +80,7 @@ pub(super) fn synthesise_rows(basis: Option<&Basis>, leaves: usize, planes: &[f3
     });
 }
 
-/// Blocks of `rows × columns` turned into `columns × rows`.
+/// Transposes blocks of `rows × columns` to `columns × rows`.
 pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_, [f32]> {
     if columns == 1 || rows == 1 {
         return Cow::Borrowed(values);
@@ -96,8 +97,9 @@ pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_,
     Cow::Owned(turned)
 }
 
-/// The rows whose principal components are wanted: each as often as it stands for, none without a sample of its own,
-/// because what fills it is no spectrum, and every so many of more than `most` samples.
+/// Rows for the principal component analysis. Each row occurs as often as the number of blocks it represents. Rows
+/// without a live sample are left out, because their filling is no spectrum. With more than `most` samples, rows are
+/// subsampled.
 pub(super) fn spectra(
     shape: &Shape,
     group: &Group,
@@ -106,7 +108,7 @@ pub(super) fn spectra(
     (live, most): (Option<&[bool]>, usize),
 ) -> Vec<f32> {
     let (n, leaves) = (shape.length(), shape.leaves());
-    // Odd, so that all places among siblings have their turn.
+    // Odd, so that every position among siblings occurs.
     let stride = (shape.rows() * n).div_ceil(most) | 1;
     let mut spectra = Vec::new();
     for k in 0..representatives.len() {
@@ -122,8 +124,8 @@ pub(super) fn spectra(
     if spectra.is_empty() { rows[..n].to_vec() } else { spectra }
 }
 
-/// By representative of `range` and leaf: whether any sample that it stands for has a logarithm; `None` if all samples of
-/// some lane have.
+/// For each representative of `range` and each leaf, true if any sample that it represents has a logarithm. `None` if
+/// every row has a live sample.
 pub(super) fn live_leaves(
     shape: &Shape,
     group: &Group,
@@ -138,7 +140,7 @@ pub(super) fn live_leaves(
         return None;
     }
     let leaves = shape.leaves();
-    // By stabiliser: the first leaf of each one's orbit.
+    // First leaf of each leaf's orbit, by stabiliser.
     let mut firsts: Vec<Option<Vec<u32>>> = vec![None; representatives.stabilisers().len()];
     let mut live = vec![false; range.len() * leaves];
     let mut own = vec![false; leaves];
@@ -159,7 +161,7 @@ pub(super) fn live_leaves(
         let first = |leaf| stabiliser.members.iter().map(|&m| group.leaf(usize::from(m), leaf) as u32).min();
         let firsts = firsts[usize::from(representatives.kinds()[k])]
             .get_or_insert_with(|| (0..leaves).filter_map(first).collect());
-        // Whatever one of an orbit has, its first has, and then all.
+        // Liveness is collected at the first leaf of an orbit, then copied to all of them.
         for (leaf, &first) in firsts.iter().enumerate() {
             live[first as usize] |= own[leaf];
         }

@@ -1,17 +1,18 @@
-//! The first layer of directions on grids: planes on the product of all lines of angles, each a pyramid of pairs predicted in
-//! closed loop.
+//! First layer for directions on grids: planes on the product of all lines of angles, each a pyramid of pairs predicted
+//! in closed loop.
 //!
 //! ```text
-//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m + 64 · w: f without least squares; n: f32 the largest logarithm of a negative
-//!              sample; l: coarser levels, as in `index`; m the kind of the model, 0 if there is none; then
-//!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the model's coefficients;
-//!                     the pyramid of what the model misses
-//!              s = 1: varint length, and the first three as a stream of their own; then the pyramid of every incoming entry
-//!                     that is kept, in order, as in `streams`
+//! grid chunk   u8 s + 2 · n + 4 · f + 8 · l + 16 · m + 64 · w: f without least squares; n: f32 the largest logarithm
+//!              of a negative sample; l: coarser levels, as in `index`; m the kind of the model, 0 without one; then
+//!              s = 0: one range-coded stream: what repeats, as in `lattice`; the order of halvings; the model's
+//!                     coefficients; the pyramid of what the model misses
+//!              s = 1: varint length, and the first three as a stream of their own; then the pyramid of every incoming
+//!                     entry that is kept, in order, as in `streams`
 //! ```
-//! Planes are coefficients in the data's own basis where there is a basis chunk, else the entries of the last axis: of three,
-//! the second, the third and the first. Negative samples cost nothing: they take what is predicted, at most the largest
-//! of them (n). Where what lies below a floor is to be kept within it they weigh like positive ones (w).
+//! Planes are coefficients in the data's own basis if there is a basis chunk. Otherwise they are the entries of the
+//! last axis; three entries are coded as second, third, first. Negative samples cost no bits: they take the predicted
+//! value, at most the largest of them (n). If samples below a floor must stay within it, negative samples count like
+//! positive ones (w).
 
 mod coarser;
 mod decode;
@@ -45,47 +46,47 @@ use rayon::prelude::*;
 use std::mem::replace;
 use std::sync::Arc;
 
-/// The largest logarithm of a negative sample, rounded down.
+/// Largest logarithm of a negative sample's magnitude, rounded down.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
 }
 
-/// Models that leave at most this of the bits, as they are estimated, are tried. The estimate does not know what the coder
-/// learns from details next to each other.
+/// Fraction of the estimated bits that a model may leave to be tried. The estimate ignores the coder's gain from
+/// neighbouring details. Raising it tries more models.
 const WORTH_A_TRIAL: f64 = 0.97;
 
 fn subtract(planes: &mut [f32], model: &[f32]) {
     planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
 }
 
-/// What the pyramid of a grid is coded behind.
+/// Choice of the model that is subtracted before the pyramid of a grid is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Behind {
     /// No model.
     Nothing,
-    /// The model of a kind.
+    /// A model of this kind.
     Model(ChartKind),
-    /// The model that makes a file of typical step smallest, or none.
+    /// The model that gives the smallest file at the typical step, or none.
     Judged,
 }
 
-/// Form in which a layer takes the samples of a tensor.
+/// Options of a grid layer.
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a choice of its own")]
 pub(super) struct Form {
-    /// Principal components of rows, rather than their entries.
+    /// Codes principal components of rows, rather than their entries.
     pub(super) klt: bool,
-    /// Samples are approximated, not logarithms.
+    /// Approximates samples, not logarithms.
     pub(super) is_linear: bool,
-    /// Every incoming entry is a stream of its own.
+    /// Codes every incoming entry as a stream of its own.
     pub(super) random: bool,
-    /// Negative samples are approximated like positive ones.
+    /// Approximates negative samples like positive ones.
     pub(super) weighs_negative: bool,
-    /// Least squares predict beside the fixed filters.
+    /// Predicts by least squares in addition to the fixed filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
-    /// A typical step, which the order of halvings is found for.
+    /// Typical step, for which the order of halvings is chosen.
     pub(super) step: f64,
 }
 
@@ -93,7 +94,7 @@ pub(super) struct Form {
 pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
-    /// Bound of the logarithms of negative samples.
+    /// Upper bound on the logarithms of negative samples.
     negative_bound: Option<f32>,
     form: Form,
     planes: Planes,
@@ -103,15 +104,15 @@ pub(crate) struct GridLayer<'a> {
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
-    /// Opening of the stream, the same for every step: repeated slices and the order of halvings.
+    /// Start of the stream, independent of the step: repeated slices and the order of halvings.
     opening: Encoder,
-    /// Means and details of each stream, where planes do not depend on the step.
+    /// Means and details of each stream, if planes do not depend on the step.
     sources: Option<Vec<Source>>,
     last: LastCoded,
 }
 
 impl<'a> GridLayer<'a> {
-    /// Analyses values of samples on axes whose last directions are a grid; `classes` where some have none.
+    /// Analyses values of samples on axes whose last directions are a grid; `classes` if not all samples are positive.
     pub(super) fn new(
         axes: &[Axis],
         shape: Shape,
@@ -196,7 +197,8 @@ impl<'a> GridLayer<'a> {
         Ok(layer)
     }
 
-    /// Takes over a model with its order of halvings; one that is judged, if a file of typical step is smaller for it.
+    /// Adopts a model with its order of halvings. A judged model is adopted only if it makes the file of the typical
+    /// step smaller.
     fn take_model(&mut self, (model, is_judged): (GridModel, bool), opening: Encoder, pyramids: Vec<PairPyramid>) {
         let bytes = |layer: &Self| {
             if is_judged { chunk_bytes(&layer.code(Fineness::of(layer.form.step as f32)).chunks) } else { 0 }
@@ -281,7 +283,7 @@ impl<'a> GridLayer<'a> {
         if let Some(model) = &model {
             planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
         }
-        // The basis itself is part of what is kept.
+        // The entries of the basis count as kept coefficients.
         let kept = kept + details + basis.as_ref().map_or(0, |basis| basis.entries() as u64);
         Coded { basis, chunks, planes, kept }
     }

@@ -1,17 +1,17 @@
-//! The largest step that keeps an error, found by halves or, as a last attempt, among powers of two.
+//! Searches for the largest step that keeps an error, by bisection or, as a last attempt, among powers of two.
 
 use super::super::error::CompressError;
 use super::super::search::{largest, powers_of_two};
 use super::super::spectral_basis::SpectralBasis;
 use std::cell::Cell;
 
-/// Bisections of the step: 2^(1/64) at the end, 1 % of the step.
+/// Number of bisections of the step; the last interval is 2^(1/64), 1 % of the step.
 const REFINEMENTS: u32 = 6;
-/// Steps from here on may quantise everything to 0, where errors stand still and fall again below.
+/// Steps from here on may quantise everything to 0. Errors then stay equal, and fall again at finer steps.
 pub(super) const COARSE: f64 = 1.0;
 
-/// The largest step that `keeps` says yes to, from `start`; `None` where none does, or where it says that errors no longer
-/// fall with the step.
+/// Finds the largest step that `keeps` accepts, starting at `start`. `None` if none is accepted, or if `keeps` reports
+/// that errors no longer fall with the step.
 pub(super) fn largest_falling(
     start: f64,
     mut keeps: impl FnMut(f64) -> Result<Result<bool, ()>, CompressError>,
@@ -23,9 +23,9 @@ pub(super) fn largest_falling(
     found.or_else(|error| error.map_or(Ok(None), Err))
 }
 
-/// The last attempt before a refusal: the largest of [`powers_of_two`] that `keeps` says yes to. `closest`, which the refusal names,
-/// starts anew, so that the error it advises is one that these steps find again. The Karhunen-Loève basis has too few vectors,
-/// not too coarse steps: of it only `finest` is tried.
+/// Finds the largest of [`powers_of_two`] that `keeps` accepts, as the last attempt before a refusal. `closest`, the
+/// error that the refusal suggests, is reset, so that these steps find it again. The Karhunen-Loève basis has too few
+/// vectors, not too coarse steps, so only `finest` is tried for it.
 pub(super) fn largest_power(
     (start, finest): (f64, f64),
     basis: SpectralBasis,

@@ -1,4 +1,5 @@
-//! The first layer of a file: what approximates the logarithms at a step, in a fixed basis on every axis.
+//! First layer of a file: approximates the logarithms at a given step. Here also the layer with a fixed basis on every
+//! axis.
 
 use super::super::effort::Tally;
 use super::super::rows::{clear_uncoded, coding_order};
@@ -11,36 +12,36 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
 use std::cell::Cell;
 
-/// What approximates the logarithms of a measurement at any step.
+/// Layer that approximates the logarithms of a measurement at any step.
 pub(crate) trait FirstLayer {
-    /// What a decoder has at `fineness`, into `logs`.
+    /// Writes the values decoded at `fineness` into `logs`.
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]);
-    /// The same, made magnitudes of samples.
+    /// Like [`Self::approximate`], but writes magnitudes of samples.
     fn magnitudes(&self, fineness: Fineness, values: Values, magnitudes: &mut [f32]) {
         self.approximate(fineness, magnitudes);
         values.finish(magnitudes);
     }
-    /// The chunks at `fineness`, in the order of a file.
+    /// Returns the chunks at `fineness`, in the order of a file.
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)>;
-    /// Coefficients that are not 0 at `fineness`.
+    /// Number of nonzero coefficients at `fineness`.
     fn kept(&self, fineness: Fineness) -> u64;
-    /// Returns true where `kept` only counts; other layers must code to tell.
+    /// Returns true if `kept` only counts; other layers must code to find the number.
     fn counts_alone(&self) -> bool {
         false
     }
-    /// What happens to each axis.
+    /// Transforms of the axes.
     fn transforms(&self) -> &[AxisTransform];
-    /// The basis on the spectral axis.
+    /// Basis on the spectral axis.
     fn basis(&self) -> SpectralBasis;
-    /// Whether triangles are predicted rather than transformed.
+    /// Returns true if triangles are predicted rather than transformed.
     fn is_predicted(&self) -> bool {
         false
     }
-    /// Returns true where grids of angles are predicted.
+    /// Returns true if grids of angles are predicted.
     fn is_gridded(&self) -> bool {
         false
     }
-    /// The largest logarithm that a decoder gives a negative sample; `None` where there are none, or no bound.
+    /// Largest logarithm that a decoder gives a negative sample; `None` without negative samples, or without a bound.
     fn negative_bound(&self) -> Option<f32> {
         None
     }
@@ -57,7 +58,7 @@ pub(crate) struct FixedLayer {
 }
 
 impl FixedLayer {
-    /// Transforms `logs` on `axes`; `classes` where some samples have no logarithm.
+    /// Transforms `logs` on `axes`; `classes` if some samples have no logarithm.
     pub(crate) fn new(
         axes: &[Axis],
         classes: Option<&[Class]>,
@@ -104,7 +105,7 @@ impl FirstLayer for FixedLayer {
     }
 }
 
-/// A layer whose trials are counted: one for each change of the fineness.
+/// Layer that counts its trials: one for each change of the fineness.
 pub(crate) struct Counted<'a> {
     layer: Box<dyn FirstLayer + 'a>,
     tally: &'a Tally,
@@ -113,12 +114,12 @@ pub(crate) struct Counted<'a> {
 }
 
 impl<'a> Counted<'a> {
-    /// Counts trials of `layer`, which stands for so many samples, in `tally`.
+    /// Counts trials of `layer`, each of `samples` samples, in `tally`.
     pub(crate) fn new(layer: Box<dyn FirstLayer + 'a>, tally: &'a Tally, samples: usize) -> Self {
         Self { layer, tally, samples, last: Cell::new(None) }
     }
 
-    /// The layer, about to be tried at `fineness`.
+    /// Returns the layer, and counts a trial if `fineness` is new.
     fn tried(&self, fineness: Fineness) -> &(dyn FirstLayer + 'a) {
         if self.last.replace(Some(fineness)) != Some(fineness) {
             self.tally.add(self.samples);
@@ -169,12 +170,12 @@ impl FirstLayer for Counted<'_> {
     }
 }
 
-/// The transform of an axis that carries logarithms.
+/// Transform of an axis that carries logarithms.
 pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
 }
 
-/// Bytes of the chunks of a layer.
+/// Total bytes of the chunks.
 pub(super) fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
     chunks.iter().map(|(_, payload)| payload.len()).sum()
 }

@@ -1,21 +1,20 @@
-//! Coarser materials inside a pyramid: how many bytes a level needs, how good it is, and how much light it keeps.
+//! Coarser materials inside a pyramid: the bytes that a level needs, its error, and the correction of its light.
 //!
 //! A pyramid is coded coarse to fine, so that its first bytes are a coarser material. Its samples are averages of the
-//! samples themselves over the level's triangles, not of their logarithms: whoever reads it sees the same light.
+//! samples themselves over the level's triangles, not of their logarithms, so that a level keeps the light.
 //!
 //! ```text
 //! levels   for each level of the last triangle axis below its own, coarse first:
-//!            varint  how many bytes of what follows the levels it needs, no more than there are, less those of the level
-//!                    before
+//!            varint  bytes after the index that the level needs, at most those present, less those of the level before
 //!            u8 k    er(L2) of the level, rounded up to 2^((k − 140) / 8); 0 is 0, 255 more
-//!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded by itself, or because
-//!          their samples would lie beyond float32;
-//!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these levels and
-//!          each representative k, which stands for a factor exp(0.015 k); nothing where all are 0
+//!          a first varint 0 ends the index: there are no coarser levels, because every block is decoded independently,
+//!          or because their samples would exceed float32;
+//!          then, if there are such levels: varint length, range-coded steps of the brightness: for each of these
+//!          levels and each representative k, a factor of exp(0.015 k); no bytes if all are 0
 //! ```
-//! er(L2) is that against the averages of the original samples. The factor makes the decoded light in all outgoing
-//! directions and wavelengths (weighted by solid angle, projected for quantities that go with a cosine) that of the original
-//! within 1 %, in the mean over the blocks that a representative stands for.
+//! er(L2) is relative to the averages of the original samples. The factor brings the decoded light in all outgoing
+//! directions and wavelengths within 1 % of the original, in the mean over the blocks of a representative. Light is
+//! weighted by solid angle, projected for quantities that go with a cosine.
 
 use super::super::classes::{apply_classes, classes_of};
 use super::super::header::{Header, finish_of};
@@ -27,29 +26,29 @@ use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// A step of the brightness, in natural logarithms.
+/// Step of the brightness, in natural-log units.
 const BRIGHTNESS_STEP: f64 = 0.015;
-/// A deviation of the brightness that is left as it is.
+/// Relative deviation of the brightness that is left uncorrected.
 const TOLERATED: f64 = 0.0098;
-/// Steps at most: a factor of e^75.
+/// Upper bound on the number of steps: a factor of e^75.
 const MOST_STEPS: i32 = 5_000;
-/// The code of an error of 1, and codes for a doubling.
+/// Code of an error of 1, and number of codes to a doubling.
 const ONE: f64 = 140.0;
 const DOUBLING: f64 = 8.0;
 
-/// What a pyramid chunk says about the levels below its own.
+/// Index of the levels below the finest in a pyramid chunk.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LevelIndex<'a> {
-    /// Coarse first.
+    /// Levels, coarse first.
     pub(crate) entries: Vec<LevelEntry>,
-    /// Steps of the brightness, coded.
+    /// Coded steps of the brightness.
     brightness: &'a [u8],
 }
 
-/// One level.
+/// Level of a pyramid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LevelEntry {
-    /// How many bytes behind the index it needs.
+    /// Bytes needed after the index.
     pub(crate) end: usize,
     error: u8,
 }
@@ -69,7 +68,7 @@ impl<'a> LevelIndex<'a> {
         for _ in 0..levels {
             let before = entries.last().map_or(0, |entry| entry.end);
             let more = r.size(usize::MAX >> 1, "bytes of a level")?;
-            // A level needs the first number of the pyramid at least.
+            // A level needs at least the first number of the pyramid.
             if entries.is_empty() && more == 0 {
                 return Ok(Self { entries, brightness: &[] });
             }
@@ -102,7 +101,7 @@ impl<'a> LevelIndex<'a> {
         w.into_bytes()
     }
 
-    /// The steps of the brightness of `level` by representative.
+    /// Decodes the brightness steps of `level`, by representative.
     fn steps(&self, level: usize, representatives: usize) -> Vec<i32> {
         let mut steps = vec![0; self.entries.len() * representatives];
         if !self.brightness.is_empty() {
@@ -112,24 +111,24 @@ impl<'a> LevelIndex<'a> {
     }
 }
 
-/// Bytes that the index of a measurement on triangles usually takes.
+/// Typical number of bytes of the index of a measurement on triangles.
 pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
     let grid = Grid::of(measurement.tensor.axes());
     grid.map_or(0, |grid| 2 * usize::from(grid.mesh.level()) + 1)
 }
 
-/// Puts the index in front of the pyramid that `parts` hold; nothing if they hold none.
+/// Inserts the level index in front of the pyramid in `parts`; no change without a pyramid.
 pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(), CodecError> {
     insert_and(parts, measurement, |_, _| ()).map(drop)
 }
 
-/// The same; what the pyramid decodes to as a whole comes along, if it has coarser levels: the values that `decode` has of
-/// the chunk.
+/// Like [`insert`], and also returns the values of the whole pyramid if it has coarser levels: those that `decode`
+/// reads from the chunk.
 pub(crate) fn insert_and_decode(parts: &mut Parts, measurement: &Measurement) -> Result<Option<Vec<f32>>, CodecError> {
     insert_and(parts, measurement, |header, levels| levels.decode(usize::MAX, finish_of(header)).0)
 }
 
-/// Puts the index in front of the pyramid, and does `more` with the pyramid that was opened for it.
+/// Inserts the index in front of the pyramid, and calls `more` with the pyramid opened for it.
 fn insert_and<T>(
     parts: &mut Parts,
     measurement: &Measurement,
@@ -167,20 +166,20 @@ fn insert_and<T>(
         let plain = decoded.clone();
         grid.brighten(&here, &orbits, &mut decoded);
         if decoded.iter().any(|s| s.is_infinite()) {
-            // Near the end of float32 a level keeps its light only as far as that goes.
+            // Near the float32 maximum the correction may overflow; such a level keeps its light uncorrected.
             decoded = plain;
             here.fill(0);
         }
         beyond |= decoded.iter().any(|s| s.is_infinite());
         let errors = ErrorReport::measure(&original, &decoded, f64::from(header.floor));
-        // What a decoder reads beyond the end are zeros, which are not there.
+        // Beyond the end a decoder reads zeros, which are not in the file.
         index.entries.push(LevelEntry { end: end.min(coded.len()), error: error_code(errors.er_l2) });
         steps.extend(here);
     }
     let more = more(header, &levels);
     drop(levels);
     if beyond {
-        // No reader would take such a level: the material is stored without coarser ones.
+        // No reader accepts such a level, so the material is stored without coarser ones.
         let payload = [&[0], coded].concat();
         replace(parts, payload);
         return Ok(Some(more));
@@ -219,7 +218,8 @@ fn replace(parts: &mut Parts, payload: Vec<u8>) {
     }
 }
 
-/// The samples at `level`, below the pyramid's own; `coded` is what follows the index, at least up to the level's end.
+/// Decodes the samples at `level`, below the finest. `chunks` holds the basis and the bytes after the index, at least
+/// up to the level's end.
 pub(crate) fn level_samples(
     header: &Header,
     classes: Option<&[Class]>,
@@ -240,7 +240,7 @@ pub(crate) fn level_samples(
     Ok(samples)
 }
 
-/// The axes of a level.
+/// Replaces the last triangle axis by that of `level`.
 pub(crate) fn coarsen(axes: &mut [Axis], level: u8) {
     if let Some(Axis::Triangles(mesh)) = axes.iter_mut().rfind(|axis| matches!(axis, Axis::Triangles(_))) {
         *mesh = coarser(*mesh, level);
@@ -257,7 +257,7 @@ fn coarser(mesh: TriangleMesh, level: u8) -> TriangleMesh {
     mesh
 }
 
-/// Averages at `level` before their brightness is set, and the bytes behind the index that they depend on.
+/// Averages at `level` before the brightness correction, and the number of bytes after the index that they depend on.
 fn averages_at(
     header: &Header,
     classes: Option<&[Class]>,
@@ -272,7 +272,7 @@ fn averages_at(
     (averages, end)
 }
 
-/// A tensor as outer entries, triangles, entries between, and samples of a row.
+/// Tensor as outer entries, triangles, entries between, and samples of a row.
 #[derive(Clone, Copy)]
 struct Grid {
     mesh: TriangleMesh,
@@ -295,7 +295,7 @@ impl Grid {
         Self { mesh: coarser(self.mesh, level), ..self }
     }
 
-    /// Means over the triangles of `level` of the samples that are not masked; masked where all are.
+    /// Means of unmasked samples over the triangles of `level`; masked if all are.
     fn averages(self, samples: &[f32], level: u8) -> Vec<f32> {
         let inner = self.between * self.length;
         let parts = 1 << (2 * u32::from(self.mesh.level() - level.min(self.mesh.level())));
@@ -324,7 +324,7 @@ impl Grid {
         averages
     }
 
-    /// The light that leaves the blocks of each representative, up to a common factor.
+    /// Light leaving the blocks of each representative, up to a common factor.
     fn brightness(self, quantity: Quantity, samples: &[f32], orbits: &[u32], representatives: usize) -> Vec<f64> {
         let cells = self.mesh.len();
         let weights = weights(quantity, self.mesh);
@@ -350,13 +350,13 @@ impl Grid {
         }
     }
 
-    /// The block of a row.
+    /// Block of a row.
     fn block(self, row: usize) -> usize {
         row / (self.mesh.len() * self.between) * self.between + row % self.between
     }
 }
 
-/// The step that takes `found` nearest to `wanted`.
+/// Returns the number of brightness steps that brings `found` nearest to `wanted`; 0 within the tolerance.
 fn step_of(wanted: f64, found: f64) -> i32 {
     let ratio = wanted / found;
     if !(wanted > 0.0 && found > 0.0 && ratio.is_finite()) || (ratio - 1.0).abs() <= TOLERATED {
@@ -366,7 +366,7 @@ fn step_of(wanted: f64, found: f64) -> i32 {
     libm::round(libm::log(ratio) / BRIGHTNESS_STEP).clamp(-limit, limit) as i32
 }
 
-/// The least code whose error is not below `error`.
+/// Returns the smallest code whose error is not below `error`.
 fn error_code(error: f64) -> u8 {
     (0..=u8::MAX).find(|&code| error_of(code) >= error).unwrap_or(u8::MAX)
 }

@@ -1,4 +1,4 @@
-//! Errors at a step as a decoder would have them, for targets that bound one; and the largest step that keeps it.
+//! Errors of the decoded samples at a step, for targets that bound one, and the largest step that keeps the bound.
 
 use super::super::classes::apply_classes;
 use super::super::error::CompressError;
@@ -15,30 +15,31 @@ use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use std::borrow::Cow;
 use std::cell::Cell;
 
-/// What the decoded samples are measured by.
+/// Error measure of the decoded samples.
 enum Metric {
-    /// A figure of the error report.
+    /// Figure of the error report, with its bound.
     Samples(Bound),
-    /// The colours of spectra, and how far they may be off.
+    /// Colours of the spectra, and the largest allowed difference.
     Colours(Box<SpectraColours>, f64),
 }
 
-/// What a search tries its steps on.
+/// Inputs of a search for a step.
 pub(super) struct Trial<'a, F> {
-    /// The original.
+    /// Original measurement.
     pub(super) measurement: &'a Measurement,
-    /// Its classes, where some samples are not positive.
+    /// Classes of the samples; `None` if all are positive.
     pub(super) classes: Option<&'a [Class]>,
-    /// The absolute floor.
+    /// Absolute floor.
     pub(super) floor: f32,
-    /// Whether steps are in the unit of the samples.
+    /// True if steps are in the unit of the samples.
     pub(super) linear: bool,
-    /// Decoded magnitudes at a step.
+    /// Function that writes the decoded magnitudes at a step.
     pub(super) magnitudes: F,
 }
 
 impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
-    /// The largest step that keeps `target`, which bounds an error. Where none does, `closest` is the smallest error found.
+    /// Finds the largest step that keeps `target`, which must bound an error. If none does, `closest` is the smallest
+    /// error found.
     pub(super) fn largest_step(
         &self,
         target: Target,
@@ -52,13 +53,14 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
             (_, Some(bound)) => Metric::Samples(bound),
             (_, None) => return Err(SettingError::Unbounded.into()),
         };
-        // Relative errors are those of positive samples. Where all are negative, theirs are found instead, or any step would do.
+        // Relative errors are those of positive samples. If all are negative, their errors are used instead; otherwise
+        // any step would pass.
         let samples = self.measurement.tensor.samples();
         let negated = matches!(target, Target::ErL1(_)) && !samples.iter().any(|&s| s > 0.0 && s >= self.floor);
         let original = if negated { Cow::Owned(samples.iter().map(|s| -s).collect()) } else { Cow::Borrowed(samples) };
         let mut decoded = vec![0.0; original.len()];
         let coarse = if self.linear { f64::INFINITY } else { COARSE };
-        // The error at a step, and whether it is kept.
+        // Measures the error at a step, and if it is kept.
         let mut measure = |step: f64| {
             if progress.is_cancelled() {
                 return Err(CompressError::from(Cancelled));
@@ -95,7 +97,7 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         if let Some(step) = largest_falling(self.first_step(target), keeps)? {
             return Ok(step);
         }
-        // The search may have begun where steps are too fine already.
+        // The search may have started at steps that are already too fine.
         let keeps = |step: f64| Ok(measure(step)?.1);
         if let Some(step) = largest_power((self.first_step(target), finest), basis, closest, keeps)? {
             return Ok(step);
@@ -107,16 +109,16 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear)))
     }
 
-    /// Whether what lies below the floor is kept within it, as `promise::keep` asks.
+    /// Returns true if the error of samples below the floor stays within it, as `promise::keep` demands.
     fn keeps_floor(&self, errors: &ErrorReport) -> bool {
         errors.below_floor_samples == 0 || errors.max_absolute_error_unscored <= f64::from(self.floor)
     }
 
-    /// A step near the one that is looked for: a uniform quantiser's errors, and that most coefficients are 0.
+    /// Initial guess of the step: the error of a uniform quantiser, allowing for coefficients that are mostly 0.
     fn first_step(&self, target: Target) -> f64 {
         match target {
             Target::ErL1(error) => 5.0 * error,
-            // A step of 1 % changes lightness by some 0.1.
+            // A step of 1 % changes lightness by about 0.1.
             Target::DeltaE(wanted) => (0.1 * wanted.at_most).min(4.0),
             Target::RelativeRmse(error) if self.linear => {
                 4.0 * error * root_mean_square(self.measurement.tensor.samples()).max(f64::from(f32::MIN_POSITIVE))
@@ -127,7 +129,7 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
     }
 }
 
-/// √(Σ s² / n) over what is not NaN, in order.
+/// √(Σ s² / n) over samples that are not NaN, summed in order.
 pub(super) fn root_mean_square(samples: &[f32]) -> f64 {
     let measured = samples.iter().filter(|s| !s.is_nan());
     let (sum, count) = measured.fold((0.0, 0_u64), |(sum, n), &s| (sum + f64::from(s) * f64::from(s), n + 1));

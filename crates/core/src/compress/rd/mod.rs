@@ -1,8 +1,9 @@
-//! The rate–distortion policy: logarithms of magnitudes, one uniform step for all normalised coefficients.
+//! Rate–distortion policy: logarithms of magnitudes, one uniform step for all normalised coefficients.
 //!
-//! A relative error is an absolute error of the logarithm, so one step serves bright and dark samples alike. The sphere basis
-//! is orthonormal and the line bases are normalised by the norms of their synthesis functions, so that a step means the same
-//! error everywhere. Signs, zeros and masks go into a class plane beside; what has no logarithm is filled smoothly.
+//! A relative error is an absolute error of the logarithm, so one step serves bright and dark samples alike. The sphere
+//! basis is orthonormal, and line bases are normalised by the norms of their synthesis functions, so that a step means
+//! the same error everywhere. Signs, zeros and masks go into a separate class plane; samples without a logarithm are
+//! filled smoothly.
 
 pub(super) mod adaptive;
 mod candidate;
@@ -82,19 +83,19 @@ pub(crate) fn compress(
     if is_better { dark } else { clipped }
 }
 
-/// Values that samples below the floor take.
+/// Treatment of positive samples below the floor.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Below {
-    /// To the floor: they are approximated like others.
+    /// Raised to the floor, and approximated like others.
     Clipped,
-    /// To 0, by their class.
+    /// Set to 0 by their class.
     Zero,
 }
 
 /// Treatment of negative samples that lie further below 0 than the floor.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Negative {
-    /// They take what is predicted, up to the largest of them, which may miss them by more than the floor.
+    /// They take the predicted value, bounded by the largest of them; their error may exceed the floor.
     Bounded,
     /// They are approximated like positive ones.
     Weighed,
@@ -119,7 +120,7 @@ fn compress_with(
         let coded = classes_chunk(axes, &mut classes);
         (classes, coded)
     };
-    // The counts do not depend on what is decoded, so that a header has its final size before anything is.
+    // The counts do not depend on the decoded samples, so the header has its final size before decoding.
     let counts = ErrorReport::without_errors(samples, f64::from(floor));
     let noise = match settings.target {
         Target::Auto => estimate(measurement, floor).map(|noise| noise.relative),
@@ -145,7 +146,7 @@ fn compress_with(
         }
     };
     let parts = work.encode(steps);
-    // Decoding needs the memory.
+    // Frees memory for decoding.
     drop(work);
     drop(classes);
     progress.step(0.95)?;

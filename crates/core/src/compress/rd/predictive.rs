@@ -1,4 +1,4 @@
-//! The first layer that predicts: planes on the data's own spectral basis, folded by the symmetries that hold, each a
+//! First layer that predicts: planes on the data's own spectral basis, folded by the symmetries of the data, each a
 //! pyramid of triangles predicted in closed loop.
 //!
 //! ```text
@@ -8,9 +8,9 @@
 //!
 //! m               the kind of the model, 0 if there is none
 //! a               1 if there is no pyramid behind the model: all its details are 0
-//! s               1 if every block is decoded by itself
-//! g               generators: digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n of the last
-//!                 triangle axis' domain
+//! s               1 if every block is decoded independently
+//! g               generators: digits to base n + 1, the first lowest: 1 + the number of a symmetry, of the n
+//!                 symmetries of the last triangle axis' domain
 //! ```
 
 mod decode;
@@ -37,17 +37,17 @@ use crate::transform::{AxisTransform, Klt};
 use opening::number_of;
 use std::sync::Arc;
 
-/// Rows folded by a group of symmetries, and their principal components: what every model starts from.
+/// Rows folded by a group of symmetries, and their principal components; common to all models.
 pub(crate) struct Folded {
     shape: Shape,
-    /// As they are written.
+    /// Generators as the number that is written.
     generators: u64,
     group: Group,
     representatives: Representatives,
     pyramid: Pyramid,
-    /// Of rows longer than one sample.
+    /// Principal components of rows longer than one sample.
     klt: Option<Klt>,
-    /// `[representatives, leaves, length]`
+    /// Folded rows, `[representatives, leaves, length]`.
     rows: Vec<f32>,
 }
 
@@ -82,18 +82,18 @@ impl Folded {
 }
 
 impl Folded {
-    /// Whether nothing is folded.
+    /// Returns true if no symmetry folds the rows.
     pub(crate) fn is_trivial(&self) -> bool {
         self.generators == 0
     }
 }
 
-/// Folded rows behind a model or none.
+/// Layer of folded rows, with or without a model.
 pub(crate) struct PredictiveLayer {
     folded: Arc<Folded>,
     transforms: Vec<AxisTransform>,
     chart: Option<Chart>,
-    /// Whether every block is a stream of its own.
+    /// True if every block is a stream of its own.
     random: bool,
     last: LastCoded,
 }
@@ -128,7 +128,7 @@ impl PredictiveLayer {
         let coefficients = basis.as_ref().map_or_else(|| folded.rows.clone(), |basis| basis.analyse(&folded.rows));
         let mut planes = transposed(&coefficients, leaves, vectors).into_owned();
         let mut encoder = Encoder::default();
-        // The basis itself is part of what is kept.
+        // The entries of the basis count as kept coefficients.
         let mut kept = basis.as_ref().map_or(0, |basis| basis.entries() as u64);
         let model = self.chart.as_ref().map(|chart| {
             let coefficients = chart.code(&mut encoder, step, vectors, Some(&planes), &mut kept);
@@ -199,7 +199,8 @@ impl FirstLayer for PredictiveLayer {
     }
 }
 
-/// Codes the planes of every representative by themselves: what a decoder has, the details that are not 0, the streams.
+/// Codes the planes of every representative independently; returns the decoded planes, the number of nonzero details,
+/// and the streams.
 fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32]) -> (Vec<f32>, u64, Vec<Vec<u8>>) {
     let block = planes.len() / pyramid.all().len();
     code_streams(pyramid.all().len(), |encoder, k| {

@@ -1,7 +1,8 @@
 //! Planes of triangles as a pyramid of means, each level predicted from the decoded one above it, in closed loop.
 //!
-//! The prediction error is transformed orthonormally among the children of a node, so that one step serves all levels: an
-//! error of a mean is an error of all its leaves, hence its step is the leaves' divided by the root of their number.
+//! The prediction error is transformed orthonormally among the children of a node, so that one step serves all levels.
+//! An error of a mean is an error of all its leaves. Its step is therefore the leaves' step divided by the root of
+//! their number.
 
 use super::super::scales::{LARGEST, integer_of, steps_of};
 use super::symmetry::{Group, Representatives};
@@ -10,34 +11,35 @@ use crate::domain::TriangleMesh;
 use crate::transform::{Householder, Prediction};
 use std::ops::Range;
 
-/// Magnitudes in contexts are capped, so that sums cannot overflow.
+/// Upper bound on magnitudes in contexts, so that sums cannot overflow.
 const CAP: u32 = 1 << 16;
 
-/// The pyramid of planes `[representatives, vectors, leaves]`, for any number of vectors.
+/// Pyramid of planes `[representatives, vectors, leaves]`, for any number of vectors.
 pub(crate) struct Pyramid {
     levels: usize,
     bases: usize,
     predictions: Vec<Prediction>,
-    /// By representative: its number in `folds`.
+    /// Index in `folds` of each representative.
     fold_of: Vec<u8>,
-    /// By stabiliser, by level; nothing where no representative has it.
+    /// Level folds of each stabiliser; empty if no representative has it.
     folds: Vec<Vec<LevelFold>>,
-    /// By level, by representative and node: which children are live, as bits; empty if all are.
+    /// Live children, as bits, of each node of each representative, by level; empty if all are live.
     live: Vec<Vec<u8>>,
     householders: [Householder; 3],
 }
 
-/// What a stabiliser means at one level.
+/// Equalities that a stabiliser implies at one level.
 #[derive(Clone, Debug)]
 struct LevelFold {
-    /// By node: the node that stands for it, itself or an earlier one.
+    /// Source of each node: the equal node of lowest number, possibly itself.
     source: Vec<u32>,
-    /// By node: child c equals child `children[c]` of the source; of a source: the first child equal to child c.
+    /// For each node, child c equals child `children[c]` of the source; for a source itself, the first child equal to
+    /// child c.
     children: Vec<[u8; 4]>,
 }
 
 impl Pyramid {
-    /// The pyramids of some representatives; `live` by these and leaf.
+    /// Builds the pyramids of the representatives in `range`; `live` is by representative and leaf.
     pub(crate) fn new(
         mesh: TriangleMesh,
         group: &Group,
@@ -71,12 +73,13 @@ impl Pyramid {
         self.bases << (2 * level)
     }
 
-    /// The live children of node `t` of a representative's plane, as bits.
+    /// Live children of node `t` of a representative's plane, as bits.
     fn live(&self, representative: usize, level: usize, t: usize) -> u8 {
         self.live.get(level).map_or(15, |live| live[representative * self.nodes(level) + t])
     }
 
-    /// The means of all levels of `planes`, those of representatives from `first` on, coarse first; dead children do not count.
+    /// Means at all levels, coarse first, of `planes`, whose representatives start at `first`; dead children do not
+    /// count.
     fn means(&self, first: usize, planes: Vec<f32>, vectors: usize) -> Vec<Vec<f32>> {
         let mut levels = vec![planes];
         for level in (0..self.levels).rev() {
@@ -103,13 +106,13 @@ impl Pyramid {
         levels
     }
 
-    /// All representatives.
+    /// Range of all representatives.
     pub(crate) fn all(&self) -> Range<usize> {
         0..self.fold_of.len()
     }
 
-    /// Codes planes of `representatives` at `step`: an encoder is given them, a decoder nothing; both return what a decoder
-    /// has. The number of details that are not 0 comes along. The details below level `finest` are 0 and take no bits.
+    /// Codes planes of `representatives` at `step`; `planes` is given to an encoder only. Returns the decoded planes
+    /// and the number of nonzero details. Details below level `finest` are 0 and take no bits.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -184,17 +187,17 @@ impl Pyramid {
     }
 }
 
-/// The plane whose magnitudes tell most about those of `plane`.
+/// Plane whose magnitudes are the best context for those of `plane`.
 fn plane_before(plane: usize, vectors: usize) -> Option<usize> {
     if plane.is_multiple_of(vectors) { plane.checked_sub(vectors) } else { Some(plane - 1) }
 }
 
-/// The step of means over 4^`below` leaves.
+/// Step of means over 4^`below` leaves.
 fn step_at(step: f32, below: usize) -> f32 {
     step / (1_u32 << below) as f32
 }
 
-/// One level of one plane.
+/// Coding state of one level of one plane.
 struct Plane<'a> {
     pyramid: &'a Pyramid,
     level: usize,
@@ -218,7 +221,7 @@ impl Plane<'_> {
         let prediction = &self.pyramid.predictions[self.level];
         let fold = &self.pyramid.fold(self.representative)[self.level];
         let mut kept = 0;
-        // By node: the sum of its details' magnitudes.
+        // Sum of the magnitudes of each node's details.
         let mut magnitudes = vec![0_u32; self.means.len()];
         for t in 0..self.means.len() {
             let own = fold.source[t] as usize;
@@ -280,7 +283,7 @@ impl Plane<'_> {
         kept
     }
 
-    /// What all details of node `t` have around them; `magnitudes` by node, of those known.
+    /// Context shared by all details of node `t`; `magnitudes` are those of the nodes already coded.
     fn surroundings(&self, t: usize, prediction: &Prediction, magnitudes: &[u32]) -> Surroundings {
         if !self.is_coded {
             return Surroundings::default();
@@ -300,7 +303,7 @@ impl Plane<'_> {
         }
     }
 
-    /// Adds what detail `m` of node `t` has around it.
+    /// Adds the context of detail `m` of node `t`.
     fn set_place(&self, t: usize, m: usize, quantised: &[i32], around: &mut Surroundings) {
         let known = &quantised[3 * t..3 * t + m];
         around.siblings = (m > 0).then(|| 16 * known.iter().map(|&q| magnitude(q)).sum::<u32>() / m as u32);
@@ -312,12 +315,12 @@ fn magnitude(q: i32) -> u32 {
     q.unsigned_abs().min(CAP)
 }
 
-/// The sum of the magnitudes of a node's details.
+/// Sum of the magnitudes of a node's details.
 fn three(q: &[i32], node: usize) -> u32 {
     q[3 * node..][..3].iter().map(|&q| magnitude(q)).sum()
 }
 
-/// The children of a node, live ones first.
+/// Children of a node, live ones first.
 fn live_first(live: u8) -> [usize; 4] {
     if live == 15 {
         return [0, 1, 2, 3];
@@ -335,7 +338,7 @@ fn live_first(live: u8) -> [usize; 4] {
     order
 }
 
-/// By level, by plane and node: which children have a live leaf.
+/// Live children of each node of each plane, as bits, by level; a child is live if any of its leaves is.
 fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
     let mut levels: Vec<Vec<u8>> = Vec::new();
     for _ in 0..mesh.level() {
@@ -351,7 +354,7 @@ fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
     levels
 }
 
-/// By level: what these members of a group make equal.
+/// Equalities that these members of a group imply, by level.
 fn level_folds(mesh: TriangleMesh, group: &Group, members: &[u8]) -> Vec<LevelFold> {
     let level = |level: u8| {
         let count = mesh.bases() << (2 * level);

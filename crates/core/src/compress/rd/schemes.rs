@@ -1,4 +1,4 @@
-//! Schemes of the first layer, and those that compete for a measurement.
+//! Schemes of the first layer, and the selection of those that compete for a measurement.
 
 use super::super::error::CompressError;
 use super::super::setting_error::SettingError;
@@ -16,35 +16,35 @@ use crate::codec::Class;
 use crate::domain::{Axis, Measurement};
 use std::sync::Arc;
 
-/// Entries of an index axis that the data's own basis is tried on.
+/// Largest number of entries of an index axis for which the data's own basis is tried.
 const MOST_INDICES: usize = 64;
-/// Entries of a last axis behind a grid that are tried as planes of their own.
+/// Largest number of entries of a last axis behind a grid that are tried as planes of their own.
 const MOST_CHANNELS: usize = 8;
-/// Rows of a grid up to which fixed prediction alone is tried.
+/// Largest number of rows of a grid for which fixed prediction alone is tried.
 const FEW_ROWS: usize = 20_000;
-/// The symmetries of a hemisphere's mesh.
+/// Number of symmetries of a hemisphere's mesh.
 const ALL_SYMMETRIES: usize = 8;
 
-/// How the first layer sees a tensor.
+/// Way in which the first layer codes a tensor.
 #[derive(Clone)]
 pub(super) enum Scheme {
-    /// In fixed bases on all axes.
+    /// Fixed bases on all axes.
     Fixed(SpectralBasis),
-    /// On the data's own spectral basis, in fixed bases on the other axes.
+    /// The data's own spectral basis, and fixed bases on the other axes.
     Adaptive,
-    /// The same with triangles predicted, folded by the group of these symmetries, behind a model.
+    /// The data's own spectral basis with triangles predicted, folded by a symmetry group, with or without a model.
     Predicted(Arc<Folded>, Option<ChartKind>),
-    /// Grids of angles predicted.
+    /// Grids of angles, predicted.
     Gridded {
-        /// The lines of the tensor.
+        /// Lines of the tensor.
         shape: GridShape,
-        /// On the data's own spectral basis, rather than channel by channel.
+        /// True for the data's own spectral basis, false for channel by channel.
         klt: bool,
-        /// Least squares predict beside the fixed filters.
+        /// True if least squares predict in addition to the fixed filters.
         learns: bool,
-        /// What the pyramid is coded behind.
+        /// Model in front of the pyramid.
         model: Behind,
-        /// A typical step.
+        /// Typical step.
         step: f64,
     },
 }
@@ -75,7 +75,8 @@ impl Scheme {
     }
 }
 
-/// What competes: triangles are predicted where the spectral basis is the data's own, or where there is no spectral axis.
+/// Returns the competing schemes. Triangles are predicted if the spectral basis is the data's own, or if there is no
+/// spectral axis.
 pub(super) fn schemes(
     measurement: &Measurement,
     plane: ClassPlane<'_>,
@@ -94,7 +95,7 @@ pub(super) fn schemes(
     for &basis in bases {
         let own = basis == SpectralBasis::Klt;
         match Shape::of(axes) {
-            // Where nothing has a basis to be named, the data's own costs nothing or a few numbers.
+            // Without a spectral axis the data's own basis costs nothing or a few numbers.
             Some(shape) if schemes.is_empty() && (own || !named && short(axes)) => {
                 let logs = approximated(measurement, plane, floor);
                 let classes = plane.coded.map(|_| plane.classes);
@@ -110,7 +111,7 @@ pub(super) fn schemes(
     Ok(schemes)
 }
 
-/// Schemes of directions on a grid: spectra on their own basis, colours by channel, and either where they are few.
+/// Schemes of directions on a grid: spectra on their own basis, colours by channel, and both for few channels.
 fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plane: ClassPlane<'_>) -> Vec<Scheme> {
     let tolerance = match settings.target {
         Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
@@ -136,7 +137,7 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
     if shape.rows() > FEW_ROWS {
         return forms.iter().map(|&klt| scheme(klt, true, Behind::Judged)).collect();
     }
-    // Fixed prediction wins on small smooth arrays alone; what a model misses is not smooth.
+    // Fixed prediction wins only on small smooth arrays; the residual of a model is not smooth.
     let models = shape.models().iter().map(|&kind| (true, Behind::Model(kind)));
     let ways = [(true, Behind::Nothing), (false, Behind::Nothing)].into_iter().chain(models);
     ways.flat_map(|(learns, model)| forms.iter().map(move |&klt| (klt, learns, model)))
@@ -144,7 +145,7 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
         .collect()
 }
 
-/// Whether the last axis is no spectrum, but triangles, colours or some index.
+/// Returns true if the last axis is not a spectrum, but triangles, a grid, colours or a short index.
 fn short(axes: &[Axis]) -> bool {
     axes.last().is_some_and(|axis| match axis {
         Axis::Triangles(_) | Axis::Grid(_) | Axis::Rgb => true,
@@ -153,7 +154,7 @@ fn short(axes: &[Axis]) -> bool {
     })
 }
 
-/// The predicted schemes worth a trial: the symmetries that hold decide.
+/// Predicted schemes worth a trial, depending on the symmetries that hold.
 fn predicted(
     shape: &Shape,
     classes: Option<&[Class]>,
@@ -172,7 +173,7 @@ fn predicted(
     let found = symmetries(shape, values, classes, tolerance);
     let mut schemes = Vec::new();
     let mut groups = vec![found.generators.as_slice()];
-    // Well within the error that is allowed, a symmetry is always worth its while.
+    // A symmetry that deviates by much less than the allowed error always pays off.
     if !found.generators.is_empty() && found.deviation > 0.5 * tolerance && target != Target::Auto {
         groups.push(&[]);
     }
@@ -180,7 +181,7 @@ fn predicted(
         let folded = Arc::new(Folded::new(shape, classes, values, generators)?);
         if i == 0 {
             for kind in ChartKind::ALL.into_iter().filter(|&kind| has_chart(shape, kind)) {
-                // What has all symmetries of the mesh is as good as isotropic.
+                // Data with all symmetries of the mesh are practically isotropic.
                 if kind != ChartKind::Anisotropic || found.order < ALL_SYMMETRIES {
                     schemes.push(Scheme::Predicted(Arc::clone(&folded), Some(kind)));
                 }

@@ -1,22 +1,22 @@
-//! How a tensor is seen as planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
+//! Division of a tensor into planes: blocks of all other axes, leaves of the last triangle axis, rows of the last axis.
 
 use crate::domain::{Axis, TriangleMesh};
 
-/// A tensor as planes.
+/// Tensor as planes.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     axes: Vec<Axis>,
     mesh: TriangleMesh,
-    /// The axes of the blocks.
+    /// Axes of the blocks.
     block_axes: Vec<Axis>,
-    /// Blocks of axes after the triangles.
+    /// Number of blocks of axes after the triangles.
     inner: usize,
-    /// Samples of a row; 1 if the triangles are the last axis.
+    /// Number of samples in a row; 1 if the triangles are the last axis.
     length: usize,
 }
 
 impl Shape {
-    /// `None` where there are no triangles.
+    /// Returns the shape of a tensor; `None` without triangles.
     pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
         let Axis::Triangles(mesh) = axes[at] else { return None };
@@ -41,7 +41,7 @@ impl Shape {
         self.mesh
     }
 
-    /// Leaves of a plane.
+    /// Number of leaves of a plane.
     pub(crate) fn leaves(&self) -> usize {
         self.mesh.len()
     }
@@ -50,12 +50,12 @@ impl Shape {
         &self.block_axes
     }
 
-    /// Blocks of axes after the triangles.
+    /// Number of blocks of axes after the triangles.
     pub(crate) fn inner(&self) -> usize {
         self.inner
     }
 
-    /// Samples of a row.
+    /// Number of samples in a row.
     pub(crate) fn length(&self) -> usize {
         self.length
     }
@@ -68,7 +68,7 @@ impl Shape {
         self.blocks() * self.mesh.len()
     }
 
-    /// The row of leaf `leaf` in block `block`.
+    /// Row of leaf `leaf` in block `block`.
     pub(crate) fn row(&self, block: usize, leaf: usize) -> usize {
         ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
     }

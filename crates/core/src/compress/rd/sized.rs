@@ -1,4 +1,5 @@
-//! Steps for a wanted size: the finest one whose file has at most so many bytes, or at least so many samples a coefficient.
+//! Steps for a wanted size: the finest one whose file has at most the wanted bytes, or at least the wanted samples per
+//! coefficient.
 
 use super::super::error::CompressError;
 use super::super::header::UNSCORED_BYTES;
@@ -17,20 +18,20 @@ use super::steps::{Fineness, Steps};
 use crate::codec::Class;
 use crate::domain::{Cancelled, Progress};
 
-/// The step that is tried first where nothing is known.
+/// First step to try when nothing is known.
 const USUAL_STEP: f32 = 0.05;
-/// Samples up to this size stay finite at any useful step: half of the exponents of float32 lie above it.
+/// Magnitude up to which samples stay finite at any useful step: half of the float32 exponents lie above it.
 const SAFE: f32 = 1e19;
-/// Doublings of the step that are tried where samples decode beyond float32.
+/// Number of doublings of the step to try if samples decode beyond float32.
 const DOUBLINGS: u32 = 24;
-/// Corrections of the estimated size of the level index, each of which decodes the levels once.
+/// Number of corrections of the estimated size of the level index; each decodes the levels once.
 const CORRECTIONS: u32 = 4;
-/// Bytes that every file has beside coefficients, classes and metadata, or a few more.
+/// Approximate bytes of every file besides coefficients, classes and metadata.
 const LEAST_HEADER: usize = 36;
-/// Files of at least this part of the bytes allowed are as good as any.
+/// Fraction of the allowed bytes above which a file is good enough.
 const FULL: f64 = 0.995;
 
-/// The finest steps that keep the wanted size, nearly so if they are only compared; the search starts at `start`.
+/// Finds the finest steps that keep the wanted size, or nearly so for comparisons (`until`), starting at `start`.
 pub(super) fn sized_steps(
     candidate: &Candidate<'_>,
     start: Option<Steps>,
@@ -38,7 +39,7 @@ pub(super) fn sized_steps(
     progress: &dyn Progress,
 ) -> Result<Steps, CompressError> {
     let start = Notch::below(start.map_or(USUAL_STEP, |steps| steps.first.step));
-    // Counts that cost nothing are met to the last coefficient.
+    // Counts without trials are met exactly.
     let until = if is_counted(candidate) { Until::Exact } else { until };
     match fitting(candidate, (start, finest(candidate)), until, progress)? {
         Some(at) => finite(candidate, at, progress),
@@ -46,7 +47,7 @@ pub(super) fn sized_steps(
     }
 }
 
-/// Size of the coefficients in parts of the room that the wanted size leaves them: 1 where they fill it.
+/// Size of the coefficients relative to the space that the wanted size leaves them: 1 if they fill it.
 pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progress) -> Result<f64, CompressError> {
     let (size, most) = (size(candidate, Notch::below(steps.first.step), progress)?, most(candidate));
     let own = match candidate.settings.target {
@@ -56,17 +57,18 @@ pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progr
     Ok(own.max(1.0) / (most - (size - own)).max(1.0))
 }
 
-/// Exponent with which errors fall as the coefficients' bytes grow around `steps`, if an error is proportional to its step.
+/// Exponent with which errors fall as the coefficients' bytes grow around `steps`, assuming that an error is
+/// proportional to its step.
 pub(super) fn exponent(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     let known = candidate.sizes.known.borrow();
     let here = Notch::below(steps.first.step);
     let least = known.values().copied().fold(f64::INFINITY, f64::min);
     let Some(&size) = known.get(&here) else { return 1.0 };
-    // The nearest steps a quarter of a doubling away at least: steps side by side have nearly equal sizes.
+    // At least a quarter of a doubling away: adjacent steps have nearly equal sizes.
     let far = known.iter().filter(|(at, _)| at.octaves_from(here).abs() >= 0.25);
     let near = far.min_by(|a, b| a.0.octaves_from(here).abs().total_cmp(&b.0.octaves_from(here).abs()));
     let Some((&at, &there)) = near else { return 1.0 };
-    // Headers and classes are no part of what the step buys.
+    // Headers and classes do not depend on the step.
     let fixed = assembled_without(candidate, steps).min(0.9 * least);
     let fall = libm::log2((size - fixed) / (there - fixed));
     let exponent = at.octaves_from(here) / fall;
@@ -79,7 +81,7 @@ fn assembled_without(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     known - chunk_bytes(&candidate.layer.chunks(steps.first)) as f64
 }
 
-/// The steps nearest to `steps` for which the whole file, its level index included, has the wanted bytes.
+/// Finds the steps nearest to `steps` for which the whole file, level index included, has the wanted bytes.
 pub(super) fn settled(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -91,7 +93,7 @@ pub(super) fn settled(
     let most = most(candidate);
     let mut at = Notch::below(steps.first.step);
     if !(candidate.has_levels() && matches!(candidate.settings.target, Target::Bytes(_))) {
-        // What was compared may be a little coarser than it has to be.
+        // Compared steps may be slightly coarser than necessary.
         let finest = finest(candidate).max(at.moved(-NEAR));
         return match fitting(candidate, (at, finest), Until::Close, progress)? {
             Some(at) => finite(candidate, at, progress),
@@ -114,7 +116,7 @@ pub(super) fn settled(
             None => return Err(too_large(candidate, progress)?),
         }
     }
-    // The index itself depends on the step a little.
+    // The index itself depends on the step slightly.
     while best.is_none() && at < Notch::COARSEST {
         at = at.moved(DOUBLING / 16.0);
         if progress.is_cancelled() {
@@ -128,8 +130,8 @@ pub(super) fn settled(
     }
 }
 
-/// The finest step of use: below it logarithms in float32 hold no more, or the largest coefficients no longer have an
-/// integer, and a file with more bytes would be worse.
+/// Finest useful step. Below it float32 logarithms resolve no more, or the largest coefficients exceed the integers; a
+/// file with more bytes would be worse.
 pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
     let samples = candidate.original();
     let live = samples.iter().filter(|s| **s != 0.0 && !s.is_nan());
@@ -140,17 +142,19 @@ pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
     } else {
         (logarithm(low).max(logarithm(high)).max(1.0), LEAST_STEP)
     };
-    // A coefficient normalised to the norm of a tensor of equal values, with some room for what is not orthonormal.
+    // Bound on a coefficient: the norm of a tensor of equal values, with a margin because the basis is not exactly
+    // orthonormal.
     let coefficient = largest * (samples.len() as f64).sqrt();
     Notch::below((coefficient / f64::from(LARGEST / 4.0)).max(least) as f32)
 }
 
-/// Returns true where sizes are counts of coefficients, which need no trial.
+/// Returns true if sizes are counts of coefficients, which need no trial.
 pub(super) fn is_counted(candidate: &Candidate<'_>) -> bool {
     matches!(candidate.settings.target, Target::Ratio(_)) && candidate.layer.counts_alone()
 }
 
-/// The finest notch that fits. What does not depend on the step is taken off sizes: the rest is nearly a power of it.
+/// Finds the finest notch that fits. Sizes are taken without their constant part: the rest is nearly a power of the
+/// step.
 fn fitting(
     candidate: &Candidate<'_>,
     from: (Notch, Notch),
@@ -172,7 +176,7 @@ fn fitting(
     finest_fitting(from, (most - fixed, until), |at| Ok((size(candidate, at, progress)? - fixed).max(0.0)))
 }
 
-/// The size that is wanted: bytes, or coefficients.
+/// Wanted size, in bytes or coefficients.
 fn most(candidate: &Candidate<'_>) -> f64 {
     match candidate.settings.target {
         Target::Ratio(ratio) => candidate.original().len() as f64 / ratio,
@@ -181,7 +185,7 @@ fn most(candidate: &Candidate<'_>) -> f64 {
     }
 }
 
-/// The size at a step, in the unit of `most`.
+/// Size at a step, in the unit of `most`.
 fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<f64, CompressError> {
     if progress.is_cancelled() {
         return Err(Cancelled.into());
@@ -217,12 +221,12 @@ fn assembled(candidate: &Candidate<'_>, fineness: Fineness, with_levels: bool) -
         return f64::INFINITY;
     }
     let counts = &candidate.plane.counts;
-    // The decoded file states an error for these, which is not known yet.
+    // The decoded file will state an error for unscored samples, which is not known yet.
     let stated = if counts.negative_samples + counts.below_floor_samples > 0 { UNSCORED_BYTES } else { 0 };
     (assemble(&parts, metadata.as_deref()).len() + stated) as f64
 }
 
-/// Steps at `at`, or coarser ones where samples decode beyond float32 there.
+/// Steps at `at`, or coarser ones if samples decode beyond float32 there.
 fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<Steps, CompressError> {
     let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
     if low.abs().max(high.abs()) <= SAFE {
@@ -244,7 +248,7 @@ fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Resu
     Err(UnreachableError::Overflow.into())
 }
 
-/// Refusal of a size that no step keeps.
+/// Error for a size that no step reaches.
 fn too_large(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<CompressError, CompressError> {
     let least = match candidate.settings.target {
         Target::Ratio(_) => size(candidate, Notch::COARSEST, progress)?,

@@ -1,13 +1,13 @@
-//! A spectral basis of the data's own: mean spectrum and principal components, stored with the material.
+//! Spectral basis of the data's own: mean spectrum and principal components, stored with the material.
 //!
 //! ```text
-//! basis chunk   u8 r + 32 · c: number of vectors, 1 … 24, and how coarse they are, 0 … 7;
-//!               of a grid of angles u8 r, 1 … 64, and u8 c;
-//!               r × u8 k, which stands for the root mean square (8 + k mod 8) · 2^(⌊k / 8⌋ − 23) of a vector's coefficient;
+//! basis chunk   u8 r + 32 · c: number of vectors, 1 … 24, and their coarseness, 0 … 7;
+//!               for a grid of angles u8 r, 1 … 64, and u8 c;
+//!               r × u8 k, the root mean square (8 + k mod 8) · 2^(⌊k / 8⌋ − 23) of a vector's coefficient;
 //!               then the range-coded integers of the mean and of the r vectors, rows of the spectral axis in bior4.4
 //! ```
-//! The vectors are quantised so that their error in a sample stays well below the step's own, decoded, and made orthonormal
-//! again (Gram–Schmidt in f64, in order): encoder and decoder project on the same decoded basis.
+//! The vectors are quantised so that their error in a sample stays well below the step's own, decoded, and made
+//! orthonormal again (Gram–Schmidt in f64, in order). Encoder and decoder thus project on identical decoded vectors.
 
 use super::super::rows::coding_order;
 use super::super::scales::Scales;
@@ -19,33 +19,33 @@ use crate::numeric::wide;
 use crate::transform::{AxisTransform, Klt, KltError, LineBasis, Plan};
 use rayon::prelude::*;
 
-/// Vectors at most where number and coarseness share a byte; spectra of one material are far fewer.
+/// Largest number of vectors when number and coarseness share a byte; spectra of one material need far fewer.
 pub(super) const MAX_RANK: usize = 24;
-/// Vectors at most where they have bytes of their own: spectra of 200 bands down to noisy tails have more than 24.
+/// Largest number of vectors when these have a byte each: noisy spectra of 200 bands need more than 24.
 pub(super) const MAX_GRID_RANK: usize = 64;
-/// Samples of the spectra whose principal components are found, at most.
+/// Largest number of samples for the principal component analysis. Raising it costs time.
 pub(super) const ANALYSED: usize = 1 << 23;
-/// A vector whose coefficients are smaller than this part of the step would be quantised to nothing.
+/// Smallest root mean square of a vector's coefficients worth keeping, in steps; smaller ones would quantise to 0.
 const WORTH_KEEPING: f64 = 0.35;
-/// How coarse vectors are if nothing else is asked for, and at most.
+/// Usual and largest coarseness of vectors, in doublings of their step.
 const USUAL: u8 = 2;
 const COARSEST: u8 = 7;
 /// Rows approximated together.
 const BLOCK: usize = 256;
-/// Rows of these analysed side by side.
+/// Rows analysed side by side within a block.
 const LANES: usize = 16;
 
-/// Rows up to this length have all their principal components found at once.
+/// Largest row length for which all principal components are computed at once.
 const LONG: usize = 256;
 
-/// The first `most` principal components of rows of `length`.
+/// Computes the first `most` principal components of rows of length `length`.
 pub(super) fn components(rows: &[f32], length: usize, most: usize) -> Result<Klt, KltError> {
     let mut klt = if length > LONG { Klt::leading(rows, length, most) } else { Klt::of(rows, length) }?;
     klt.truncate(most);
     Ok(klt)
 }
 
-/// A decoded basis.
+/// Decoded spectral basis.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     mean: Vec<f64>,
@@ -53,8 +53,8 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// The first vectors of `klt`, `most` of them at most, that are worth their bits for `count` rows, as decoded, and their
-    /// chunk.
+    /// Encodes the first vectors of `klt` that are worth their bits for `count` rows, at most `most`. Returns the
+    /// decoded basis and its chunk.
     pub(super) fn encode(
         klt: &Klt,
         axes: &[Axis],
@@ -85,7 +85,7 @@ impl Basis {
         (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
-    /// The basis of a chunk, of `most` vectors at most, for `count` rows of the last of `axes`.
+    /// Decodes the basis of a chunk, at most `most` vectors, for `count` rows along the last of `axes`.
     pub(super) fn decode(
         chunk: &[u8],
         axes: &[Axis],
@@ -116,22 +116,22 @@ impl Basis {
         Ok(coder.basis(&quantised, &steps))
     }
 
-    /// Vectors there are.
+    /// Number of vectors.
     pub(super) fn rank(&self) -> usize {
         self.vectors.len()
     }
 
-    /// Entries of the mean and of all vectors.
+    /// Number of entries of the mean and of all vectors.
     pub(super) fn entries(&self) -> usize {
         self.mean.len() * (self.vectors.len() + 1)
     }
 
-    /// ⟨row − mean, vector⟩ for every row and vector.
+    /// Computes ⟨row − mean, vector⟩ for every row and vector.
     pub(super) fn analyse(&self, logs: &[f32]) -> Vec<f32> {
         let (n, r) = (self.mean.len(), self.vectors.len());
         let mut planes = vec![0.0; logs.len() / n * r];
         planes.par_chunks_mut(BLOCK * r).zip(logs.par_chunks(BLOCK * n)).for_each(|(planes, logs)| {
-            // Rows side by side: each one's sum is in the order of its samples.
+            // Rows are processed side by side; each row's sum is in the order of its samples.
             let mut centred = vec![[0.0; LANES]; n];
             for (planes, logs) in planes.chunks_mut(LANES * r).zip(logs.chunks(LANES * n)) {
                 for (lane, row) in logs.chunks_exact(n).enumerate() {
@@ -151,7 +151,7 @@ impl Basis {
         planes
     }
 
-    /// mean + Σ coefficient · vector, summed in f64 in the order of the vectors.
+    /// Computes mean + Σ coefficient · vector, in f64 and in the order of the vectors.
     pub(super) fn synthesise(&self, planes: &[f32], logs: &mut [f32]) {
         let (n, r) = (self.mean.len(), self.vectors.len());
         logs.par_chunks_mut(BLOCK * n).zip(planes.par_chunks(BLOCK * r)).for_each(|(logs, planes)| {
@@ -173,7 +173,7 @@ impl Basis {
     }
 }
 
-/// Σ row · vector of rows side by side, as `Iterator::sum` adds them: from −0, in order.
+/// Σ row · vector for rows side by side, as `Iterator::sum` adds them: starting at −0, in order.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
@@ -184,25 +184,25 @@ fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
     sums
 }
 
-/// The step of the mean and of each vector: their error in a sample is 1.5 · 2^coarse / √rows of the quantiser's own.
+/// Steps of the mean and of each vector: their error in a sample is 1.5 · 2^coarse / √rows of the quantiser's own.
 fn steps(step: f32, rows: usize, coarse: u8, spreads: &[u8]) -> Vec<f32> {
     let part = (1.5 * f64::from(1_u32 << coarse) / (rows as f64).sqrt()).min(1.0);
     let own = f64::from(step) * part;
     std::iter::once(own as f32).chain(spreads.iter().map(|&code| (own / spread_of(code)) as f32)).collect()
 }
 
-/// The root mean square that a code stands for.
+/// Root mean square of a code.
 fn spread_of(code: u8) -> f64 {
     let exponent = code / 8;
     f64::from(8 + code % 8) * f64::from(1_u32 << exponent) / f64::from(1_u32 << 23)
 }
 
-/// The code of the largest root mean square that is not above `spread`, or 0.
+/// Code of the largest root mean square that is not above `spread`, or 0.
 fn spread_code(spread: f64) -> u8 {
     (0..=u8::MAX).rev().find(|&code| spread_of(code) <= spread).unwrap_or(0)
 }
 
-/// Rows of the spectral axis as quantised wavelet coefficients.
+/// Coder of rows of the spectral axis as quantised wavelet coefficients.
 struct BasisCoder {
     plan: Option<Plan>,
     order: Rows,
@@ -220,7 +220,7 @@ impl BasisCoder {
         Self { plan, order, scales, length }
     }
 
-    /// The coding order of `count` rows, one after another.
+    /// Coding order of `count` rows, one after another.
     fn rows(&self, count: usize) -> Rows {
         let natural = Rows::natural(count, self.length);
         Rows { order: natural.order, level: natural.level, neighbours: natural.neighbours, ..self.order.clone() }
@@ -236,7 +236,7 @@ impl BasisCoder {
         quantised
     }
 
-    /// The mean and the orthonormal vectors of their integers.
+    /// Decodes the mean and the orthonormalised vectors from their integers.
     fn basis(&self, quantised: &[i32], steps: &[f32]) -> Basis {
         let mut rows = quantised.chunks_exact(self.length).zip(steps).map(|(quantised, &step)| {
             let mut row = vec![0.0; self.length];

@@ -1,33 +1,35 @@
-//! Steps of the quantiser: those of a first layer, and of the corrections behind it.
+//! Steps of the quantiser: those of a first layer, and of its corrections.
 
 use super::super::search::Notch;
 
-/// How finely a layer is quantised.
+/// Fineness of a layer's quantisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fineness {
-    /// The step of all normalised coefficients.
+    /// Step of all normalised coefficients.
     pub(crate) step: f32,
-    /// Vectors of the data's own basis more than the step suggests.
+    /// Number of vectors of the data's own basis beyond those that the step suggests.
     pub(crate) more_vectors: i8,
-    /// The step of those vectors, in doublings of the usual one.
+    /// Doublings of the usual step of these vectors.
     pub(crate) coarser_vectors: i8,
-    /// Residuals of a grid's pyramid within half a step and this many sixteenths of one become 0.
+    /// Extra width of the zero bin of a grid's pyramid, in sixteenths of a step: residuals within half a step and this
+    /// become 0.
     pub(crate) dead_zone: u8,
 }
 
 impl Fineness {
-    /// The usual choices at `step`.
+    /// Default choices at `step`.
     pub(crate) fn of(step: f32) -> Self {
         Self { step: 0.0, more_vectors: 0, coarser_vectors: 0, dead_zone: 0 }.at(step)
     }
 
-    /// The same choices at `step`, or the largest step below it that a header can hold: 8 significant bits.
+    /// Keeps the other choices and sets the step to `step`, rounded down to a number that a header can hold: 8
+    /// significant bits.
     pub(crate) fn at(self, step: f32) -> Self {
         Self { step: Notch::below(step).value(), ..self }
     }
 }
 
-/// The quantiser's fineness and the step of the corrections, 0 without.
+/// Fineness of the first layer and step of the corrections, 0 without.
 #[derive(Clone, Copy)]
 pub(super) struct Steps {
     pub(super) first: Fineness,
@@ -35,7 +37,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// One layer at `step`.
+    /// Steps of a single layer.
     pub(super) fn of(step: f64) -> Self {
         Self { first: Fineness::of(step as f32), correction: 0.0 }
     }

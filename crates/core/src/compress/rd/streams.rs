@@ -1,14 +1,15 @@
-//! A model and coded blocks as streams of their own, so that one block is decoded without the others.
+//! Model and blocks coded as separate streams, so that one block can be decoded without the others.
 //!
 //! ```text
-//! streams   varint the length of each stream: that of the model, if there is one; one for each representative, in their
-//!           order, if there is a pyramid behind the model; then the streams in this order, to the end of the chunk
+//! streams   varint length of each stream: that of the model, if there is one; one for each representative, in order,
+//!           if there is a pyramid behind the model; then the streams in the same order, to the end of the chunk
 //! ```
-//! Each is range-coded by itself, with models that start afresh and contexts within its own block.
+//! Each stream is range-coded independently: its adaptive models start afresh, and its contexts lie within its own
+//! block.
 
 use crate::codec::{CodecError, Decoder, Reader, Writer};
 
-/// The streams of a pyramid chunk.
+/// Streams of a pyramid chunk.
 pub(super) struct Streams<'a> {
     model: &'a [u8],
     blocks: Vec<&'a [u8]>,
@@ -23,7 +24,7 @@ impl<'a> Streams<'a> {
         w.into_bytes()
     }
 
-    /// Reads `blocks` streams behind that of the model, if there `has_model`.
+    /// Reads `blocks` streams, after that of the model if `has_model`.
     pub(super) fn read(r: &mut Reader<'a>, has_model: bool, blocks: usize) -> Result<Self, CodecError> {
         let mut lengths = Vec::new();
         for _ in 0..usize::from(has_model) + blocks {
@@ -40,7 +41,7 @@ impl<'a> Streams<'a> {
         self.model
     }
 
-    /// The stream of representative `k`.
+    /// Stream of representative `k`.
     pub(super) fn block(&self, k: usize) -> Decoder<'a> {
         Decoder::new(self.blocks.get(k).copied().unwrap_or_default())
     }

@@ -1,14 +1,14 @@
-//! The mesh symmetries of a tensor: where they move its entries, and which of these stand for all.
+//! Mesh symmetries of a tensor: the images of its entries, and the representatives of their orbits.
 //!
-//! Nothing here is larger than a few bytes for each block: where a triangle goes is computed, because a symmetry moves whole
-//! base triangles, and within each exchanges the corners of every triangle alike.
+//! Memory is a few bytes for each block. The image of a triangle is computed: a symmetry maps whole base triangles to
+//! each other, and permutes the corners of all triangles within a base alike.
 
 use super::shape::Shape;
 use crate::domain::{Axis, Domain, Symmetry, TriangleMesh};
 
-/// The exchanges of a triangle's corners; its children 0, 1 and 2 go with them, child 3 stays.
+/// Permutations of a triangle's corners; its children 0, 1 and 2 are permuted alike, child 3 stays.
 const EXCHANGES: [[u8; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [2, 1, 0, 3]];
-/// By exchange: four levels of children at once.
+/// Table of each permutation for four levels of children at once.
 const FOUR_LEVELS: [[u8; 256]; 6] = four_levels();
 
 const fn four_levels() -> [[u8; 256]; 6] {
@@ -31,15 +31,15 @@ const fn four_levels() -> [[u8; 256]; 6] {
     tables
 }
 
-/// Where a symmetry moves the triangles of a domain, at any level.
+/// Images of the triangles of a domain under a symmetry, at any level.
 #[derive(Clone, Debug)]
 struct Moves {
-    /// By base: the base it is moved to, and the number of the exchange of its corners.
+    /// For each base triangle, its image, and the number of the permutation of its corners.
     bases: Vec<(u8, u8)>,
 }
 
 impl Moves {
-    /// `None` if the symmetry leaves the domain.
+    /// Returns `None` if the symmetry leaves the domain.
     fn of(symmetry: Symmetry, domain: Domain) -> Option<Self> {
         let children = symmetry.permutation(TriangleMesh::new(domain, 1)?)?;
         let base = |four: &[u32]| {
@@ -49,7 +49,7 @@ impl Moves {
         Some(Self { bases: children.chunks_exact(4).map(base).collect::<Option<_>>()? })
     }
 
-    /// The image of triangle `t` of the mesh of `level`, at most 8.
+    /// Image of triangle `t` in the mesh of `level`, at most 8.
     #[inline]
     fn image(&self, level: u8, t: usize) -> usize {
         let below = 2 * u32::from(level);
@@ -59,7 +59,7 @@ impl Moves {
         usize::from(base) << below | moved & ((1 << below) - 1)
     }
 
-    /// The numbers of the children of triangle `t` among those of its image.
+    /// For each child of triangle `t`, its number among the children of the image.
     fn children(&self, level: u8, t: usize) -> [u8; 4] {
         EXCHANGES[usize::from(self.bases[t >> (2 * level)].1)]
     }
@@ -82,31 +82,31 @@ pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
     all
 }
 
-/// A group of symmetries on blocks (all axes but the last triangles and the spectral one) and leaves; its members are
-/// numbered, the identity first.
+/// Group of symmetries acting on blocks (all axes but the last triangles and the spectral one) and leaves. The members
+/// are numbered, the identity first.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     mesh: TriangleMesh,
-    /// By member.
+    /// Moves of the leaves, by member.
     leaves: Vec<Moves>,
     blocks: Vec<BlockAxis>,
 }
 
-/// An axis of the blocks.
+/// Axis of the blocks.
 #[derive(Clone, Debug)]
 struct BlockAxis {
     length: usize,
-    /// Of triangles: their level, and by member where they go.
+    /// For a triangle axis, its level and the moves of each member.
     moves: Option<(u8, Vec<Moves>)>,
 }
 
 impl Group {
-    /// All products of `generators`, on the planes of `shape`; `None` if one of them leaves a domain.
+    /// Group of all products of `generators`, on the planes of `shape`; `None` if one of them leaves a domain.
     pub(crate) fn of(shape: &Shape, generators: &[Symmetry]) -> Option<Self> {
         Self::new(shape, &closure(generators))
     }
 
-    /// The group of `symmetries`, the identity first; `None` if one of them leaves a domain.
+    /// Group of `symmetries`, the identity first; `None` if one of them leaves a domain.
     pub(super) fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
         let moves = |domain| symmetries.iter().map(|&s| Moves::of(s, domain)).collect::<Option<Vec<_>>>();
         let axis = |axis: &Axis| {
@@ -120,17 +120,17 @@ impl Group {
         Some(Self { mesh: shape.mesh(), leaves: moves(shape.mesh().domain())?, blocks })
     }
 
-    /// How many members there are.
+    /// Number of members.
     pub(crate) fn order(&self) -> usize {
         self.leaves.len()
     }
 
-    /// Whether any member moves a block.
+    /// Returns true if any member may move a block.
     fn moves_blocks(&self) -> bool {
         self.order() > 1 && self.blocks.iter().any(|axis| axis.moves.is_some())
     }
 
-    /// Where member `m` moves a block.
+    /// Image of a block under member `m`.
     pub(crate) fn block(&self, m: usize, block: usize) -> usize {
         if m == 0 {
             return block;
@@ -145,18 +145,18 @@ impl Group {
         image
     }
 
-    /// Where member `m` moves a leaf.
+    /// Image of a leaf under member `m`.
     #[inline]
     pub(crate) fn leaf(&self, m: usize, leaf: usize) -> usize {
         self.leaves[m].image(self.mesh.level(), leaf)
     }
 
-    /// Where member `m` moves node `t` of a level of the leaves' pyramid, and the numbers of its children there.
+    /// Image of node `t` of a level of the leaves' pyramid under member `m`, with the numbers of its children there.
     pub(crate) fn node(&self, m: usize, level: u8, t: usize) -> (usize, [u8; 4]) {
         (self.leaves[m].image(level, t), self.leaves[m].children(level, t))
     }
 
-    /// One block of every orbit, the first, in order.
+    /// The first block of every orbit, in ascending order.
     pub(crate) fn representatives(&self) -> Representatives {
         let blocks: usize = self.blocks.iter().map(|axis| axis.length).product();
         if !self.moves_blocks() {
@@ -166,7 +166,7 @@ impl Group {
         let mut found = Representatives { blocks: Vec::new(), kinds: Vec::new(), stabilisers: Vec::new() };
         let mut images = vec![0; self.order()];
         for block in 0..blocks {
-            // The number of members that were looked at before an image came first.
+            // Number of members checked until one maps the block to an earlier one.
             let mut known = 0;
             while known < images.len() {
                 images[known] = self.block(known, block);
@@ -183,21 +183,21 @@ impl Group {
     }
 }
 
-/// The blocks that are coded, numbered in ascending order.
+/// Blocks that are coded, numbered in ascending order.
 #[derive(Clone, Debug)]
 pub(crate) struct Representatives {
     blocks: Vec<u32>,
-    /// By representative: the number of its stabiliser.
+    /// Number of each representative's stabiliser.
     kinds: Vec<u8>,
     stabilisers: Vec<Stabiliser>,
 }
 
-/// The members of a group that leave a block where it is.
+/// Members of a group that leave a block in place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stabiliser {
-    /// Their numbers.
+    /// Numbers of these members.
     pub(crate) members: Vec<u8>,
-    /// Of the group: the first member that moves the block to each place it is moved to.
+    /// First member of the group that maps the block to each of its images.
     pub(crate) leaders: Vec<u8>,
 }
 
@@ -223,17 +223,17 @@ impl Representatives {
         self.blocks.len()
     }
 
-    /// The block of representative `k`.
+    /// Block of representative `k`.
     pub(crate) fn block(&self, k: usize) -> usize {
         self.blocks[k] as usize
     }
 
-    /// By representative: the number of its stabiliser.
+    /// Number of each representative's stabiliser.
     pub(crate) fn kinds(&self) -> &[u8] {
         &self.kinds
     }
 
-    /// All stabilisers there are.
+    /// All stabilisers that occur.
     pub(crate) fn stabilisers(&self) -> &[Stabiliser] {
         &self.stabilisers
     }
@@ -242,7 +242,7 @@ impl Representatives {
         &self.stabilisers[usize::from(self.kinds[k])]
     }
 
-    /// The representative of a block, and the member that moves it there.
+    /// Representative of a block, and the member that maps the representative to the block.
     pub(crate) fn of_block(&self, group: &Group, block: usize) -> Option<(usize, usize)> {
         let first = (0..group.order()).map(|m| group.block(m, block)).min()?;
         let k = self.blocks.binary_search(&(first as u32)).ok()?;
@@ -250,7 +250,7 @@ impl Representatives {
         Some((k, usize::from(*leader)))
     }
 
-    /// By block: its representative, and the member that moves it there.
+    /// For each block, its representative, and the member that maps the representative to the block.
     pub(crate) fn by_block(&self, group: &Group, blocks: usize) -> Vec<(u32, u8)> {
         let mut all = vec![(0, 0); blocks];
         for k in 0..self.len() {

@@ -1,4 +1,4 @@
-//! Which symmetries hold: images are compared with what they are images of.
+//! Search for the symmetries of a tensor, by comparing rows with their images.
 
 use super::shape::Shape;
 use super::symmetry::{Group, closure};
@@ -6,7 +6,7 @@ use crate::codec::Class;
 use crate::domain::Symmetry;
 use rayon::prelude::*;
 
-/// Rows compared with their images when symmetries are looked for.
+/// Largest number of rows compared with their images. Raising it costs time.
 const MOST_COMPARED: usize = 1 << 15;
 
 /// Symmetries that hold.
@@ -14,15 +14,15 @@ const MOST_COMPARED: usize = 1 << 15;
 pub(crate) struct Found {
     /// Generators of their group.
     pub(crate) generators: Vec<Symmetry>,
-    /// Members of their group.
+    /// Number of members of their group.
     pub(crate) order: usize,
-    /// The largest deviation under a generator.
+    /// Largest deviation under a generator.
     pub(crate) deviation: f64,
 }
 
-/// The largest group found under which the logarithms differ by at most `tolerance`, root mean square.
+/// Finds the largest group under which the logarithms differ by at most `tolerance`, root mean square.
 ///
-/// The deviation is that of one entry from its orbit's mean if entries differed by independent noise.
+/// The deviation is that of one entry from its orbit's mean if entries differ by independent noise.
 pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Found {
     let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh().domain())
         .into_par_iter()
@@ -51,12 +51,12 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
     Found { order: closure(&generators).len(), generators, deviation: largest }
 }
 
-/// Root mean square of the difference between rows and their images under member 1, divided by √2; `None` as soon as it is
-/// known to be above `tolerance`.
+/// Root mean square of the difference between rows and their images under member 1, divided by √2. `None` as soon as it
+/// must exceed `tolerance`, or if nothing can be compared.
 fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Option<f64> {
     let n = shape.length();
     let stride = shape.rows().div_ceil(MOST_COMPARED);
-    // Of all that could still be compared: a sum above this cannot become a mean within the tolerance.
+    // Bound over all possible comparisons: a larger sum cannot become a mean within the tolerance.
     let most = 2.0 * tolerance * tolerance * (shape.rows().div_ceil(stride) * n) as f64;
     let live = |at: usize| classes.is_none_or(|c| matches!(c[at], Class::Positive | Class::Negative));
     let (mut sum, mut count) = (0.0_f64, 0_usize);
@@ -84,7 +84,7 @@ fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class
     (count > 0).then(|| (sum / count as f64 / 2.0).sqrt())
 }
 
-/// Σ (a − b)², in four sums that are added at the end.
+/// Σ (a − b)², in four partial sums that are added at the end.
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0_f64; 4];
     let square = |a: f32, b: f32| {

@@ -1,4 +1,4 @@
-//! Steps for a wanted target, whichever it is, and the choices around them that make a smaller file.
+//! Steps for a wanted target of any kind, and the search around them for a smaller file.
 
 use super::super::error::CompressError;
 use super::super::refusal;
@@ -15,29 +15,29 @@ use super::sized::{finest, sized_steps};
 use super::steps::{Fineness, Steps};
 use crate::domain::Progress;
 
-/// How much more than one coefficient's noise a coefficient kept for its size takes over.
+/// Selection penalty: a coefficient chosen by magnitude carries this multiple of the noise variance of a fixed one.
 const SELECTED: f64 = 3.0;
 
-/// Bytes of a grid's chunks up to which the steps around the one found are all tried. Raising it costs time: some 13 trials.
+/// Largest size in bytes of a grid's chunks for which all steps around the found one are tried. Raising it costs time:
+/// about 13 trials.
 const SMALL_GRID: usize = 1 << 14;
 
-/// Samples up to which more vectors are tried. Raising it costs time: some 40 trials of all samples.
+/// Largest number of samples for which more vectors are tried. Raising it costs time: about 40 trials of all samples.
 const FEW_SAMPLES: usize = 1 << 20;
 
-/// Steps that are tried on either side of the one found, in 72nds of a doubling: half of what lies between two that were tried
-/// with more vectors.
+/// Number of steps tried on either side of the found one, in 72nds of a doubling. The range is half the distance
+/// between two trials with more vectors.
 const NEAR: i32 = 9;
 
-/// Dead zones that are tried on small grids, in sixteenths of a step, at a third of these steps. Raising their number costs
-/// trials: seven each.
+/// Dead zones tried on small grids, in sixteenths of a step, at a third of the steps around. Each costs seven trials.
 const DEAD_ZONES: [u8; 3] = [1, 2, 3];
 
-/// Vectors that are tried beyond those that the step suggests. Raising it costs trials.
+/// Largest number of vectors tried beyond those that the step suggests. Raising it costs trials.
 const MORE_VECTORS: i8 = 3;
-/// Steps that are tried with them, in quarters of a doubling.
+/// Largest increase of the step tried with them, in quarters of a doubling.
 const COARSER: i32 = 12;
 
-/// The steps that serve the wanted target best.
+/// Finds the steps that serve the wanted target best.
 pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
     match candidate.settings.target {
         Target::ErL2(error) => {
@@ -60,7 +60,7 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
             if let Some(step) = largest_falling(4.0 * error, keeps)? {
                 return with_more_vectors(candidate, Steps::of(step), error, progress);
             }
-            // The search may have begun where steps are too fine already.
+            // The search may have started at steps that are already too fine.
             let (basis, finest) = (candidate.layer.basis(), f64::from(finest(candidate).value()));
             let keeps = |step: f64| Ok(measure(step)? <= error);
             if let Some(step) = largest_power((4.0 * error, finest), basis, &candidate.closest, keeps)? {
@@ -90,18 +90,18 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
         Target::Step(step) => Ok(Steps::of(step)),
         Target::Auto => find_truth(candidate, progress),
         Target::Ratio(_) | Target::Bytes(_) => sized_steps(candidate, None, Until::Close, progress),
-        // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides; a little is left for rounding to f32.
+        // |Δ ln s| ≤ ln(1 + error) bounds the relative error from both sides, with a margin for rounding to f32.
         Target::MaxRelativeError(error) => {
             find_bounded(candidate, 2.0 * libm::log1p(error) * (1.0 - 1e-5) - 4e-7, progress)
         }
         Target::MaxAbsoluteError(error) => {
-            // What lies below the floor is kept within it.
+            // Samples below the floor keep an absolute error within it.
             let floored = candidate.plane.counts.below_floor_samples > 0;
             let error = if floored { error.min(f64::from(candidate.floor)) } else { error };
             let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
             let largest = f64::from(low.abs().max(high.abs()));
             let rounding = largest * f64::from(f32::EPSILON);
-            // An error above twice the largest sample allows nothing more; a step must stay a finite number.
+            // An error above twice the largest sample allows nothing more; a step must stay finite.
             let error = error.min(2.0 * largest.max(f64::from(f32::MIN_POSITIVE)));
             find_bounded(candidate, 2.0 * error * (1.0 - 1e-5) - 4.0 * rounding, progress)
         }
@@ -109,8 +109,8 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
     }
 }
 
-/// The best of a few more vectors of a grid's basis, each with the coarser step that it allows: of smooth functions most
-/// coefficients are 0, and a vector that the step alone thinks little of may be worth its bytes.
+/// Tries a few more vectors of a grid's basis, each with the coarser step that it allows, and returns the best. In
+/// smooth functions most coefficients are 0, so a vector that the step alone rejects may be worth its bytes.
 fn with_more_vectors(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -141,7 +141,7 @@ fn with_more_vectors(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// The best of the choices around `steps` that keep a wanted er(L2).
+/// Returns the best choice around `steps` that keeps a wanted er(L2).
 pub(super) fn refined(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -167,7 +167,7 @@ pub(super) fn refined(
             continue;
         }
         for quarter in -4..=4_i32 {
-            // The error is not monotone in the step: all of its neighbourhood is tried.
+            // The error is not monotone in the step, so the whole neighbourhood is tried.
             let factor = libm::exp2(f64::from(quarter) / 24.0) as f32;
             let fineness = from.at(from.step * factor);
             let bytes = chunk_bytes(&candidate.layer.chunks(fineness));
@@ -179,8 +179,8 @@ pub(super) fn refined(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// The best of the steps around that of a grid's layer, of vectors around those of its basis, and of dead zones. The errors of small files
-/// are not monotone in the step; those of large ones are, and their trials take long.
+/// Returns the best of nearby steps, numbers of vectors and dead zones for a grid's layer. The errors of small files
+/// are not monotone in the step. Those of large files are, and their trials take long, so they stay as found.
 fn refined_grid(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -219,7 +219,7 @@ fn refined_grid(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// The step for which the file is nearest to the truth behind the noise, as far as the noise lets one tell.
+/// Finds the step whose file is nearest to the noise-free truth, as far as the noise permits an estimate.
 fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
     let mut decoded = vec![0.0; candidate.original().len()];
     let mut best: Option<(f64, Steps)> = None;
@@ -233,9 +233,9 @@ fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Step
     best.map(|(_, steps)| steps).ok_or(UnreachableError::NoBasis.into())
 }
 
-/// An estimate of the mean square distance from the truth, but for a constant: that from the measurement, and what
-/// each coefficient takes over from its noise (Mallows 1973, *Some comments on Cp*). Coefficients that are kept because
-/// they are large take over more than those named beforehand.
+/// Estimates the mean square distance from the truth, up to a constant: the distance from the measurement, plus the
+/// noise that each coefficient carries (Mallows 1973, *Some comments on Cp*). Coefficients kept because they are large
+/// carry more noise than those chosen beforehand.
 pub(super) fn risk(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -248,17 +248,17 @@ pub(super) fn risk(
     Ok(error * error + SELECTED * 2.0 * noise * noise * share)
 }
 
-/// The noise of the measurement.
+/// Relative noise of the measurement; an error if it cannot be estimated.
 fn noise(candidate: &Candidate<'_>) -> Result<f64, CompressError> {
     candidate.plane.noise.ok_or(SettingError::NoNoise.into())
 }
 
-/// The first layer's step for which both layers together are smallest.
+/// Finds the first layer's step for which both layers together are smallest.
 fn find_bounded(candidate: &Candidate<'_>, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
-    // The largest step tried is a few times as large, and is a finite number too.
+    // The largest step tried is a few times larger, and must be finite too.
     let mut correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;
     if candidate.measurement.tensor.range().is_none_or(|range| range == (0.0, 0.0)) {
-        // Zeros and masked samples come back as they are.
+        // Zeros and masked samples are reproduced by their classes.
         correction = correction.max(f32::MIN_POSITIVE);
     }
     if correction < f32::MIN_POSITIVE {
@@ -268,7 +268,7 @@ fn find_bounded(candidate: &Candidate<'_>, correction: f64, progress: &dyn Progr
     let mut best: Option<(usize, Steps)> = None;
     for (i, factor) in factors.into_iter().enumerate() {
         let steps = Steps { first: Fineness::of(correction * factor), correction };
-        // A coarse first layer may leave float32, where no correction helps.
+        // A coarse first layer may exceed float32, where no correction helps.
         let Some((_, corrections)) = candidate.corrections_chunk(steps) else { continue };
         let bytes = chunk_bytes(&candidate.layer.chunks(steps.first)) + corrections.len();
         if best.is_none_or(|(least, _)| bytes < least) {

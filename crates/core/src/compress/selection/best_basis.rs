@@ -1,38 +1,39 @@
-//! The best of all bases for a spectrum: tried in parallel, ranked in one order whatever the threads.
+//! Search for the best basis of a spectrum: bases are tried in parallel, and ranked in an order that does not depend on
+//! threads.
 
 use super::k_term::{Approximation, RelativeErrors, exchange, greedy, largest, refitted};
 use super::{Constraint, Dictionary};
 use crate::transform::{AxisTransform, Boundary, LineBasis};
 use rayon::prelude::*;
 
-/// How coefficients are chosen in each basis.
+/// Choice of coefficients in each basis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// The largest, as they are.
+    /// Largest coefficients, unchanged.
     Largest,
-    /// The same, refitted for er(L2).
+    /// Largest coefficients, refitted for er(L2).
     Refitted,
-    /// Chosen one by one for er(L2), refitted, and exchanged while that helps.
+    /// Coefficients chosen one by one for er(L2), refitted, and exchanged while that lowers the error.
     Greedy,
 }
 
-/// A basis and what it reaches.
+/// Basis with the error it reaches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranked {
-    /// The basis' name.
+    /// Name of the basis.
     pub basis: String,
-    /// Its approximation.
+    /// Approximation in this basis.
     pub approximation: Approximation,
-    /// The errors of that.
+    /// Errors of the approximation.
     pub errors: RelativeErrors,
 }
 
-/// Bases that are worth exchanging functions in, once greedy selection has ranked them.
+/// Number of best bases in which functions are exchanged after greedy selection. Raising it costs time.
 const EXCHANGED: usize = 24;
 const ROUNDS: usize = 6;
 
-/// Every basis under every rule at the ends, on a line of `length` samples: `bior4.4` is the basis under its own rule,
-/// `bior4.4 periodic` under another.
+/// Every basis with every boundary rule, on a line of `length` samples. A basis with its default rule is named
+/// `bior4.4`, with another rule `bior4.4 periodic`.
 pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
     let pairs: Vec<(LineBasis, Boundary)> =
         LineBasis::distinct().flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| (basis, boundary))).collect();
@@ -47,8 +48,8 @@ pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
     dictionaries.into_iter().flatten().collect()
 }
 
-/// The `count`-term approximations of `samples` in every dictionary, least er(L2) first, ties in the order given.
-/// Constraints bind refitted and greedy choices; dictionaries that cannot meet them are left out.
+/// Returns the `count`-term approximations of `samples` in every dictionary, least er(L2) first, ties in the order
+/// given. Constraints apply to refitted and greedy choices; dictionaries that cannot meet them are left out.
 pub fn best_basis(
     dictionaries: &[Dictionary],
     samples: &[f64],
@@ -57,7 +58,7 @@ pub fn best_basis(
     constraints: &[Constraint],
 ) -> Vec<Ranked> {
     let approximate = |dictionary: &Dictionary| match choice {
-        // Plain selection has two usual rankings; the better one is taken.
+        // Plain selection has two common rankings; the better one is taken.
         Choice::Largest => Some(better(samples, [false, true].map(|r| largest(dictionary, samples, count, r)))),
         Choice::Refitted => {
             let both = [false, true].map(|relative| largest(dictionary, samples, count, relative));

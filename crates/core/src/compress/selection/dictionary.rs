@@ -1,21 +1,21 @@
-//! A basis on a line of a few dozen samples as dense matrices.
+//! Dense matrices of a basis on a line of a few dozen samples.
 
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError};
 
-/// Analysis and synthesis of one basis at one length, in f64 (their entries come from the f32 transform).
+/// Analysis and synthesis matrices of one basis at one length, in f64 (their entries come from the f32 transform).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dictionary {
     name: String,
     length: usize,
-    /// Row k holds the weights of coefficient k.
+    /// Analysis matrix: row k holds the weights of coefficient k.
     analysis: Vec<f64>,
-    /// Row k holds the synthesis function of coefficient k.
+    /// Synthesis functions: row k is that of coefficient k.
     atoms: Vec<f64>,
 }
 
 impl Dictionary {
-    /// The matrices of `transform` on `length` samples, known to people as `name`.
+    /// Builds the matrices of `transform` on `length` samples, with the display name `name`.
     pub fn new(name: impl Into<String>, length: usize, transform: AxisTransform) -> Result<Self, PlanError> {
         let index = || Axis::Index { count: length, labels: Vec::new() };
         let plan = Plan::new(&[index(), index()], &[transform, AxisTransform::Identity])?;
@@ -36,31 +36,31 @@ impl Dictionary {
         &self.name
     }
 
-    /// How many samples, and coefficients, there are.
+    /// Number of samples, equal to the number of coefficients.
     #[allow(clippy::len_without_is_empty, reason = "a plan refuses empty axes")]
     pub fn len(&self) -> usize {
         self.length
     }
 
-    /// The synthesis function of coefficient `k`.
+    /// Synthesis function of coefficient `k`.
     ///
     /// # Panics
-    /// If there is no such coefficient.
+    /// If `k` is out of range.
     pub fn atom(&self, k: usize) -> &[f64] {
         &self.atoms[k * self.length..][..self.length]
     }
 
-    /// The coefficients of `samples`.
+    /// Computes the coefficients of `samples`.
     ///
     /// # Panics
-    /// If there are not as many samples as the dictionary is long.
+    /// If the number of samples differs from the dictionary's length.
     pub fn coefficients(&self, samples: &[f64]) -> Vec<f64> {
         assert_eq!(samples.len(), self.length, "as many samples as the dictionary is long");
         let dot = |row: &[f64]| row.iter().zip(samples).map(|(a, s)| a * s).sum();
         self.analysis.chunks(self.length).map(dot).collect()
     }
 
-    /// The samples that `coefficients` of the functions `kept` make.
+    /// Computes the samples from `coefficients` of the functions `kept`.
     ///
     /// # Panics
     /// If an index is out of range.

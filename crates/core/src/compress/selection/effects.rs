@@ -1,13 +1,14 @@
-//! What each coefficient does to a weighted error: √Σ (weight·ψ)², the norm of its synthesis function where it counts.
+//! Effect of each coefficient on a weighted error: √Σ (weight·ψ)², the weighted norm of its synthesis function.
 
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError};
 use rayon::prelude::*;
 
-/// For every coefficient of a tensor on `axes` the norm √Σ (w·ψ)² of its synthesis function, where `weights` holds w for
-/// each sample: with w = 1/s, |c| times it is the coefficient's effect on er(L2) if it alone were dropped (times √n).
+/// For every coefficient of a tensor on `axes`, computes the norm √Σ (w·ψ)² of its synthesis function ψ, with w from
+/// `weights`, one for each sample. With w = 1/s, |c| times this norm is the effect on er(L2) of dropping only this
+/// coefficient (times √n).
 ///
-/// A product of spaces squares axis by axis, so each axis costs its synthesis matrix without zeros.
+/// The squared norm is a product over the axes, so each axis costs its sparse synthesis matrix.
 pub fn effects(axes: &[Axis], transforms: &[AxisTransform], weights: &[f32]) -> Result<Vec<f32>, PlanError> {
     let mut sums: Vec<f32> = weights.iter().map(|w| w * w).collect();
     for (a, (axis, &transform)) in axes.iter().zip(transforms).enumerate() {
@@ -34,7 +35,7 @@ pub fn effects(axes: &[Axis], transforms: &[AxisTransform], weights: &[f32]) -> 
     Ok(sums)
 }
 
-/// For each coefficient of one axis the samples that it reaches and its squared weight there.
+/// For each coefficient of one axis, lists the samples that it reaches with its squared weights there.
 fn squared_synthesis(axis: &Axis, transform: AxisTransform) -> Result<Vec<Vec<(u32, f32)>>, PlanError> {
     const UNITS: usize = 256;
     let n = axis.len();

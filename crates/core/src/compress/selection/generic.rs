@@ -1,26 +1,27 @@
-//! The paper's policies on a tensor: conventional, generic, adaptive (\[CPB06\] section 4.2), thresholds found automatically.
+//! The paper's policies on a tensor: conventional, generic, adaptive (\[CPB06\] section 4.2), with automatic
+//! thresholds.
 //!
-//! Transforming over the first axis turns the tensor into *generic coefficients*, functions of the remaining axes; each
-//! is then transformed over the next axis, and so on. A generic coefficient whose norm √⟨u, u⟩ is below the threshold of
-//! its space goes, with everything that it would become; what is gone is never looked at again. Dropping a function does
-//! not change the others, so all norms are measured once and every set of thresholds is a matter of comparing.
+//! Transforming over the first axis turns the tensor into *generic coefficients*, functions of the remaining axes. Each
+//! is then transformed over the next axis, and so on. A generic coefficient whose norm √⟨u, u⟩ is below the threshold
+//! of its space is dropped, together with every coefficient derived from it. Dropping a function does not change the
+//! others. All norms are therefore computed once, and a set of thresholds only needs comparisons.
 
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, Weights};
 use rayon::prelude::*;
 
-/// How thresholds meet coefficients.
+/// Rule that applies thresholds to coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Rule {
     /// One threshold on the final coefficients.
     Conventional,
-    /// One threshold a space.
+    /// One threshold for each space.
     Generic,
-    /// One threshold ε a space, ε√d for what is inside a function of range d = max − min.
+    /// One threshold ε for each space; ε√d inside a function of range d = max − min.
     Adaptive,
 }
 
-/// A tensor's coefficients and the norms of its generic coefficients, space by space.
+/// Coefficients of a tensor with the norms of its generic coefficients, space by space.
 #[derive(Clone, Debug)]
 pub struct GenericTransform {
     plan: Plan,
@@ -32,38 +33,38 @@ pub struct GenericTransform {
 
 #[derive(Clone, Debug)]
 struct Space {
-    /// Of each generic coefficient over the axes so far.
+    /// Norm of each generic coefficient over the axes transformed in this space.
     norms: Vec<f32>,
-    /// √d of the same; empty for the last space, whose coefficients are numbers.
+    /// √d of each generic coefficient; empty for the last space, whose coefficients are numbers.
     spreads: Vec<f32>,
-    /// How many of this space's coefficients belong to one of the space before.
+    /// Number of this space's coefficients that derive from one coefficient of the space before.
     length: usize,
 }
 
-/// Thresholds found, and what they keep.
+/// Thresholds found, with the coefficients they keep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Search {
-    /// One threshold a space, outermost first; 0 drops nothing.
+    /// One threshold for each space, outermost first; 0 drops nothing.
     pub thresholds: Vec<f64>,
-    /// How many coefficients are kept; none of them is 0 by threshold.
+    /// Number of coefficients above the thresholds.
     pub kept: usize,
-    /// What the judge said of the decoded samples.
+    /// Value of the judge for the decoded samples.
     pub error: f64,
-    /// The coefficients kept, the others 0.
+    /// Kept coefficients, the others 0.
     pub coefficients: Vec<f32>,
     /// The decoded samples.
     pub decoded: Vec<f32>,
 }
 
-/// Thresholds of outer spaces that are tried, as multiples of the last space's; √d and norms of functions of unlike size
-/// make their ratios span decades.
+/// Thresholds of outer spaces to try, as multiples of the last space's. √d and the norms of functions of different size
+/// make the best multiples span decades.
 const RATIOS: [f64; 8] = [1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
-/// And around the best of these.
+/// Factors to try around the best of [`RATIOS`].
 const REFINEMENTS: [f64; 2] = [0.5, 2.0];
 
 impl GenericTransform {
-    /// Transforms `samples` axis after axis and measures every norm in the counting measure of er(L2): `normalised`, a
-    /// coefficient weighs as its synthesis function does; raw, as it stands.
+    /// Transforms `samples` axis after axis and computes every norm in the counting measure of er(L2). If `normalised`,
+    /// a coefficient is weighted by the norm of its synthesis function, otherwise not.
     pub fn new(
         axes: &[Axis],
         transforms: &[AxisTransform],
@@ -89,27 +90,28 @@ impl GenericTransform {
         Ok(Self { plan, coefficients, spaces, spread })
     }
 
-    /// The coefficients, in the plan's order.
+    /// Coefficients in the plan's order.
     pub fn coefficients(&self) -> &[f32] {
         &self.coefficients
     }
 
-    /// The plan that made them.
+    /// Plan that made the coefficients.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The coefficients that `thresholds` (one a space) keep, the others 0, and how many are kept.
+    /// Returns the coefficients that `thresholds` (one for each space) keep, the others 0, and the number of kept ones.
     ///
     /// # Panics
-    /// If there is not one threshold a space.
+    /// If the number of thresholds is not the number of spaces.
     pub fn select(&self, thresholds: &[f64], rule: Rule) -> (Vec<f32>, usize) {
         let critical = self.critical(thresholds, rule);
         self.keep(|i| critical[i] > 1.0)
     }
 
-    /// The thresholds that keep at most `count` coefficients with the least error by `judge`, which sees decoded samples.
-    /// Generic rules start from the conventional one and are never worse than it by more than their √d makes them.
+    /// Finds the thresholds that keep at most `count` coefficients with the least error by `judge`, which is given
+    /// decoded samples. Generic rules start from the conventional threshold. They are never worse than it, except for
+    /// the effect of their √d.
     pub fn search_count(&self, count: usize, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Search {
         let last = self.spaces.len() - 1;
         let mut ratios = vec![0.0; self.spaces.len()];
@@ -142,8 +144,8 @@ impl GenericTransform {
         best
     }
 
-    /// The thresholds that keep the fewest coefficients with an error of at most `error` by `judge`; `None` if even all of
-    /// them do not reach it. The error is taken to fall as coefficients are added.
+    /// Finds the thresholds that keep the fewest coefficients with an error of at most `error` by `judge`; `None` if
+    /// even all of them do not reach it. Assumes that the error falls as coefficients are added.
     pub fn search_error(&self, error: f64, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Option<Search> {
         let (mut low, mut high) = (0, self.coefficients.len());
         let mut best = Some(self.search_count(high, rule, judge)).filter(|found| found.error <= error)?;
@@ -190,8 +192,8 @@ impl GenericTransform {
         (selected, kept)
     }
 
-    /// For each final coefficient the largest factor that all thresholds `ratios` may be multiplied with before it, or a
-    /// function that it belongs to, is dropped.
+    /// For each final coefficient, the largest common factor on the thresholds `ratios` before it, or a function that
+    /// it derives from, is dropped.
     fn critical(&self, ratios: &[f64], rule: Rule) -> Vec<f32> {
         assert_eq!(ratios.len(), self.spaces.len(), "one threshold a space");
         let mut outer = vec![f32::INFINITY];
@@ -228,13 +230,13 @@ impl Space {
     }
 }
 
-/// √(max − min).
+/// √(max − min) of the row.
 fn spread(row: &[f32]) -> f32 {
     let (low, high) = row.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &c| (l.min(c), h.max(c)));
     (high - low).max(0.0).sqrt()
 }
 
-/// A threshold above which `count` values lie, fewer where the next ones are equal: half way between neighbours.
+/// Threshold above which `count` values lie, fewer if the next ones are equal: half way between neighbours.
 fn threshold_of(values: &[f32], count: usize) -> f32 {
     if count >= values.len() {
         return 0.0;
@@ -271,7 +273,7 @@ mod tests {
         move |decoded| ErrorReport::measure(samples, decoded, 0.0).er_l2
     }
 
-    /// The policy as the paper tells it: space after space, functions dropped whole.
+    /// Reference implementation of the policy as the paper describes it: space after space, whole functions dropped.
     fn by_the_letter(t: &GenericTransform, thresholds: &[f64], adaptive: bool) -> Vec<f32> {
         let (n1, n2) = (64, 19);
         let mut kept = t.coefficients.clone();
@@ -302,7 +304,7 @@ mod tests {
                     let (found, kept) = t.select(&thresholds, rule);
                     let expected = by_the_letter(&t, &thresholds, adaptive);
                     let differing = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
-                    // A norm on the very threshold may fall either way by rounding.
+                    // A norm equal to the threshold may fall on either side by rounding.
                     assert!(differing <= 1, "{thresholds:?} {rule:?}: {differing}");
                     assert!(kept > 0 && kept < found.len());
                 }
@@ -320,7 +322,7 @@ mod tests {
                 let adaptive = t.search_count(count, Rule::Adaptive, &er(&samples));
                 assert!(generic.error <= conventional.error);
                 for found in [&conventional, &generic, &adaptive] {
-                    // A function comes or goes whole, so a generic count may fall short.
+                    // Functions are kept or dropped whole, so a generic count may fall short.
                     assert!(found.kept <= count && found.kept > count / 2, "{} of {count}", found.kept);
                 }
                 let (mut again, _) = t.select(&generic.thresholds, Rule::Generic);

@@ -1,24 +1,24 @@
-//! K-term approximations of a spectrum: the largest coefficients, the same refitted, and greedy selection.
+//! K-term approximations of a spectrum: largest coefficients, largest coefficients refitted, and greedy selection.
 //!
-//! All weigh a sample by the inverse of itself where the relative error is meant: er(L2)² = mean ((s' − s)/s)².
+//! Where the relative error is meant, each sample is weighted by its inverse: er(L2)² = mean ((s' − s)/s)².
 
 use super::Dictionary;
 use crate::numeric::dense::{dot, scale};
 use crate::numeric::least_squares::constrained;
 use crate::numeric::orthogonal::{take_away, take_away_twice};
 
-/// Some of a dictionary's functions, their coefficients, and the samples that they make.
+/// Selected functions of a dictionary, their coefficients, and the resulting samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approximation {
-    /// Which functions.
+    /// Indices of the selected functions.
     pub kept: Vec<usize>,
-    /// One coefficient each.
+    /// Coefficient of each selected function.
     pub coefficients: Vec<f64>,
-    /// Their sum.
+    /// Sum of the selected functions times their coefficients.
     pub samples: Vec<f64>,
 }
 
-/// The relative errors of the samples > 0.
+/// Relative errors over the samples > 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RelativeErrors {
     /// Mean |s' − s|/s.
@@ -27,15 +27,15 @@ pub struct RelativeErrors {
     pub l2: f64,
 }
 
-/// A linear functional of the samples that an approximation keeps exactly.
+/// Linear functional of the samples that an approximation keeps exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
-    /// One weight a sample.
+    /// Weight of each sample.
     pub weights: Vec<f64>,
 }
 
 impl RelativeErrors {
-    /// The errors of `found` against `samples`.
+    /// Computes the errors of `found` against `samples`.
     pub fn between(samples: &[f64], found: &[f64]) -> Self {
         let (mut l1, mut l2, mut n) = (0.0, 0.0, 0.0);
         for (&s, f) in samples.iter().zip(found).filter(|(s, _)| **s > 0.0) {
@@ -48,13 +48,13 @@ impl RelativeErrors {
     }
 }
 
-/// How much a sample counts: 1/s, and nothing where a relative error has no meaning.
+/// Weight of each sample: 1/s, and 0 for samples ≤ 0, which have no relative error.
 fn weights(samples: &[f64]) -> Vec<f64> {
     samples.iter().map(|&s| if s > 0.0 { 1.0 / s } else { 0.0 }).collect()
 }
 
-/// Plain selection: the `count` coefficients of largest effect on the relative error, |c|·‖ψ/s‖, or if not `relative` of
-/// largest L2 norm, |c|·‖ψ‖; values as they are.
+/// Plain selection of `count` coefficients, with unchanged values. If `relative`, those with the largest effect on the
+/// relative error, |c|·‖ψ/s‖, otherwise those of largest L2 norm, |c|·‖ψ‖.
 pub(super) fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative: bool) -> Approximation {
     let c = dictionary.coefficients(samples);
     let w = if relative { weights(samples) } else { vec![1.0; samples.len()] };
@@ -70,8 +70,8 @@ pub(super) fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, re
     Approximation { kept, coefficients, samples }
 }
 
-/// The functions `kept` with the coefficients of least er(L2) that meet every constraint exactly; `None` if there are
-/// none, or the functions depend on each other.
+/// Refits the coefficients of the functions `kept` for the least er(L2) under exact constraints. `None` if the
+/// constraints cannot be met or the functions are linearly dependent.
 pub(super) fn refitted(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -90,8 +90,9 @@ pub(super) fn refitted(
     Some(Approximation { kept: kept.to_vec(), coefficients, samples })
 }
 
-/// Greedy selection for er(L2), refitted: orthogonal least squares (Chen, Billings & Luo 1989), which adds the function
-/// that lowers the error most with all coefficients free. Constraints count as samples of great weight while selecting.
+/// Greedy selection for er(L2), refitted: orthogonal least squares (Chen, Billings & Luo 1989). Each step adds the
+/// function that lowers the error most with all coefficients free. While selecting, constraints count as heavily
+/// weighted samples.
 pub(super) fn greedy(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -106,7 +107,7 @@ pub(super) fn greedy(
     refitted(dictionary, samples, &kept, constraints)
 }
 
-/// Betters `start` by exchanging one function at a time, until no exchange lowers the error or after `rounds` rounds.
+/// Improves `start` by exchanging one function at a time, until no exchange lowers the error or after `rounds` rounds.
 pub(super) fn exchange(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -137,13 +138,13 @@ pub(super) fn exchange(
     best
 }
 
-/// The weighted samples and functions, with a row for each constraint.
+/// Weighted samples and functions, with an extra row for each constraint.
 struct Problem {
     columns: Vec<Vec<f64>>,
     target: Vec<f64>,
 }
 
-/// How much more than all samples together a constraint counts while selecting.
+/// Weight of a constraint relative to all samples together, while selecting.
 const CONSTRAINT_WEIGHT: f64 = 30.0;
 
 impl Problem {
@@ -158,7 +159,7 @@ impl Problem {
         Self { columns, target: extended(samples) }
     }
 
-    /// The function that lowers the squared error most beside `kept`.
+    /// Function outside `kept` that lowers the squared error most when added.
     fn best_addition(&self, kept: &[usize]) -> Option<usize> {
         let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
         for &k in kept {

@@ -1,8 +1,10 @@
-//! Which coefficients to keep: the paper's policies, K-term selection, greedy selection, refitting, and the best basis.
+//! Selection of the coefficients to keep: the paper's policies, K-term selection, greedy selection, refitting, and the
+//! best basis.
 //!
-//! * [`Dictionary`]: a basis on a line as dense matrices, for spectra of a few dozen samples, where everything can be tried.
-//! * [`GenericTransform`]: a tensor's coefficients with the norms of each space, for the policies of \[CPB06\] section 4.2.
-//! * `effects`: what each coefficient does to the relative error. `refit`: the best values of those kept.
+//! * [`Dictionary`]: dense matrices of a basis on a line, for exhaustive selection on spectra of a few dozen samples.
+//! * [`GenericTransform`]: a tensor's coefficients with the norms of each space, for the policies of \[CPB06\] section
+//!   4.2.
+//! * `effects`: effect of each coefficient on the relative error. `refit`: best values of the kept coefficients.
 
 mod best_basis;
 mod dictionary;

@@ -1,11 +1,12 @@
-//! Refitting the kept coefficients of a tensor by weighted least squares, with nothing but the plan and its adjoint.
+//! Refits the kept coefficients of a tensor by weighted least squares, using only the plan and its adjoint.
 
 use crate::transform::Plan;
 use rayon::prelude::*;
 
-/// Betters the kept coefficients (those that are not 0) in place: minimises Σ (w·(Sc − s))² over them by preconditioned
-/// conjugate gradients on the normal equations (CGLS, Björck 1996, section 7.4), `iterations` at most. `effects` are the
-/// norms of the weighted synthesis functions (`effects`), which precondition. Returns the root of the sum reached.
+/// Improves the kept (nonzero) coefficients in place by minimising Σ (w·(Sc − s))² over them. The method is
+/// preconditioned conjugate gradients on the normal equations (CGLS, Björck 1996, section 7.4), with at most
+/// `iterations` iterations. The preconditioner uses `effects`, the norms of the weighted synthesis functions. Returns
+/// the root of the sum reached.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -63,7 +64,7 @@ fn product(a: &[f32], b: &[f32]) -> f64 {
     blocks(a, b, |a, b| f64::from(a) * f64::from(b))
 }
 
-/// A sum in the order of blocks, whatever the threads.
+/// Sums in the order of blocks, so that the result does not depend on threads.
 fn blocks(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64 + Sync) -> f64 {
     let parts: Vec<f64> = a
         .par_chunks(BLOCK)

@@ -1,14 +1,14 @@
-//! Damaged files of every kind of material: a flip or a cut is an error or changes no sample. Where the checksums are made
-//! right again a flip may change samples, but nothing panics.
+//! Tests with damaged files of every kind of material: a flip or a cut is an error or changes no sample. With corrected
+//! checksums a flip may change samples, but never panics.
 
 use super::*;
 use crate::domain::Direction;
 use std::collections::BTreeSet;
 
-/// Every bit alone, and all of them.
+/// Every single bit, and all of them.
 const FLIPS: [u8; 9] = [0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xFF];
 
-/// A function of the directions that a model of the lobe serves well.
+/// Function of the directions that a lobe model fits well.
 fn scattering(
     quantity: Quantity,
     (domain, level): (Domain, u8),
@@ -49,7 +49,7 @@ fn measurements() -> Vec<Measurement> {
     all
 }
 
-/// One small file of every kind, and the name of its scheme.
+/// One small file of every kind, with the name of its scheme.
 fn files() -> Vec<(String, Vec<u8>)> {
     let wanted = [
         (Target::ErL2(0.02), Policy::Rd, "auto"),
@@ -67,10 +67,10 @@ fn files() -> Vec<(String, Vec<u8>)> {
     let random = Settings { random_access: true, ..settings(Target::ErL2(0.02), Policy::Rd) };
     let mut files = Vec::new();
     for m in measurements() {
-        // Every byte of a file of kilobytes on thousands of samples takes minutes and shows nothing new.
+        // Flipping every byte of a kilobyte file with thousands of samples takes minutes and finds nothing new.
         let many = m.tensor.len() > 4096;
         for settings in wanted.iter().chain([&own, &lit, &random]).take(if many { 1 } else { usize::MAX }) {
-            // Metadata are the same in all.
+            // The metadata are the same in all files.
             let metadata = settings.metadata.clone().filter(|_| files.len() % 16 == 0);
             match compress(&m, &Settings { metadata, ..settings.clone() }, &Silent) {
                 Ok(Compressed { bytes, summary, ranking, .. }) => {
@@ -86,7 +86,7 @@ fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// `bytes` with every wrong checksum made right: of the letter, length and payload that it stands behind.
+/// Corrects every wrong checksum of `bytes`, computed over the letter, length and payload in front of it.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let mut last = None;
     while let Err(DecodeError::Checksum { at, chunk }) = inspect(&bytes) {
@@ -102,7 +102,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// The letter that a checksum covers in front of its chunk.
+/// Letter that a checksum covers in front of its chunk.
 fn letter(chunk: &str) -> u8 {
     match chunk {
         "header chunk" => b'H',
@@ -164,7 +164,7 @@ fn damage_is_an_error_or_changes_no_sample() {
                 let mut flipped = bytes.clone();
                 flipped[at] ^= flip;
                 harmless(&flipped, "flip of byte", at);
-                // One of them behind the checksums, now and then by all three ways in.
+                // Flips one of them with corrected checksums, and periodically decodes by all three entry points.
                 match at % (5 * FLIPS.len()) {
                     some if some == i => drop(samples(&sealed(flipped))),
                     some if some % FLIPS.len() == i => drop(decode(&sealed(flipped))),

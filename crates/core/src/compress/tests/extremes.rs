@@ -1,8 +1,8 @@
-//! Samples at the ends of what float32 holds: whatever is written is decoded, and what cannot be written says why.
+//! Tests at the limits of float32: every file written decodes, and every refusal gives a reason.
 
 use super::*;
 
-/// The smallest positive float32.
+/// Smallest positive float32.
 const LEAST: f32 = f32::from_bits(1);
 
 fn like(m: &Measurement, value: impl Fn(usize, f32) -> f32) -> Measurement {
@@ -10,7 +10,7 @@ fn like(m: &Measurement, value: impl Fn(usize, f32) -> f32) -> Measurement {
     Measurement { tensor: Tensor::new(m.tensor.axes().to_vec(), samples).unwrap(), ..m.clone() }
 }
 
-/// A few axes of every kind of coding: lines alone, triangles alone, both, and the data's own basis.
+/// A few axes for every kind of coding: lines alone, triangles alone, both, and the data's own basis.
 fn small_shapes() -> Vec<Measurement> {
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(17)], 0.02),
@@ -25,7 +25,7 @@ fn small_shapes() -> Vec<Measurement> {
     ]
 }
 
-/// Names and samples of what is extreme.
+/// Names and samples of extreme measurements.
 fn extremes(m: &Measurement) -> Vec<(String, Measurement)> {
     let largest = m.tensor.range().unwrap().1;
     let mut all: Vec<(String, Measurement)> = [1e30_f32, 1e34, 1e36, 1e37, 1e38, 3.4e38]
@@ -88,7 +88,7 @@ fn targets() -> Vec<Target> {
     ]
 }
 
-/// What a file says of itself holds, and what is refused says what to do.
+/// Checks that a file's statements about itself hold, and that a refusal suggests a remedy.
 fn holds(label: &str, m: &Measurement, settings: &Settings) {
     let compressed = match compress(m, settings, &Silent) {
         Ok(compressed) => compressed,
@@ -119,7 +119,7 @@ fn holds(label: &str, m: &Measurement, settings: &Settings) {
     }
 }
 
-/// Every kind of samples meets every target, on shapes and with policies in turn.
+/// Every kind of samples meets every target, with shapes and policies in turn.
 #[test]
 fn whatever_is_written_comes_back_with_the_errors_that_are_stated() {
     let shapes: Vec<_> = small_shapes().iter().map(extremes).collect();
@@ -138,7 +138,8 @@ fn whatever_is_written_comes_back_with_the_errors_that_are_stated() {
     }
 }
 
-/// What was written and did not decode, or was said without a remedy, when all of these met all of the others.
+/// Regression cases from the full product of shapes, samples, targets and bases: files that did not decode, and
+/// refusals without a remedy.
 #[test]
 fn what_once_failed_does_not_fail_again() {
     let shapes = small_shapes();

@@ -1,4 +1,4 @@
-//! Wanted sizes: how much work they take beside a wanted error, and how near to the best file they come.
+//! Tests of wanted sizes: the work they take compared with a wanted error, and the distance from the best file.
 
 use super::*;
 use crate::transform::LineBasis;
@@ -53,7 +53,7 @@ fn files_fill_the_bytes_that_are_allowed_and_more_bytes_are_nearer() {
             let found = file(&m, Target::Bytes(bytes), Policy::Rd);
             let (size, error) = (found.bytes.len() as u64, found.summary.errors.er_l2);
             assert!(size <= bytes);
-            // Where every bit is kept there is nothing more to spend bytes on.
+            // A lossless result leaves nothing to spend bytes on.
             assert!(size as f64 >= 0.97 * bytes as f64 || error < 1e-5, "{:?}: {size} of {bytes}", m.tensor.shape());
             assert!(error <= last * 1.02 || error < 1e-5, "{:?}: {error} at {bytes} after {last}", m.tensor.shape());
             last = last.min(error);

@@ -1,4 +1,4 @@
-//! Promises other than relative ones are kept too, with the error computed here again.
+//! Tests that promises other than relative ones are kept, with the error computed independently here.
 
 use super::*;
 use crate::domain::colour::{ColourError, Illuminant, Lab, SpectraColours, Tristimulus, ciede2000};
@@ -40,7 +40,7 @@ fn kept(m: &Measurement, target: Target, policy: Policy) -> (Compressed, Decoded
     (compressed, decoded)
 }
 
-/// Every policy with the bounds to try it on: one is enough for the paper's.
+/// Every policy with the bounds to try; one bound is enough for the paper's policies.
 const TRIALS: [(Policy, &[f64]); 4] = [
     (Policy::Rd, &[0.002, 0.03]),
     (Policy::Conventional, &[0.03]),
@@ -105,7 +105,7 @@ fn the_relative_rmse_is_kept() {
     }
 }
 
-/// The differences of every spectrum by another road: masked samples filled here, white computed here.
+/// Colour differences of every spectrum, computed independently: masked samples are filled and white is computed here.
 fn differences(m: &Measurement, decoded: &Decoded, illuminant: Illuminant) -> Vec<f64> {
     let Some(Axis::Wavelength(grid)) = m.tensor.axes().last() else { panic!("no wavelengths") };
     let lit = Tristimulus::reflectance(grid, illuminant).unwrap();

@@ -1,4 +1,5 @@
-//! What looks the same in another light: linear Bradford adaptation (CIE 160:2004 names it; ICC.1:2022, annex E).
+//! Chromatic adaptation to another light: the linear Bradford transform (mentioned in CIE 160:2004; ICC.1:2022, annex
+//! E).
 
 use super::matrix::{Matrix, inverse, product};
 use super::xyz::Xyz;
@@ -6,13 +7,13 @@ use super::xyz::Xyz;
 const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 const BACK: Matrix = inverse(CONES);
 
-/// From one white to another, in one matrix.
+/// Chromatic adaptation from one white to another, as one matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adaptation(Matrix);
 
 impl Adaptation {
-    /// To an eye adapted to the white `to` from one adapted to `from`; both have positive luminance. Whites without cone
-    /// responses to divide by (single spectral lines) are left as they are.
+    /// Creates the adaptation from white `from` to white `to`; both must have positive luminance. A cone to which
+    /// `from` does not respond (single spectral lines) keeps its scale.
     pub fn between(from: Xyz, to: Xyz) -> Self {
         let (from, to) = (product(&CONES, unit(from)), product(&CONES, unit(to)));
         let mut rows = CONES;
@@ -25,7 +26,7 @@ impl Adaptation {
         Self([0, 1, 2].map(|i| [a[i], b[i], c[i]]))
     }
 
-    /// The colour that looks so under the other white.
+    /// Returns the corresponding colour under the other white.
     pub fn apply(&self, colour: Xyz) -> Xyz {
         let [x, y, z] = product(&self.0, [colour.x, colour.y, colour.z]);
         Xyz { x, y, z }

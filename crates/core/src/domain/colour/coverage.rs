@@ -1,43 +1,43 @@
-//! The wavelengths that a colour is computed from, and the refusal of spectra that have no colour.
+//! Wavelengths required to compute a colour, and the error for spectra without them.
 
-/// The wavelengths that are summed over, nm.
+/// Range of wavelengths of the colour integrals, in nm.
 pub const RANGE: (f64, f64) = (380.0, 780.0);
-/// The wavelengths that must have been measured, nm.
+/// Range of wavelengths, in nm, that must have been measured.
 pub const NEEDED: (f64, f64) = (400.0, 700.0);
-/// The widest gap between neighbouring wavelengths, nm: the coarsest weighting tables of ASTM E308.
+/// Widest gap between neighbouring wavelengths, in nm: that of the coarsest weighting tables of ASTM E308.
 pub const MOST_GAP: f64 = 20.0;
 
-/// Why spectra have no colours.
+/// Reasons why spectra have no colour.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ColourError {
-    /// The ends are too near.
+    /// The wavelengths do not cover the required range.
     #[error("wavelengths from {first} to {last} nm, expected at least {} to {} nm", NEEDED.0, NEEDED.1)]
     Uncovered {
-        /// The shortest, nm.
+        /// Shortest wavelength, in nm.
         first: f64,
-        /// The longest, nm.
+        /// Longest wavelength, in nm.
         last: f64,
     },
-    /// Neighbours are too far from each other.
+    /// Two neighbouring wavelengths are too far apart.
     #[error("no wavelength between {below} and {above} nm, expected steps of at most {MOST_GAP} nm")]
     Gap {
-        /// The last wavelength before the gap, nm.
+        /// Last wavelength before the gap, in nm.
         below: f64,
-        /// The first one after it, nm.
+        /// First wavelength after the gap, in nm.
         above: f64,
     },
     /// The last axis is not wavelength.
     #[error("no wavelength axis, expected one as the last axis")]
     NoWavelengths,
-    /// Nothing is measured.
+    /// Too many samples of every spectrum are masked.
     #[error("no spectrum has enough measured wavelengths")]
     Masked,
-    /// Nothing to be relative to.
+    /// No spectrum has a positive luminance, so there is no white to relate colours to.
     #[error("no spectrum has a luminance above 0")]
     Dark,
 }
 
-/// Whether `lambdas`, strictly increasing, are enough for colours.
+/// Checks that `lambdas`, strictly increasing, suffice to compute colours.
 pub(super) fn check(lambdas: &[f64]) -> Result<(), ColourError> {
     let (first, last) = match lambdas {
         [] => (f64::NAN, f64::NAN),

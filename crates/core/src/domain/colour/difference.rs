@@ -1,14 +1,14 @@
-//! CIEDE2000, with kL = kC = kH = 1 (CIE 015:2018, section 8.3; G. Sharma, W. Wu, E. N. Dalal, *The CIEDE2000
-//! Color-Difference Formula*, Color Research and Application 30(1), 2005, equations 2 to 22).
+//! CIEDE2000 colour difference, with kL = kC = kH = 1 (CIE 015:2018, section 8.3; G. Sharma, W. Wu, E. N. Dalal, *The
+//! CIEDE2000 Color-Difference Formula*, Color Research and Application 30(1), 2005, equations 2 to 22).
 
 use super::lab::Lab;
 
 const FULL: f64 = 360.0;
 
-/// The difference of two colours.
+/// Returns the CIEDE2000 difference of two colours.
 ///
-/// The hues' order is read from the sign of a cross product where the paper compares their difference with 180°: opposite
-/// hues, where the formula is not continuous, then do not depend on the last bit of an arc tangent.
+/// The paper compares the hue difference with 180°; this function uses the sign of a cross product instead. The formula
+/// is discontinuous at opposite hues, and its value there must not depend on the last bit of an arc tangent.
 pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let mean_chroma = 0.5 * (chroma(one.a, one.b) + chroma(two.a, two.b));
     let g = 0.5 * (1.0 - saturation(mean_chroma));
@@ -42,7 +42,7 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let sh = 1.0 + 0.015 * c * t;
     let rt = -sin(2.0 * theta) * 2.0 * saturation(c);
     let (dl, dc, dh) = (dl / sl, dc / sc, dh / sh);
-    // The quadratic form is positive; rounding may not be.
+    // The quadratic form is positive, but rounding can make it negative.
     (dl * dl + dc * dc + dh * dh + rt * dc * dh).max(0.0).sqrt()
 }
 
@@ -50,7 +50,7 @@ fn chroma(a: f64, b: f64) -> f64 {
     (a * a + b * b).sqrt()
 }
 
-/// `√(C⁷ / (C⁷ + 25⁷))`, without overflow at any chroma.
+/// Returns `√(C⁷ / (C⁷ + 25⁷))`, without overflow at any chroma.
 fn saturation(c: f64) -> f64 {
     let r = c / 25.0;
     if r > 1.0 {
@@ -67,7 +67,7 @@ fn seventh(x: f64) -> f64 {
     cube * cube * x
 }
 
-/// In degrees, 0 to 360; 0 for grey.
+/// Returns the hue angle in degrees, 0 to 360; 0 for grey.
 fn hue(a: f64, b: f64) -> f64 {
     if a == 0.0 && b == 0.0 {
         return 0.0;

@@ -58,10 +58,10 @@ fn temperatures_are_those_of_planck() {
         let light = Xyz { x: 1.5 * u / v, y: 1.0, z: (4.0 - u - 10.0 * v) / (2.0 * v) };
         let found = ColourTemperature::of(light, Observer::cie_1931()).unwrap();
         let wanted = row["kelvin"].as_f64().unwrap();
-        // colour-science has c2 = 1.4388e-2 m K and rounds h, c and k; both minimise to about 1e-5.
+        // colour-science uses c2 = 1.4388e-2 m K with rounded h, c and k; both minimise to about 1e-5.
         assert!((found.kelvin - wanted).abs() < 1e-4 * wanted, "{found:?}, expected {wanted}");
     }
-    // By definition: the standard illuminants' own names.
+    // Nominal temperatures of the standard illuminants.
     for (illuminant, kelvin, duv) in
         [(Illuminant::A, 2855.5, 0.0), (Illuminant::D65, 6503.6, 0.0032), (Illuminant::E, 5455.0, -0.0044)]
     {
@@ -78,7 +78,7 @@ fn oklab_is_ottossons() {
     for row in golden()["oklab"].as_array().unwrap() {
         let found = Oklab::of(triple(&row[0]));
         let [l, a, b] = triple(&row[1]);
-        // colour-science goes through XYZ, whose published matrix has another rounding.
+        // colour-science converts through XYZ, whose published matrix is rounded differently.
         let off = (found.l - l).abs().max((found.a - a).abs()).max((found.b - b).abs());
         assert!(off < 4e-4, "{row}: {found:?}");
         let back = found.linear();
@@ -135,7 +135,7 @@ fn more_chroma_outside_maps_to_the_same_boundary() {
             let colour = Oklab { l: grey, a: chroma * hue.cos(), b: chroma * hue.sin() };
             let mapped = Oklab::of(map_to_gamut(colour.linear()));
             let found = (mapped.a * mapped.a + mapped.b * mapped.b).sqrt();
-            // The solid is a little concave, so that a ray may leave it, come back and leave again.
+            // The gamut solid is slightly concave: a ray may leave it, return and leave again.
             assert!(found > last - 2e-3 && found <= chroma + 1e-5, "hue {turn}, chroma {chroma}: {found}");
             last = found;
         }

@@ -1,8 +1,9 @@
-//! Colours that sRGB cannot show → the nearest in kind that it can: hue and lightness stay, chroma is reduced.
+//! Gamut mapping to sRGB: hue and lightness are kept, chroma is reduced.
 //!
-//! Lightness, chroma and hue are those of Oklab (B. Ottosson, *A perceptual color space for image processing*, 2020; the
-//! matrices between linear sRGB and its cones as corrected there in 2021). Chroma is halved in on to the boundary; a
-//! colour inside is returned as it is, bit for bit. What is as light as white becomes white, what is as dark as black black.
+//! Lightness, chroma and hue are those of Oklab (B. Ottosson, *A perceptual color space for image processing*, 2020;
+//! with the matrices between linear sRGB and the cones as corrected there in 2021). Bisection of the chroma finds the
+//! gamut boundary; a colour inside is returned unchanged, bit for bit. Colours at least as light as white become white,
+//! those at least as dark as black become black.
 
 use super::matrix::{Matrix, product};
 
@@ -17,24 +18,24 @@ const FROM_CONES: Matrix = [
     [-0.004_196_086_3, -0.703_418_614_7, 1.707_614_701_0],
 ];
 
-/// A linear channel further than this outside 0..=1 is out of gamut: less than half a step of eight bits near white.
+/// Tolerance of the gamut: a linear channel may leave 0..=1 by this much, less than half an 8-bit step near white.
 const TOLERANCE: f64 = 2e-3;
-/// Halvings of the chroma.
+/// Number of bisection steps of the chroma.
 const STEPS: usize = 24;
 
-/// A colour in Oklab.
+/// Colour in Oklab.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oklab {
-    /// Lightness, 1 for white.
+    /// Lightness; 1 for white.
     pub l: f64,
-    /// Green to red.
+    /// Green (negative) to red (positive).
     pub a: f64,
-    /// Blue to yellow.
+    /// Blue (negative) to yellow (positive).
     pub b: f64,
 }
 
 impl Oklab {
-    /// Of linear sRGB, in or out of gamut.
+    /// Converts from linear sRGB, inside or outside the gamut.
     pub fn of(linear: [f64; 3]) -> Self {
         let [l, m, s] = product(&TO_CONES, linear).map(libm::cbrt);
         Self {
@@ -44,7 +45,7 @@ impl Oklab {
         }
     }
 
-    /// The linear sRGB, in or out of gamut.
+    /// Converts to linear sRGB, inside or outside the gamut.
     pub fn linear(self) -> [f64; 3] {
         let Self { l, a, b } = self;
         let cones = [
@@ -56,13 +57,14 @@ impl Oklab {
     }
 }
 
-/// Whether sRGB shows `linear` but for rounding (2e-3 in a channel: a table of D65 is not exactly the standard's white).
+/// Returns true if linear sRGB `linear` is inside the gamut, with a tolerance of 2e-3 per channel (tabulated D65 is not
+/// exactly the white of the standard).
 pub fn in_gamut(linear: [f64; 3]) -> bool {
     linear.iter().all(|c| (-TOLERANCE..=1.0 + TOLERANCE).contains(c))
 }
 
-/// The colour of the same Oklab hue and lightness with as much of its chroma as linear sRGB holds; every channel in 0..=1.
-/// Samples that are not finite are black.
+/// Returns the colour of the same Oklab hue and lightness with the largest chroma, up to the original one, inside the
+/// gamut. Every channel of the result is in 0..=1. Colours that are not finite become black.
 pub fn map_to_gamut(linear: [f64; 3]) -> [f64; 3] {
     if linear.iter().all(|c| (0.0..=1.0).contains(c)) {
         return linear;
@@ -78,7 +80,7 @@ pub fn map_to_gamut(linear: [f64; 3]) -> [f64; 3] {
         return [0.0; 3];
     }
     let with = |share: f64| Oklab { l: colour.l, a: share * colour.a, b: share * colour.b }.linear();
-    // Inside at the lower end, outside at the upper one; grey is inside but for the rounding of the matrices.
+    // The lower end is inside, the upper one outside; grey is inside up to rounding of the matrices.
     let (mut inside, mut outside) = (0.0, 1.0);
     for _ in 0..STEPS {
         let middle = 0.5 * (inside + outside);

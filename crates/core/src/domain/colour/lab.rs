@@ -2,7 +2,7 @@
 
 use super::xyz::Xyz;
 
-/// A colour in CIE 1976 L*a*b*. L* is 100 for the white, and may be more for radiance factors above 1.
+/// Colour in CIE 1976 L*a*b*. L* is 100 for the white, and may exceed 100 for radiance factors above 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lab {
     /// L*.
@@ -13,17 +13,17 @@ pub struct Lab {
     pub b: f64,
 }
 
-/// Where cube root and straight line meet is at (6/29)³; both branches and their slopes agree there.
+/// Cube root of the transition point: at (6/29)³ the cube root and the straight line meet with equal values and slopes.
 const DELTA: f64 = 6.0 / 29.0;
 
 impl Lab {
-    /// Of tristimulus values; `white` is in their scale and positive.
+    /// Converts from tristimulus values; `white` is in the same scale and positive.
     pub fn of(xyz: Xyz, white: Xyz) -> Self {
         let (x, y, z) = (curve(xyz.x / white.x), curve(xyz.y / white.y), curve(xyz.z / white.z));
         Self { l: 116.0 * y - 16.0, a: 500.0 * (x - y), b: 200.0 * (y - z) }
     }
 
-    /// The tristimulus values, in the scale of `white`.
+    /// Converts to tristimulus values in the scale of `white`.
     pub fn xyz(self, white: Xyz) -> Xyz {
         let y = (self.l + 16.0) / 116.0;
         let (x, z) = (y + self.a / 500.0, y - self.b / 200.0);

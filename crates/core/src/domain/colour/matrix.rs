@@ -1,14 +1,14 @@
-//! Matrices of three rows and columns: the product with a vector, and the inverse.
+//! 3 × 3 matrices: product with a vector, and inverse.
 
-/// Three rows of three numbers.
+/// 3 × 3 matrix as rows.
 pub(super) type Matrix = [[f64; 3]; 3];
 
-/// The product of a matrix and a vector.
+/// Returns the product of a matrix and a vector.
 pub(super) fn product(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// The inverse of a matrix, by cofactors.
+/// Returns the inverse of a matrix, by cofactors.
 pub(super) const fn inverse(m: Matrix) -> Matrix {
     let [[a, b, c], [d, e, f], [g, h, i]] = m;
     let (p, q, r) = (e * i - f * h, f * g - d * i, d * h - e * g);

@@ -1,14 +1,13 @@
-//! What a spectrum looks like: CIE tristimulus values, CIELAB, CIEDE2000 and sRGB.
+//! Colours of spectra: CIE tristimulus values, CIELAB, CIEDE2000 and sRGB.
 //!
 //! # Conventions
-//! * [`Xyz`] has the perfect reflector (or the white named) at Y = 100; only [`Tristimulus::emission`] is absolute.
-//! * The observer is the CIE 1931 2° one unless another is given. No function adapts by itself: CIELAB is relative to the
-//!   white it is given, and sRGB is that of XYZ under D65, to which [`Adaptation`] leads from another white.
-//! * Negative samples are summed as they stand, so XYZ may be negative; no formula here clips.
+//! * In [`Xyz`] the perfect reflector (or the given white) has Y = 100; only [`Tristimulus::emission`] is absolute.
+//! * The observer is the CIE 1931 2° observer unless another is given. No function adapts implicitly. CIELAB is
+//!   relative to the given white. sRGB expects XYZ under D65; [`Adaptation`] converts from another white.
+//! * Negative samples are summed unchanged, so XYZ may be negative; no formula here clips.
 //!
-//! # Sources
-//! CIE 015:2018 *Colorimetry*; ASTM E308-18 and E2022; IEC 61966-2-1:1999 with its Amendment 1. The tables are the CIE's own,
-//! kept as data beside the program (`data/SOURCES.md`).
+//! # Sources CIE 015:2018 *Colorimetry*; ASTM E308-18 and E2022; IEC 61966-2-1:1999 with its Amendment 1. The tables
+//! are those of the CIE (see `data/SOURCES.md`).
 
 mod adaptation;
 mod coverage;

@@ -1,16 +1,18 @@
-//! The colours of a measurement's spectra, and how far those of its decoded samples are from them.
+//! Colours of the spectra of a measurement, and colour differences of its decoded samples.
 //!
-//! A spectrum is a row along the last axis. What its colour is relative to depends on what the samples are:
+//! A spectrum is a row along the last axis. The white to which its colour is relative depends on the quantity:
 //!
-//! * reflectance factors (unit 1), and BSDF (sr⁻¹) × π, which are radiance factors: under the illuminant, white is the
-//!   perfect diffuser; a gloss peak above 1 has L* above 100, where the formulas hold as they stand;
-//! * phase functions, and scattering in relative units: under the illuminant, white is scaled to the brightest
-//!   spectrum's Y;
-//! * emission (luminaires, light sources): their own light; white has the illuminant's chromaticity and the brightest
-//!   spectrum's Y. (The brightest spectrum's own chromaticity is no white: red light has no Z to divide by.)
+//! * reflectance factors (unit 1) and BSDF (sr⁻¹) × π, that is, radiance factors: white is the perfect diffuser under
+//!   the illuminant. A gloss peak above 1 has L* above 100, where the formulas still hold;
+//! * phase functions, and scattering in relative units: white is the illuminant scaled to the Y of the brightest
+//!   spectrum;
+//! * emission (luminaires, light sources), seen directly: white has the chromaticity of the illuminant and the Y of the
+//!   brightest spectrum. (The chromaticity of the brightest spectrum cannot serve as white: red light has Z = 0, by
+//!   which the formulas would divide.)
 //!
-//! White, and so the brightest spectrum, is always the original's. Masked samples are passed over: a spectrum is linear
-//! between the measured ones, which must be enough for a colour ([`super::ColourError`]), else it is not scored.
+//! White, and thus the brightest spectrum, is always that of the original measurement. Masked samples are replaced by
+//! linear interpolation between measured ones. A spectrum with too few measured ones for a colour
+//! ([`super::ColourError`]) is not scored.
 
 use super::coverage::{ColourError, check};
 use super::difference::ciede2000;
@@ -22,37 +24,37 @@ use crate::domain::{Axis, Measurement, Quantity, Unit};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// CIEDE2000 between the spectra of two measurements.
+/// CIEDE2000 differences between the spectra of two measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ColourReport {
-    /// The illuminant.
+    /// Illuminant of the colours.
     pub illuminant: Illuminant,
-    /// The largest difference of a scored spectrum.
+    /// Largest difference of a scored spectrum.
     pub largest: f64,
-    /// The mean difference of the scored spectra.
+    /// Mean difference of the scored spectra.
     pub mean: f64,
-    /// Scored spectra.
+    /// Number of scored spectra.
     pub spectra: u64,
-    /// Spectra with too few measured wavelengths for a colour.
+    /// Number of spectra with too few measured wavelengths for a colour.
     pub unscored_spectra: u64,
 }
 
-/// The colours of every spectrum of a measurement.
+/// Colours of all spectra of a measurement.
 #[derive(Clone, Debug)]
 pub struct SpectraColours {
     illuminant: Illuminant,
     weights: Tristimulus,
     lambdas: Vec<f64>,
-    /// In the scale of XYZ before the factor that makes radiance factors.
+    /// White in the scale of the XYZ of the samples: without the factor π of radiance factors.
     white: Xyz,
     colours: Vec<Option<Lab>>,
 }
 
-/// Spectra in a block; blocks are added in order.
+/// Number of spectra in a block; blocks are added in order.
 const BLOCK: usize = 256;
 
 impl SpectraColours {
-    /// The colours of `measurement` under `illuminant`.
+    /// Computes the colours of `measurement` under `illuminant`.
     pub fn of(measurement: &Measurement, illuminant: Illuminant) -> Result<Self, ColourError> {
         let tensor = &measurement.tensor;
         let Some(Axis::Wavelength(grid)) = tensor.axes().last() else { return Err(ColourError::NoWavelengths) };
@@ -77,15 +79,15 @@ impl SpectraColours {
         Ok(Self { illuminant, weights, lambdas, white, colours })
     }
 
-    /// The colour of each spectrum in CIELAB; `None` where too few of its wavelengths were measured.
+    /// Returns the colour of each spectrum in CIELAB; `None` if too few of its wavelengths were measured.
     pub fn colours(&self) -> &[Option<Lab>] {
         &self.colours
     }
 
-    /// How far the colours of `samples` are, which are on the axes of the original and masked where it is.
+    /// Returns the colour differences of `samples` from the original; both have the same axes and masks.
     ///
     /// # Panics
-    /// If there are not as many samples as the original has.
+    /// If the number of samples differs from that of the original.
     pub fn differences(&self, samples: &[f32]) -> ColourReport {
         let found = tristimulus(&self.weights, &self.lambdas, samples);
         assert_eq!(found.len(), self.colours.len(), "measurements to compare have the same length");
@@ -96,7 +98,7 @@ impl SpectraColours {
             .map(|(wanted, found)| {
                 let pairs = wanted.iter().zip(found).filter_map(|(wanted, found)| {
                     let wanted = (*wanted)?;
-                    // A spectrum that lost its colour is infinitely far from it.
+                    // A spectrum without a colour in `samples` has an infinite difference.
                     Some(found.map_or(f64::INFINITY, |xyz| ciede2000(wanted, Lab::of(xyz, self.white))))
                 });
                 pairs.fold((0.0_f64, 0.0, 0), |(largest, sum, n), e| (largest.max(e), sum + e, n + 1))
@@ -114,12 +116,12 @@ impl SpectraColours {
     }
 }
 
-/// XYZ of each row; `None` where too few of its wavelengths were measured.
+/// Returns the XYZ of each row; `None` if too few of its wavelengths were measured.
 fn tristimulus(weights: &Tristimulus, lambdas: &[f64], samples: &[f32]) -> Vec<Option<Xyz>> {
     samples.par_chunks(lambdas.len()).with_min_len(BLOCK).map(|s| xyz_of(weights, lambdas, s)).collect()
 }
 
-/// XYZ of a spectrum, masked samples passed over; `None` where too few of its wavelengths were measured.
+/// Returns the XYZ of a spectrum, with masked samples interpolated; `None` if too few of its wavelengths were measured.
 pub fn xyz_of(weights: &Tristimulus, lambdas: &[f64], spectrum: &[f32]) -> Option<Xyz> {
     if spectrum.iter().any(|s| s.is_nan()) {
         bridged(lambdas, spectrum).map(|whole| weights.xyz(&whole))
@@ -128,7 +130,7 @@ pub fn xyz_of(weights: &Tristimulus, lambdas: &[f64], spectrum: &[f32]) -> Optio
     }
 }
 
-/// A spectrum whose masked samples lie on the lines between measured ones; `None` if these are too few.
+/// Returns the spectrum with masked samples interpolated linearly; `None` if too few samples were measured.
 fn bridged(lambdas: &[f64], spectrum: &[f32]) -> Option<Vec<f32>> {
     let known: Vec<usize> = (0..spectrum.len()).filter(|&i| !spectrum[i].is_nan()).collect();
     let measured: Vec<f64> = known.iter().map(|&i| lambdas[i]).collect();
@@ -178,7 +180,7 @@ mod tests {
         let brdf = measurement(Quantity::Brdf, Unit::PerSteradian, &grid(), &brdf);
         let brdf = SpectraColours::of(&brdf, Illuminant::D65).unwrap();
         assert!((brdf.colours()[0].unwrap().l - 100.0).abs() < 1e-5);
-        // ΔL* = 10 from 50, nothing else: S_L = 1 + 0.015·25/√45 at the mean of 55.
+        // Only ΔL* = 10 from 50: S_L = 1 + 0.015·25/√45 at the mean of 55.
         let sixty = (76.0_f64 / 116.0).powi(3) as f32;
         let found = colours.differences(&[grey(1.0), grey(sixty)].concat());
         let wanted = 10.0 / (1.0 + 0.015 * 25.0 / 45.0_f64.sqrt());
@@ -192,7 +194,7 @@ mod tests {
         for scale in [1.0_f32, 1e-6, 1e6] {
             let scaled = spectra.clone().map(|s| s.iter().map(|v| v * scale).collect::<Vec<f32>>());
             let lamp = measurement(Quantity::Edf, Unit::WattPerSteradianNanometre, &grid(), &scaled);
-            // An EDF of an index axis has no directions; that is allowed.
+            // An EDF may have an index axis and thus no directions.
             let colours = SpectraColours::of(&lamp, Illuminant::D65).unwrap();
             let l: Vec<f64> = colours.colours().iter().map(|lab| lab.unwrap().l).collect();
             assert!((l[1] - 100.0).abs() < 1e-9 && l[0] < 70.0 && l[2].abs() < 1e-9, "{l:?}");
@@ -212,7 +214,7 @@ mod tests {
         for i in [0, 7, 20, 21, 40] {
             holes[i] = f32::NAN;
         }
-        // Two neighbours are a gap of 30 nm.
+        // Two masked neighbours leave a gap of 30 nm.
         let mut few = whole.clone();
         few[20] = f32::NAN;
         let table =

@@ -1,11 +1,11 @@
-//! The CIE's tables: colour-matching functions and relative spectral powers of illuminants.
+//! Tables of the CIE: colour-matching functions and relative spectral powers of illuminants.
 
 use super::coverage::{ColourError, check};
 use crate::domain::{Axis, Tensor, named};
 use crate::numeric::bracket::Bracket;
 use std::sync::OnceLock;
 
-/// The standard illuminants known.
+/// Supported standard illuminants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Illuminant {
@@ -22,93 +22,93 @@ pub enum Illuminant {
     D65,
     /// A narrow-band fluorescent lamp, 4000 K; also called FL11.
     F11,
-    /// The same power at every wavelength.
+    /// Equal-energy illuminant: constant power over wavelength.
     E,
 }
 named!(Illuminant, "illuminant", { A = "A", B = "B", C = "C", D50 = "D50", D65 = "D65", F11 = "F11", E = "E" });
 
-/// The standard observers known.
+/// Supported standard observers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StandardObserver {
-    /// CIE 1931, fields of 2°.
+    /// CIE 1931 observer, for fields of 2°.
     #[default]
     Cie1931,
-    /// CIE 1964, fields of 10°.
+    /// CIE 1964 observer, for fields of 10°.
     Cie1964,
 }
 named!(StandardObserver, "observer", { Cie1931 = "1931", Cie1964 = "1964" });
 
-/// A tabulated function of wavelength: linear between its entries, its end values held beyond them.
+/// Tabulated function of wavelength: linear between its entries, constant beyond its ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     lambdas: Vec<f64>,
     values: Vec<f64>,
 }
 
-/// Three colour-matching functions; those of the CIE are 360 to 830 nm by 1.
+/// Three colour-matching functions; those of the CIE are tabulated from 360 to 830 nm in steps of 1 nm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer {
-    /// x̄.
+    /// Colour-matching function x̄.
     pub x: Curve,
-    /// ȳ; that of the CIE 1931 observer is also V(λ).
+    /// Colour-matching function ȳ, which for the CIE 1931 observer is also V(λ).
     pub y: Curve,
-    /// z̄.
+    /// Colour-matching function z̄.
     pub z: Curve,
 }
 
-/// Why a table is no curve or no observer.
+/// Reasons why a table is not a curve or an observer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// Axes other than columns over wavelength.
+    /// The axes are not columns over wavelength.
     #[error("axes {}, expected wavelengths", axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × "))]
     Axes {
-        /// The axes found.
+        /// Axes of the table.
         axes: Vec<Axis>,
     },
-    /// A column beyond the last.
+    /// The column does not exist.
     #[error("no column {found}, expected 0 to {}", columns - 1)]
     Column {
-        /// The column asked for, from 0.
+        /// Requested column, from 0.
         found: usize,
         /// Number of columns.
         columns: usize,
     },
-    /// A name that no column has, and no number of one.
+    /// No column has the given name or number.
     #[error("no column `{found}`, expected a number from 1 to {columns} or a name in the table")]
     ColumnName {
-        /// The name, its first 40 characters.
+        /// First 40 characters of the name.
         found: String,
         /// Number of columns.
         columns: usize,
     },
-    /// Several columns where none is named.
+    /// The table has several columns, and none is selected.
     #[error("{columns} columns, expected one, or the name of one")]
     SeveralColumns {
         /// Number of columns.
         columns: usize,
     },
-    /// A table of an observer without its three columns.
+    /// A table of an observer does not have three columns.
     #[error("{columns} columns over wavelength, expected 3: x, y and z")]
     ObserverColumns {
         /// Number of columns.
         columns: usize,
     },
-    /// A function of an observer that is never positive.
+    /// A function of an observer is never positive.
     #[error("{function} of the observer is nowhere above 0")]
     Dark {
         /// Name of the function: x, y or z.
         function: &'static str,
     },
-    /// The wavelengths are not enough for a colour.
+    /// The wavelengths do not suffice for a colour.
     #[error(transparent)]
     Wavelengths(#[from] ColourError),
 }
 
 impl Curve {
-    /// Entry `column` of a table `[lambda]` or `[index, lambda]`: the spectrum of a light, say. Masked samples are passed
-    /// over; what is left must reach from 400 to 700 nm in steps of at most 20 nm.
+    /// Reads column `column` of a table `[lambda]` or `[index, lambda]`, such as the spectrum of a light. Masked
+    /// samples are skipped; the others must cover 400 to 700 nm in steps of at most 20 nm.
     pub fn of_tensor(tensor: &Tensor, column: usize) -> Result<Self, TableError> {
         let (grid, columns) = match tensor.axes() {
             [Axis::Wavelength(grid)] => (grid, 1),
@@ -125,17 +125,17 @@ impl Curve {
         Ok(Self { lambdas, values })
     }
 
-    /// The wavelengths in nm, strictly increasing.
+    /// Returns the wavelengths in nm, strictly increasing.
     pub fn lambdas(&self) -> &[f64] {
         &self.lambdas
     }
 
-    /// The values at [`Self::lambdas`].
+    /// Returns the values at [`Self::lambdas`].
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// The value at `lambda` nm.
+    /// Returns the value at `lambda` nm.
     pub fn at(&self, lambda: f64) -> f64 {
         let (lambdas, values) = (&self.lambdas, &self.values);
         let Bracket { below, above, t } = Bracket::held(lambdas, lambda);
@@ -146,7 +146,8 @@ impl Curve {
         }
     }
 
-    /// A column of a CSV table whose first column is wavelength; the tables are the program's own and tested to be whole.
+    /// Reads a column of a built-in CSV table whose first column is wavelength. Tests check that the tables are
+    /// complete.
     pub(super) fn of_table(text: &str, column: usize) -> Self {
         let row = |line: &str| -> Option<(f64, f64)> {
             let mut cells = line.split(',');
@@ -160,7 +161,7 @@ impl Curve {
 }
 
 impl Observer {
-    /// One of the standard observers.
+    /// Returns a standard observer.
     pub fn standard(which: StandardObserver) -> &'static Self {
         match which {
             StandardObserver::Cie1931 => Self::cie_1931(),
@@ -168,7 +169,7 @@ impl Observer {
         }
     }
 
-    /// A table of x̄, ȳ and z̄, `[3, lambda]`.
+    /// Reads an observer from a table `[3, lambda]` of x̄, ȳ and z̄.
     pub fn of_tensor(tensor: &Tensor) -> Result<Self, TableError> {
         let columns = match tensor.axes() {
             [Axis::Wavelength(_)] => 1,
@@ -188,14 +189,14 @@ impl Observer {
         Ok(observer)
     }
 
-    /// The CIE 1964 10° standard observer.
+    /// Returns the CIE 1964 10° standard observer.
     pub fn cie_1964() -> &'static Self {
         const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
         static PARSED: OnceLock<Observer> = OnceLock::new();
         PARSED.get_or_init(|| Self::of_table(TABLE))
     }
 
-    /// The CIE 1931 2° standard observer.
+    /// Returns the CIE 1931 2° standard observer.
     pub fn cie_1931() -> &'static Self {
         const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
         static PARSED: OnceLock<Observer> = OnceLock::new();
@@ -208,7 +209,7 @@ impl Observer {
 }
 
 impl Illuminant {
-    /// The relative spectral power as the CIE gives it; A, D50, D65 and E are 100 at 560 nm.
+    /// Returns the relative spectral power as tabulated by the CIE; A, D50, D65 and E are 100 at 560 nm.
     pub fn power(self) -> &'static Curve {
         const A: &str = include_str!("../../../../../data/illuminant_A.csv");
         const B: &str = include_str!("../../../../../data/illuminant_B.csv");

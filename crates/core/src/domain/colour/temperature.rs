@@ -1,32 +1,33 @@
-//! The correlated colour temperature of a light: the temperature of the Planckian radiator nearest to it in the CIE 1960
-//! (u, v) diagram, which is the (u′, 2/3 v′) of its definition (CIE 015:2018, section 9.5), as seen by the same observer.
+//! Correlated colour temperature of a light: the temperature of the nearest Planckian radiator in the CIE 1960 (u, v)
+//! diagram, for the same observer. The definition (CIE 015:2018, section 9.5) uses (u′, 2/3 v′), which is (u, v).
 
 use super::coverage::RANGE;
 use super::tables::Observer;
 use super::xyz::Xyz;
 
-/// A temperature and how far the light is from it.
+/// Correlated colour temperature of a light and its distance from the Planckian locus.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ColourTemperature {
     /// Correlated colour temperature, K.
     pub kelvin: f64,
-    /// Distance from the Planckian locus in (u, v): above it (towards green) positive.
+    /// Distance from the Planckian locus in (u, v); positive above it (towards green).
     pub duv: f64,
 }
 
-/// h·c/k in nm·K (CODATA 2018; exact in the SI of 2019).
+/// Second radiation constant h·c/k in nm·K (CODATA 2018; exact in the SI of 2019).
 const C2: f64 = 1.438_776_877e7;
-/// Beyond this distance the term has no meaning (CIE 015:2018, section 9.5).
+/// Largest distance in (u, v) at which a correlated colour temperature is meaningful (CIE 015:2018, section 9.5).
 const MOST_DISTANCE: f64 = 5e-2;
-/// The temperatures looked at, in reciprocal megakelvin: 1 MK to 1000 K.
+/// Range of the search in reciprocal megakelvin: 1 MK to 1000 K.
 const MIREDS: (f64, f64) = (1.0, 1000.0);
 const COARSE: usize = 64;
-/// (√5 − 1) / 2.
+/// Golden-section ratio, (√5 − 1) / 2.
 const RATIO: f64 = 0.618_033_988_749_894_9;
 const REFINEMENTS: usize = 60;
 
 impl ColourTemperature {
-    /// Of a light; `None` where its chromaticity is more than 0.05 from the Planckian locus, or it has none.
+    /// Returns the colour temperature of a light; `None` if it has no chromaticity, or one more than 0.05 from the
+    /// Planckian locus.
     pub fn of(light: Xyz, observer: &Observer) -> Option<Self> {
         let here = uv(light)?;
         let distance = |mired: f64| {
@@ -42,7 +43,7 @@ impl ColourTemperature {
                 nearest = (found, mired);
             }
         }
-        // By golden section: the distance has one minimum between the neighbours of the nearest.
+        // Golden-section search: the distance has one minimum between the neighbours of the nearest grid point.
         let (mut low, mut high) = ((nearest.1 - step).max(MIREDS.0), (nearest.1 + step).min(MIREDS.1));
         let (mut a, mut b) = (high - RATIO * (high - low), low + RATIO * (high - low));
         let (mut at_a, mut at_b) = (distance(a), distance(b));
@@ -64,7 +65,7 @@ impl ColourTemperature {
     }
 }
 
-/// CIE 1960 (u, v); `None` for no light.
+/// Returns CIE 1960 (u, v); `None` without light.
 fn uv(light: Xyz) -> Option<[f64; 2]> {
     let sum = light.x + 15.0 * light.y + 3.0 * light.z;
     let finite = sum.is_finite() && sum > 0.0;

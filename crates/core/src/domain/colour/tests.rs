@@ -81,7 +81,7 @@ pub(super) fn patches_have_the_colours_of_colour_science() {
         assert_eq!(wanted.len(), 24);
         let labs: Vec<Lab> = (0..24)
             .map(|k| {
-                // The same method: what is left is the rounding of reflectances to f32.
+                // The methods agree up to the rounding of reflectances to f32.
                 let xyz = weights.xyz(&patch(k));
                 let off = relative(array(xyz), triple(&wanted[k]["xyz"]));
                 assert!(off < 1e-7, "{illuminant}, patch {k}: {off}");

@@ -1,36 +1,39 @@
-//! Spectra on any wavelength grid → XYZ, as weights computed once for the grid.
+//! Tristimulus values of spectra on any wavelength grid, by weights computed once per grid.
 //!
-//! A spectrum is the piecewise linear function through its samples, its end samples held to 380 and 780 nm (ASTM E308,
-//! section 7.3: the weights of wavelengths that were not measured are added to those of the nearest measured one).
-//! Its product with observer and illuminant, both linear between the entries of their tables, is summed over
-//! nodes: every whole nm of 380..=780 and every wavelength of the grid and of the illuminant between them. A node stands for the interval to midway
-//! of its neighbours, the first and the last one for half a nm beyond them. On grids of whole nm that is the
-//! standard's summation at 1 nm; on finer ones no sample is passed over.
+//! A spectrum is the piecewise linear function through its samples, extended to 380 and 780 nm with the values of its
+//! end samples. (ASTM E308, section 7.3: weights of wavelengths that were not measured are added to those of the
+//! nearest measured one.)
 //!
-//! The sum is linear in the samples, so a grid has three weights a sample, with k, illuminant, observer and Δλ inside.
+//! The product with observer and illuminant, both linear between their table entries, is summed over nodes. Nodes are
+//! every whole nm of 380..=780, and every wavelength of the grid and of the illuminant in that range. A node represents
+//! the interval between the midpoints to its neighbours; the first and last extend half a nm outwards. On grids of
+//! whole nm this is the standard summation at 1 nm; on finer grids it uses every sample.
+//!
+//! The sum is linear in the samples, so a grid has three weights per sample, which include k, illuminant, observer and
+//! Δλ.
 
 use super::coverage::{ColourError, RANGE, check};
 use super::tables::{Curve, Illuminant, Observer};
 use super::xyz::Xyz;
 use crate::domain::WavelengthGrid;
 
-/// The maximum luminous efficacy, lm/W, as CIE 015:2018 rounds it (photometry's 683.002 is 3 ppm more).
+/// Maximum luminous efficacy in lm/W, as rounded in CIE 015:2018 (the 683.002 of photometry is 3 ppm more).
 const EFFICACY: f64 = 683.0;
 
-/// The weights that make XYZ of samples on one grid.
+/// Weights that convert samples on one wavelength grid to XYZ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tristimulus {
     weights: Vec<[f64; 3]>,
 }
 
 impl Tristimulus {
-    /// Of reflectance or radiance factors (1 = perfect reflector) under `illuminant`:
+    /// Computes the weights for reflectance or radiance factors (1 = perfect reflector) under `illuminant`:
     /// `X = k Σ β S x̄ Δλ` with `k = 100 / Σ S ȳ Δλ`, so that the perfect reflector has Y = 100.
     pub fn reflectance(grid: &WavelengthGrid, illuminant: Illuminant) -> Result<Self, ColourError> {
         Self::reflectance_by(grid, illuminant.power(), Observer::cie_1931())
     }
 
-    /// The same under any light, seen by any observer; a light without luminance is refused.
+    /// Like [`Self::reflectance`], but under any light and for any observer. Fails if the light has no luminance.
     pub fn reflectance_by(grid: &WavelengthGrid, power: &Curve, observer: &Observer) -> Result<Self, ColourError> {
         let mut it = Self::new(grid, power.lambdas(), |lambda| power.at(lambda), observer)?;
         let k = 100.0 / it.white().y;
@@ -41,25 +44,26 @@ impl Tristimulus {
         Ok(it)
     }
 
-    /// Of emitted spectra: `X = 683 lm/W Σ Φ x̄ Δλ`; Y is in lm/sr (cd) where samples are in W/sr/nm.
+    /// Computes the weights for emitted spectra: `X = 683 lm/W Σ Φ x̄ Δλ`. Y is in lm/sr (cd) if samples are in
+    /// W/sr/nm.
     pub fn emission(grid: &WavelengthGrid) -> Result<Self, ColourError> {
         Self::emission_by(grid, Observer::cie_1931())
     }
 
-    /// The same, seen by any observer.
+    /// Like [`Self::emission`], but for any observer.
     pub fn emission_by(grid: &WavelengthGrid, observer: &Observer) -> Result<Self, ColourError> {
         Self::new(grid, &[], |_| EFFICACY, observer)
     }
 
-    /// XYZ of a sample of 1 at each wavelength alone.
+    /// Returns the XYZ of a unit sample at each wavelength.
     pub fn weights(&self) -> &[[f64; 3]] {
         &self.weights
     }
 
-    /// XYZ of one spectrum; terms are added in the order of the wavelengths.
+    /// Returns the XYZ of one spectrum; terms are added in the order of the wavelengths.
     ///
     /// # Panics
-    /// If there are not as many samples as wavelengths.
+    /// If the number of samples is not that of wavelengths.
     pub fn xyz(&self, samples: &[f32]) -> Xyz {
         assert_eq!(samples.len(), self.weights.len(), "one sample for each wavelength");
         let mut sum = [0.0; 3];
@@ -71,7 +75,7 @@ impl Tristimulus {
         Xyz { x: sum[0], y: sum[1], z: sum[2] }
     }
 
-    /// XYZ of samples that are all 1: the perfect reflector, the equal-energy emitter.
+    /// Returns the XYZ of samples that are all 1: the perfect reflector, or the equal-energy emitter.
     pub fn white(&self) -> Xyz {
         let [x, y, z] = self.weights.iter().fold([0.0; 3], |s, w| [s[0] + w[0], s[1] + w[1], s[2] + w[2]]);
         Xyz { x, y, z }
@@ -104,7 +108,7 @@ impl Tristimulus {
     }
 }
 
-/// Every whole nm of [`RANGE`] and every wavelength of the grid and of `lines` between them, once each.
+/// Returns every whole nm of [`RANGE`] and every wavelength of the grid and of `lines` within it, each once.
 fn nodes(grid: &WavelengthGrid, lines: &[f64]) -> Vec<f64> {
     let (low, high) = RANGE;
     let mut nodes: Vec<f64> = (0..=(high - low) as usize).map(|i| low + i as f64).collect();

@@ -1,23 +1,23 @@
-//! Coordinates of outgoing directions in a plane whose origin is the centre of a lobe.
+//! Plane coordinates of outgoing directions, with the centre of a lobe as origin.
 
 use super::centre::LobeCentre;
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub};
 
 /// Plane of a lobe under one incoming direction.
 ///
-/// About the mirror direction and the one back to the source it is the plane that Lambert's azimuthal projection makes of
-/// the sphere: areas are solid angles, and the distance from the origin is 2·sin(δ/2) at an angle δ. Of half vectors
-/// h = (x, y, z) it has the slopes (x/z, y/z).
+/// For lobes about the mirror direction or the direction back to the source, it is Lambert's azimuthal equal-area
+/// projection of the sphere: areas are solid angles, and an angle δ from the centre is at distance 2·sin(δ/2). For half
+/// vectors h = (x, y, z), coordinates are the slopes (x/z, y/z).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Around {
-    /// The centre, and the directions of both coordinates at it.
+    /// Projection about a centre, with the directions of both coordinates there.
     Direction { centre: Vector, axes: [Vector; 2] },
-    /// The incoming direction.
+    /// Slopes of half vectors for this incoming direction.
     HalfVector { wi: Vector },
 }
 
 impl Around {
-    /// The plane under `wi`, a unit vector above the horizon.
+    /// Creates the plane for `wi`, a unit vector above the horizon.
     #[inline]
     pub(super) fn new(centre: LobeCentre, wi: Vector) -> Self {
         match centre {
@@ -27,7 +27,8 @@ impl Around {
         }
     }
 
-    /// About a direction; x and y of the surface are carried to it along the shortest way from the normal.
+    /// Creates the projection about a direction; x and y of the surface are rotated there along the shortest arc from
+    /// the normal.
     #[inline]
     fn about(centre: Vector) -> Self {
         let [x, y, z] = centre;
@@ -35,7 +36,7 @@ impl Around {
         Self::Direction { centre, axes: [[1.0 - x * x * s, -x * y * s, -x], [-x * y * s, 1.0 - y * y * s, -y]] }
     }
 
-    /// The direction at the origin.
+    /// Returns the direction at the origin.
     pub(super) fn centre(&self) -> Vector {
         match *self {
             Self::Direction { centre, .. } => centre,
@@ -43,7 +44,7 @@ impl Around {
         }
     }
 
-    /// The place of an outgoing direction.
+    /// Returns the coordinates of an outgoing direction.
     #[inline]
     pub(super) fn place(&self, wo: Vector) -> [f64; 2] {
         match self {
@@ -60,7 +61,7 @@ impl Around {
         }
     }
 
-    /// The outgoing direction of a place.
+    /// Returns the outgoing direction at the given coordinates.
     #[inline]
     pub(super) fn direction(&self, [x, y]: [f64; 2]) -> Vector {
         match self {
@@ -77,7 +78,7 @@ impl Around {
         }
     }
 
-    /// Solid angle of outgoing directions over area of the plane, at a place.
+    /// Returns the solid angle of outgoing directions per area of the plane at the given coordinates.
     #[inline]
     pub(super) fn solid_angle(&self, [x, y]: [f64; 2]) -> f64 {
         match self {
@@ -90,7 +91,7 @@ impl Around {
         }
     }
 
-    /// Distance from the origin to the horizon, along a unit vector of the plane.
+    /// Returns the distance from the origin to the horizon along a unit vector of the plane.
     #[inline]
     pub(super) fn horizon(&self, [x, y]: [f64; 2]) -> f64 {
         match self {

@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 
-/// The direction that a lobe stays with, as the incoming direction moves.
+/// Direction about which a lobe is centred, relative to the incoming direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LobeCentre {
-    /// The mirror direction; distances are angles from it.
+    /// Mirror direction; distances are angles from it.
     Mirror,
-    /// The mirror direction; distances are slopes of the half vector, as on surfaces of microfacets.
+    /// Mirror direction; distances are slopes of the half vector, as for microfacet surfaces.
     HalfVector,
-    /// The direction back to the source; distances are angles from it.
+    /// Direction back to the source; distances are angles from it.
     Source,
 }
 

@@ -6,21 +6,23 @@ use super::under::LobeUnder;
 use crate::domain::direction::Direction;
 use serde::Serialize;
 
-/// A lobe of a BRDF, in sr⁻¹ without the cosine:
+/// Lobe of a BRDF, in sr⁻¹ without the cosine:
 ///
-/// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi held within the measured range.
+/// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi clamped to the measured range.
 ///
-/// x is the squared distance of wo from the centre in half-widths, along two axes of the surface where they differ, and k
-/// falls from 1 to 1/2 at x = 1 and further as its tail says: 2^(−x) with tail 0, as the distribution of GGX with tail 1/2.
-/// G is 1 but in half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and
-/// a = 1.5538 × the half-width, as on a surface of microfacets (Walter et al. 2007, equations 20, 33, 34): 1 at the mirror
-/// direction. Below the horizon, on either side, the lobe is 0.
+/// x is the squared distance of wo from the centre in half-widths, along two axes of the surface if the widths differ.
+/// k falls from 1 at x = 0 to 1/2 at x = 1; the tail parameter determines the rest: 2^(−x) for tail 0, the GGX
+/// distribution for tail 1/2.
+///
+/// G is 1 except for half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and a =
+/// 1.5538 × the half-width, as for a microfacet surface (Walter et al. 2007, equations 20, 33, 34). It is 1 at the
+/// mirror direction. The lobe is 0 if wi or wo is below the horizon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Lobe(LobeParameters);
 
 impl Lobe {
-    /// The lobe of these numbers, each rounded as a file holds it; refused where one is out of its bounds.
+    /// Creates a lobe, with each parameter rounded as in files. Fails if a parameter is out of bounds.
     pub fn new(parameters: LobeParameters) -> Result<Self, LobeError> {
         check(&parameters)?;
         let LobeParameters { centre, peak, range, widths, angle, tail, colours } = parameters;
@@ -36,27 +38,27 @@ impl Lobe {
         }))
     }
 
-    /// The numbers that it is made of.
+    /// Returns the parameters of the lobe.
     pub fn parameters(&self) -> LobeParameters {
         self.0.clone()
     }
 
-    /// The factor of each sample of a spectrum.
+    /// Returns the colour factor of each sample of a spectrum.
     pub fn colours(&self) -> &[f32] {
         &self.0.colours
     }
 
-    /// What the lobe stays with.
+    /// Returns the centre of the lobe.
     pub fn centre(&self) -> LobeCentre {
         self.0.centre
     }
 
-    /// Returns true for a lobe that turns with the surface, as its two widths differ.
+    /// Returns true if the two widths differ, so that the lobe rotates with the surface.
     pub fn is_anisotropic(&self) -> bool {
         self.0.widths[0] != self.0.widths[1]
     }
 
-    /// Full widths at half the maximum under normal incidence, in degrees of outgoing directions.
+    /// Returns the full widths at half maximum under normal incidence, in degrees of outgoing directions.
     pub fn full_widths(&self) -> [f64; 2] {
         self.0.widths.map(|width| match self.0.centre {
             LobeCentre::HalfVector => 4.0 * libm::atan(width).to_degrees(),
@@ -64,18 +66,18 @@ impl Lobe {
         })
     }
 
-    /// The lobe under `wi`; `None` where light does not come from above.
+    /// Returns the lobe under `wi`; `None` if `wi` is not above the horizon.
     #[inline]
     pub fn under(&self, wi: Direction) -> Option<LobeUnder> {
         LobeUnder::new(&self.0, wi.xyz())
     }
 
-    /// The value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
     pub fn shape(&self, wi: Direction, wo: Direction) -> f64 {
         self.under(wi).map_or(0.0, |lobe| lobe.shape(wo))
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Returns the heap memory in bytes, without the size of the type.
     pub fn memory(&self) -> usize {
         size_of_val(&*self.0.colours)
     }

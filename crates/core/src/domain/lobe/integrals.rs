@@ -1,29 +1,32 @@
-//! Integrals of a lobe: its light, and its mean over a triangle of directions.
+//! Integrals of a lobe: its directional albedo, and its mean over a triangle of directions.
 
 use super::under::LobeUnder;
 use crate::domain::vector::{Vector, norm, sub};
 use crate::domain::{Vertices, centroid, child, solid_angle};
 
-/// Points of the rule for the light: turns about the centre, and shares of the lobe between it and the horizon.
+/// Numbers of quadrature points for the albedo: `TURNS` azimuths about the centre, times `SHARES` distances between it
+/// and the horizon.
 const TURNS: usize = 32;
 const SHARES: usize = 32;
-/// A triangle is taken whole where its radius is at most this part of its distance from the centre or of the width of the lobe.
+/// Subdivision criterion: a triangle is not divided if its radius is at most this fraction of its distance from the
+/// centre or of the width of the lobe. Raising it is faster and less accurate.
 const COARSE: f64 = 0.3;
-/// Longer lobes are divided as finely as this roundness asks for.
+/// Lower bound on the roundness used for the subdivision of elongated lobes.
 const LEAST_ROUNDNESS: f64 = 0.1;
-/// Times that a triangle is divided at most: 4,096 times narrower than the triangle is enough for any lobe in its bounds.
+/// Largest number of subdivisions of a triangle. Pieces 4,096 times narrower than the triangle suffice for every lobe
+/// within its bounds.
 const DEEPEST: u32 = 12;
 
 impl LobeUnder {
-    /// ∫ f · cos θo dωo for a colour of 1: the directional albedo of the lobe.
+    /// Returns the directional albedo ∫ f · cos θo dωo of the lobe for a colour of 1.
     ///
-    /// The rule has its points where the lobe draws directions, so that it is as exact for a narrow lobe as for a wide one.
+    /// Quadrature points are distributed like sampled directions, so that narrow lobes are as accurate as wide ones.
     pub fn light(&self) -> f64 {
         let mut sum = 0.0;
         for turn in 0..TURNS {
             for share in 0..SHARES {
                 let at = |i: usize, of: usize| (i as f64 + 0.5) / of as f64;
-                // Points are closer in the tail, where a small share of the lobe lies over many directions.
+                // Points are denser in the tail, where a small share of the lobe spreads over many directions.
                 let rest = 1.0 - at(share, SHARES);
                 let wo = self.draw([1.0 - rest * rest, at(turn, TURNS)]);
                 let density = self.density(wo);
@@ -35,14 +38,15 @@ impl LobeUnder {
         sum / (TURNS * SHARES) as f64
     }
 
-    /// The mean over a spherical triangle, by solid angle, for a colour of 1. A lobe inside it is found, however narrow.
+    /// Returns the mean over a spherical triangle, by solid angle, for a colour of 1. Narrow lobes inside the triangle
+    /// are not missed.
     pub fn mean_over(&self, vertices: Vertices) -> f64 {
         let mut sum = [0.0; 2];
         self.add_over(vertices, DEEPEST, &mut sum);
         sum[0] / sum[1]
     }
 
-    /// Adds the integral over a triangle, and its solid angle.
+    /// Adds the integral over a triangle and the solid angle to `sum`.
     fn add_over(&self, vertices: Vertices, depth: u32, sum: &mut [f64; 2]) {
         let middle = centroid(vertices).xyz();
         let radius = vertices.iter().map(|&vertex| norm(sub(vertex, middle))).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! A lobe of reflected light that is narrower than cells can hold: its function, what is drawn from it, and its integrals.
+//! Lobe of reflected light that is too narrow for cells: its function, importance sampling and integrals.
 
 mod around;
 mod centre;

@@ -3,55 +3,56 @@
 use super::centre::LobeCentre;
 use serde::Serialize;
 
-/// The largest logarithm of a peak in sr⁻¹: more than any surface reflects, less than overflows with a colour.
+/// Largest natural logarithm of a peak in sr⁻¹: larger than any real surface, small enough not to overflow when
+/// multiplied by a colour.
 pub(super) const LARGEST_LOG: f64 = 40.0;
-/// The largest value in sr⁻¹; times the largest colour it moves no sample to infinity.
+/// Largest value in sr⁻¹; multiplied by the largest colour it stays finite in f32.
 pub(super) const LARGEST_VALUE: f64 = 1e25;
-/// Half-widths: from a hundredth of the sun's disc to a radian.
+/// Smallest and largest half-width: from a hundredth of the sun's disc to one radian.
 const WIDTHS: [f64; 2] = [1e-5, 1.0];
-/// The largest −ln cos θi: an incidence of 89.98 degrees.
+/// Largest −ln cos θi: an incidence of 89.98 degrees.
 const LARGEST_T: f64 = 8.0;
-/// The largest coefficient of the logarithm of a peak.
+/// Largest magnitude of the coefficients of the logarithm of a peak.
 const LARGEST_COEFFICIENT: f64 = 1024.0;
-/// Half a turn.
+/// Largest magnitude of the angle of the axes in radians, just over half a turn.
 const LARGEST_ANGLE: f64 = 3.2;
-/// The largest factor of a sample of a spectrum.
+/// Largest colour factor of a spectral sample.
 const LARGEST_COLOUR: f32 = 65_536.0;
 
-/// Numbers that a lobe is made of, as [`Lobe`](super::Lobe) names them.
+/// Parameters of a lobe, as defined by [`Lobe`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LobeParameters {
-    /// What it stays with.
+    /// Centre of the lobe.
     pub centre: LobeCentre,
-    /// p₀, p₁, p₂ of the logarithm of the peak.
+    /// Coefficients p₀, p₁, p₂ of the logarithm of the peak.
     pub peak: [f64; 3],
-    /// The least and the largest −ln cos θi that were measured.
+    /// Smallest and largest −ln cos θi measured.
     pub range: [f64; 2],
     /// Half-widths at half the maximum: radians for a direction, slopes for half vectors.
     pub widths: [f64; 2],
     /// Angle from the surface's x to the axis of the first width, in radians.
     pub angle: f64,
-    /// 0 for a Gaussian … 1/2 for GGX.
+    /// Tail parameter, from 0 (Gaussian) to 1/2 (GGX).
     pub tail: f64,
-    /// One factor for each sample of a spectrum.
+    /// Colour factors, one per sample of a spectrum.
     pub colours: Vec<f32>,
 }
 
-/// A number of a lobe that is out of its bounds.
+/// Error for a lobe parameter that is out of bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the {number} of a lobe is {found}, expected {low} to {high}")]
 pub struct LobeError {
-    /// The number, by its name.
+    /// Name of the parameter.
     pub number: &'static str,
-    /// Its value.
+    /// Value of the parameter.
     pub found: f64,
-    /// The least that is taken.
+    /// Smallest value accepted.
     pub low: f64,
-    /// The largest that is taken.
+    /// Largest value accepted.
     pub high: f64,
 }
 
-/// Refuses a number out of its bounds.
+/// Checks that all parameters are within their bounds.
 pub(super) fn check(parameters: &LobeParameters) -> Result<(), LobeError> {
     let LobeParameters { peak, range, widths, angle, tail, colours, .. } = parameters;
     for &coefficient in peak {
@@ -74,7 +75,7 @@ fn held(number: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), L
     if (low..=high).contains(&found) { Ok(()) } else { Err(LobeError { number, found, low, high }) }
 }
 
-/// A factor with the 24 high bits of an f32.
+/// Rounds a colour factor to the 24 high bits of an f32.
 pub(super) fn short_colour(colour: f32) -> f32 {
     f32::from_bits(colour.to_bits().wrapping_add(0x7F) & 0xFFFF_FF00)
 }

@@ -1,47 +1,47 @@
-//! The fall-off of a lobe from its centre, from a Gaussian to the tail of GGX.
+//! Radial profile of a lobe, from a Gaussian to the tail of GGX.
 
 use std::f64::consts::{LN_2, PI};
 
-/// Function of the squared distance x from the centre, in half-widths: 1 at x = 0, 1/2 at x = 1. With s the tail and
-/// c = 2ˢ − 1 it is (1 + c·x)^(−1/s): at s → 0 a Gaussian, 2^(−x), at s = 1/2 the distribution of GGX.
+/// Function of the squared distance x from the centre, in half-widths: 1 at x = 0, 1/2 at x = 1. With the tail s and c
+/// = 2ˢ − 1 it is (1 + c·x)^(−1/s): the Gaussian 2^(−x) for s → 0, the GGX distribution for s = 1/2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Profile {
     tail: f64,
-    /// c; ln 2 for a Gaussian.
+    /// Coefficient c; ln 2 for a Gaussian.
     slope: f64,
 }
 
 impl Profile {
-    /// The profile with a tail from 0 (Gaussian) to 1/2 (GGX).
+    /// Creates the profile with a tail from 0 (Gaussian) to 1/2 (GGX).
     pub(super) fn new(tail: f64) -> Self {
         let slope = if tail == 0.0 { LN_2 } else { libm::expm1(tail * LN_2) };
         Self { tail, slope }
     }
 
-    /// The value at a squared distance.
+    /// Returns the value at a squared distance.
     #[inline]
     pub(super) fn at(self, x: f64) -> f64 {
         libm::exp(-self.exponent(x))
     }
 
-    /// Minus the logarithm of the value at a squared distance.
+    /// Returns minus the logarithm of the value at a squared distance.
     #[inline]
     fn exponent(self, x: f64) -> f64 {
         if self.tail == 0.0 { self.slope * x } else { libm::log1p(self.slope * x) / self.tail }
     }
 
-    /// Integral over the whole plane, in squared half-widths.
+    /// Returns the integral over the whole plane, in squared half-widths.
     pub(super) fn area(self) -> f64 {
         if self.tail == 0.0 { PI / LN_2 } else { PI * self.tail / (self.slope * (1.0 - self.tail)) }
     }
 
-    /// Share of that integral within a squared distance.
+    /// Returns the share of that integral within a squared distance.
     #[inline]
     pub(super) fn enclosed(self, x: f64) -> f64 {
         -libm::expm1(-self.exponent(x) * (1.0 - self.tail))
     }
 
-    /// The squared distance that encloses a share, 0 ≤ share < 1: the inverse of [`Profile::enclosed`].
+    /// Returns the squared distance that encloses a share, 0 ≤ share < 1: the inverse of [`Profile::enclosed`].
     #[inline]
     pub(super) fn enclosing(self, share: f64) -> f64 {
         let exponent = -libm::log1p(-share) / (1.0 - self.tail);

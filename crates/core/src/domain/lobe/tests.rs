@@ -3,7 +3,7 @@
 use super::{CENTRES, Lobe, LobeCentre, LobeParameters};
 use crate::domain::{Direction, Domain, TriangleMesh};
 
-/// A lobe about `centre`, `width` degrees wide at half its maximum in outgoing directions.
+/// Returns a lobe about `centre` with a full width at half maximum of `width` degrees in outgoing directions.
 fn lobe(centre: LobeCentre, width: f64, tail: f64) -> Lobe {
     let half = width.to_radians() * if centre == LobeCentre::HalfVector { 0.25 } else { 0.5 };
     Lobe::new(LobeParameters {
@@ -82,7 +82,7 @@ fn densities_are_positive_where_the_lobe_is_and_their_integral_is_1() {
     for lobe in all().into_iter().filter(|lobe| lobe.full_widths()[0] > 3.0 && !lobe.is_anisotropic()) {
         for wi in incidences() {
             let under = lobe.under(wi).unwrap();
-            // Cells are finer than the lobe but at grazing incidence, where it is narrow in outgoing directions.
+            // At grazing incidence the lobe is narrow in outgoing directions and may be finer than the cells.
             if lobe.full_widths()[0] * wi.cos_theta() < 4.0 {
                 continue;
             }
@@ -113,7 +113,7 @@ fn what_is_drawn_has_its_density_and_leads_back_to_its_point() {
                 let turned = (again[1] - u[1]).abs();
                 assert!((again[0] - u[0]).abs() < 1e-6 && turned.min(1.0 - turned) < 1e-6, "{lobe} {u:?} {again:?}");
             }
-            // Density over a small square of points: its area over the solid angle that it is taken to.
+            // Density over a small square of points: its area divided by the solid angle of its image.
             let corner = [0.4, 0.3];
             let step = 1e-4;
             let at = |x: f64, y: f64| under.draw([corner[0] + step * x, corner[1] + step * y]).xyz();

@@ -8,22 +8,22 @@ use crate::domain::direction::Direction;
 use crate::domain::vector::{Vector, dot};
 use std::f64::consts::TAU;
 
-/// Roughness of a GGX surface over the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is 2 at
-/// tan = 0.6436 α.
+/// Ratio of the roughness α of a GGX surface to the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is
+/// 2 at tan = 0.6436 α.
 const ROUGHNESS_OF_WIDTH: f64 = 1.553_773_974_030_037_3;
 
-/// A lobe under one incoming direction: what does not depend on the outgoing one.
+/// Lobe under one incoming direction, with all values precomputed that do not depend on the outgoing one.
 #[derive(Clone, Copy, Debug)]
 pub struct LobeUnder {
     around: Around,
     profile: Profile,
     peak: f64,
-    /// Rows of the matrix that takes a place to half-widths along both axes.
+    /// Rows of the matrix that maps plane coordinates to half-widths along both axes.
     to_widths: [[f64; 2]; 2],
     widths: [f64; 2],
     /// Cosine and sine of the angle of the axes.
     turn: [f64; 2],
-    /// a of the masking; `None` where G is 1.
+    /// Roughness a in G; `None` if G is 1.
     roughness: Option<f64>,
     cos_i: f64,
 }
@@ -66,12 +66,12 @@ impl LobeUnder {
         (least * foreshortened, a.min(b) / a.max(b) * foreshortened)
     }
 
-    /// The value at the centre.
+    /// Returns the value at the centre, in sr⁻¹.
     pub fn peak(&self) -> f64 {
         self.peak
     }
 
-    /// The value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
     #[inline]
     pub fn shape(&self, wo: Direction) -> f64 {
         self.shape_at(wo.xyz())
@@ -91,14 +91,14 @@ impl LobeUnder {
         }
     }
 
-    /// The squared distance of a place from the centre, in half-widths.
+    /// Returns the squared distance from the centre, in half-widths, at plane coordinates.
     #[inline]
     fn distance(&self, place: [f64; 2]) -> f64 {
         let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
         a * a + b * b
     }
 
-    /// G.
+    /// Returns the factor G of the lobe.
     #[inline]
     fn factor(&self, [x, y]: [f64; 2], cos_o: f64) -> f64 {
         let Some(a) = self.roughness else { return 1.0 };
@@ -107,14 +107,14 @@ impl LobeUnder {
         m(self.cos_i) / m(cos_o) * squared * squared
     }
 
-    /// The place at half-widths times (cos, sin) of an angle.
+    /// Converts half-widths along both axes to plane coordinates.
     #[inline]
     fn spread(&self, [a, b]: [f64; 2]) -> [f64; 2] {
         let ([a, b], [cos, sin]) = ([a * self.widths[0], b * self.widths[1]], self.turn);
         [cos * a - sin * b, sin * a + cos * b]
     }
 
-    /// Distance to the horizon in half-widths, squared, towards an angle's cosine and sine.
+    /// Returns the squared distance to the horizon, in half-widths, in the direction given by cosine and sine.
     #[inline]
     fn reach(&self, towards: [f64; 2]) -> f64 {
         let [x, y] = self.spread(towards);
@@ -123,8 +123,8 @@ impl LobeUnder {
         reach * reach
     }
 
-    /// Draws a direction above the horizon from a point of the unit square: the first coordinate is the share of the lobe that lies
-    /// nearer to its centre, the second the part of a turn about it.
+    /// Samples a direction above the horizon from a point of the unit square. The first coordinate is the share of the
+    /// lobe nearer to its centre, the second the fraction of a turn about it.
     pub fn draw(&self, [share, turn]: [f64; 2]) -> Direction {
         let (sin, cos) = libm::sincos(TAU * turn);
         let towards = [cos, sin];
@@ -134,8 +134,8 @@ impl LobeUnder {
         Direction::new(x, y, z.max(0.0)).unwrap_or_else(|| Direction::from_unit(self.around.centre()))
     }
 
-    /// The density in sr⁻¹ with which [`LobeUnder::draw`] draws a direction; 0 below the horizon. Over all above it the
-    /// integral is 1.
+    /// Returns the probability density, in sr⁻¹, with which [`LobeUnder::draw`] samples a direction; 0 below the
+    /// horizon. It integrates to 1 above the horizon.
     pub fn density(&self, wo: Direction) -> f64 {
         let wo = wo.xyz();
         if wo[2] >= 0.0 {
@@ -151,7 +151,7 @@ impl LobeUnder {
         }
     }
 
-    /// The point of the unit square that [`LobeUnder::draw`] takes to a direction.
+    /// Returns the point of the unit square that [`LobeUnder::draw`] maps to a direction.
     pub fn point_of(&self, wo: Direction) -> [f64; 2] {
         let place = self.around.place(wo.xyz());
         let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
@@ -162,10 +162,10 @@ impl LobeUnder {
     }
 }
 
-/// The largest share of a lobe that is drawn from: beyond, a Gaussian has its last 1e-15.
+/// Largest share of a lobe used for sampling; a Gaussian has only 1e-15 beyond it.
 const LARGEST_SHARE: f64 = 1.0 - 1e-15;
 
-/// A unit vector of the plane; any at the origin.
+/// Returns the unit vector in direction (a, b) of the plane; an arbitrary one for the origin.
 #[inline]
 fn towards(a: f64, b: f64) -> [f64; 2] {
     let length = (a * a + b * b).sqrt();

@@ -1,4 +1,5 @@
-//! Choice of the interpolation between incidences: what predicts each of them best where it is left out.
+//! Chooses the interpolation between incidences: the one that best predicts each measured incidence from the others
+//! (leave-one-out).
 
 use super::fit::model;
 use super::left_out::{Errors, left_out};
@@ -9,21 +10,24 @@ use crate::evaluate::error::EvaluateError;
 use crate::evaluate::incoming::Alignment;
 use crate::evaluate::material::Material;
 
-/// Fewer incidences than this are no ground for a choice.
+/// Minimum number of incidences for a choice; with fewer the default is used.
 const LEAST_INCIDENCES: usize = 4;
-/// Pairs of incoming and outgoing entries at most: more are opened for long, and have incidences enough.
+/// Maximum number of pairs of incoming and outgoing entries for a choice. Larger materials take long to open and are
+/// sampled densely enough.
 const MOST_PAIRS: usize = 1 << 20;
-/// The cheapest way is taken of those whose errors are within this factor of the least.
+/// Factor on the least leave-one-out error: the cheapest interpolation within it is chosen.
 const NEARLY_BEST: f64 = 1.1;
-/// Lobes about the direction back to the source are taken where the error falls below this part of the least of the others: directions
-/// are drawn about it, too, and a divisor that fits needs no alignment.
+/// Factor on the error below which retroreflective lobes (about the direction back to the source) are chosen. It is
+/// well below 1 because sampling then also draws about that direction, and because a fitting divisor needs no
+/// alignment.
 const MUCH_BETTER: f64 = 0.7;
-/// Errors this far apart are the same: rounding, and what the cells leave.
+/// Absolute difference up to which leave-one-out errors count as equal: rounding and the finite cells.
 const SAME: f64 = 5e-4;
 
-/// Chooses the interpolation between the incidences of a measurement: each inner incidence is left out in turn and predicted from
-/// those around it, in every way that there is. Of those nearly as good as the best the cheapest is taken, straight lines before
-/// cubics. With fewer than four incidences, or negative samples, it is that of files that state none.
+/// Chooses the interpolation between the incidences of a measurement. Each inner incidence is left out in turn and
+/// predicted from its neighbours by every candidate. The cheapest candidate nearly as good as the best is chosen;
+/// linear ones are cheaper than cubic ones. With fewer than four incidences, negative samples, or more than 2²⁰ pairs
+/// of incoming and outgoing entries, the result is the default of files that state none.
 ///
 /// ```
 /// use wavelume_core::domain::{Axis, Measurement, Quantity, Sampling, Tensor, Unit};
@@ -56,7 +60,7 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
         return Ok(Between::default());
     };
     if measurement.quantity == Quantity::Brdf && error > SAME {
-        // The model has its lobe about the mirror direction.
+        // The microfacet model's lobe lies about the mirror direction.
         let divisors: Vec<Divisor> =
             divisors.into_iter().filter(|divisor| !matches!(divisor, Divisor::Model { .. })).collect();
         if let Some((retro, retro_error)) = errors_of(Alignment::Rotation, candidates(&divisors, true))
@@ -68,7 +72,7 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
     Ok(way)
 }
 
-/// The divisors of a quantity, the cheapest first, with the numbers of the fitted model.
+/// Candidate divisors of a quantity, cheapest first, with the parameters of the fitted model.
 fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
     let mut divisors = vec![Divisor::None];
     if quantity == Quantity::Brdf {
@@ -80,20 +84,20 @@ fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
     divisors
 }
 
-/// The ways from one incidence to the next, the cheapest first: straight lines before cubics.
+/// Candidate interpolations, cheapest first: linear before cubic.
 fn candidates(divisors: &[Divisor], retro: bool) -> Vec<Between> {
     let of_order = |cubic: bool| divisors.iter().map(move |&divisor| Between { divisor, cubic, retro });
     of_order(false).chain(of_order(true)).collect()
 }
 
-/// The first way that is nearly as good as the best, and its error.
+/// Returns the first candidate nearly as good as the best, and its error without noise.
 fn best(ways: Vec<(Between, Errors)>) -> Option<(Between, f64)> {
     let least = ways.iter().map(|(_, error)| error.without_noise).fold(f64::INFINITY, f64::min);
     let good = ways.into_iter().find(|(_, error)| error.without_noise <= NEARLY_BEST * least + SAME);
     good.map(|(way, error)| (way, error.without_noise))
 }
 
-/// The mean over wavelengths of what is not masked.
+/// Averages over wavelengths; masked samples are skipped.
 fn grey(measurement: &Measurement, lambdas: usize) -> Result<Measurement, EvaluateError> {
     let axes = measurement.tensor.axes();
     let has_spectrum = measurement.layout()?.spectral.is_some();

@@ -2,18 +2,18 @@
 
 use crate::evaluate::number::Number;
 
-/// Incidences of a cubic.
+/// Number of incidences a cubic passes through.
 pub(in crate::evaluate) const FOUR: usize = 4;
-/// Part of the range of the values that straight lines mix by which a cubic may leave it.
+/// Overshoot allowed to a cubic, as a fraction of the range of the values that linear interpolation mixes.
 pub(in crate::evaluate) const ROOM: f32 = 1.0;
-/// Weights of fits below this hardly count: what they belong to may fade.
+/// Magnitude up to which a fit weight is negligible: its incidence may be dark or masked.
 pub(in crate::evaluate) const NO_WEIGHT: f32 = 1e-3;
 
-/// Increasing angles with the factors of Lagrange's polynomials between them.
+/// Increasing angles with the denominators of Lagrange's polynomials between them.
 #[derive(Debug)]
 pub(in crate::evaluate) struct Cubic {
     angles: Vec<f64>,
-    /// For each interval, one over the products of the distances between its incidences; 0 for one beyond the ends.
+    /// For each interval, the reciprocal products of the distances between its incidences; 0 for one beyond the ends.
     factors: Vec<[f64; FOUR]>,
 }
 
@@ -29,8 +29,9 @@ impl Cubic {
         Self { angles: angles.to_vec(), factors }
     }
 
-    /// The entries around the part `t` of the interval that starts at entry `below`, and their weights: two below and two above.
-    /// One beyond the ends is the end itself, with weight 0: there the polynomial is one through three entries.
+    /// Entries around the fraction `t` of the interval that starts at entry `below`, and their weights: two below and
+    /// two above. An entry beyond the ends is replaced by the end itself with weight 0; the polynomial there passes
+    /// through three entries.
     #[inline]
     pub(in crate::evaluate) fn around(&self, below: usize, t: f32) -> ([u32; FOUR], [f32; FOUR]) {
         let (from, to) = (self.angles[below], self.angles[below + 1]);
@@ -49,20 +50,20 @@ impl Cubic {
     }
 }
 
-/// The `k`-th of the four angles around the interval that starts at entry `below`.
+/// Angle `k` of the four around the interval that starts at entry `below`; `None` beyond the ends.
 #[inline]
 fn angle(angles: &[f64], below: usize, k: usize) -> Option<f64> {
     angles.get((below + k).checked_sub(1)?).copied()
 }
 
-/// A cubic's value held within the range of the values that straight lines mix, with [`ROOM`].
+/// Clamps a cubic's value to the range of the values that linear interpolation mixes, widened by [`ROOM`].
 #[inline(always)]
 pub(in crate::evaluate) fn held<T: Number>(cubic: T, [low, high]: [T; 2]) -> T {
     let room = T::of(ROOM) * (high - low);
     cubic.larger(low - room).smaller(high + room)
 }
 
-/// The range of some values.
+/// Minimum and maximum of some values.
 #[inline(always)]
 pub(in crate::evaluate) fn range(values: impl Iterator<Item = f32>) -> [f32; 2] {
     values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
@@ -88,7 +89,7 @@ mod tests {
                 assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
             }
         }
-        // With two entries it is the line between them.
+        // With two entries the cubic is the line between them.
         assert_eq!(Cubic::new(&[10.0, 30.0]).around(0, 0.25).1, [0.0, 0.75, 0.25, 0.0]);
     }
 

@@ -5,12 +5,12 @@ use crate::evaluate::number::Number;
 use crate::numeric::logarithm::{ln_f32, ln_four};
 use wide::f32x4;
 
-/// Cosines below this count as this: on the horizon the divisors of smooth surfaces have no bound.
+/// Lower bound on cosines: at the horizon the divisors of smooth surfaces are unbounded.
 const LEAST_COSINE: f32 = 1e-3;
-/// Squared lengths of half vectors below this count as this.
+/// Lower bound on squared lengths of half vectors.
 const LEAST_SQUARE: f32 = 1e-12;
 
-/// Divisor with its numbers as queries need them.
+/// Divisor with its parameters precomputed for queries.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::evaluate) enum Divided {
     None,
@@ -33,7 +33,7 @@ impl Divided {
         }
     }
 
-    /// The divisor for light from `wi` to `wo`, above 0.
+    /// Divisor for light from `wi` to `wo`; positive.
     #[inline(always)]
     fn value<T: Number>(self, [ix, iy, iz]: [T; 3], [ox, oy, oz]: [T; 3]) -> T {
         let (one, least) = (T::of(1.0), T::of(LEAST_COSINE));
@@ -59,7 +59,7 @@ impl Divided {
         }
     }
 
-    /// Its logarithm for four pairs of directions.
+    /// Logarithm of the divisor for four pairs of directions.
     #[inline(always)]
     pub(in crate::evaluate) fn four(self, wi: [f32x4; 3], wo: [f32x4; 3]) -> f32x4 {
         if matches!(self, Self::None) {
@@ -68,7 +68,7 @@ impl Divided {
         ln_four(self.value(wi, wo))
     }
 
-    /// Its logarithm for one pair of directions, with the bits of [`Divided::four`].
+    /// Logarithm of the divisor for one pair of directions; bit-identical to [`Divided::four`].
     #[inline(always)]
     pub(in crate::evaluate) fn one(self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         if matches!(self, Self::None) { 0.0 } else { ln_f32(self.value(wi, wo)) }

@@ -1,42 +1,44 @@
-//! Fit of the microfacet model to the light of all incidences: the numbers of the divisors.
+//! Fits the microfacet model to the light of all incidences, which gives the parameters of the divisors.
 
 use super::Divided;
 use super::tables::Tables;
 use crate::compress::Divisor;
 use crate::domain::vector::{Vector, dot, scale, sub, unit};
 
-/// Incidences at which the model is fitted, at most, and index entries.
+/// Maximum number of incidences and of index entries at which the model is fitted.
 const INCIDENCES: usize = 12;
 const ENTRIES: usize = 4;
-/// Slopes of half vectors at which it is fitted, and azimuths of each.
+/// Slopes (tangents of the polar angle) of the half vectors at which the model is fitted, and azimuths per slope.
 const SLOPES: [f64; 12] = [0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.23, 0.32, 0.45, 0.65, 1.0, 1.6];
 const AZIMUTHS: u32 = 6;
-/// Heights below this are left out: there is little light.
+/// Minimum cosine of outgoing directions in the fit; lower ones carry little light.
 const LOWEST: f64 = 0.1;
-/// Directions over the whole hemisphere at which it is fitted, too, one in so many.
+/// Stride through the outgoing directions of the whole hemisphere that also enter the fit.
 const SPREAD: usize = 16;
-/// First guesses: roughness, reflectance, and base in parts of the reflectance.
+/// Starting values: roughness, reflectance, and base as a fraction of the reflectance.
 const ROUGHNESS: [f64; 12] = [0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.24, 0.34, 0.48, 0.68, 0.95];
 const REFLECTANCE: [f64; 4] = [0.04, 0.12, 0.4, 0.9];
 const BASE: [f64; 10] = [0.0, 1e-3, 0.01, 0.05, 0.2, 0.5, 1.0, 3.0, 10.0, 100.0];
-/// A base of nothing, on the scale of logarithms.
+/// Base that stands for 0 on a logarithmic scale.
 const NO_BASE: f64 = 1e-9;
-/// First steps of the search, in logarithms, how often they are halved, and how often all are tried before they are.
+/// Pattern search over logarithms of the parameters: initial steps, number of halvings, and maximum rounds between
+/// halvings.
 const STEPS: [f64; 3] = [0.2, 0.5, 0.7];
 const HALVINGS: u32 = 10;
 const ROUNDS: u32 = 32;
-/// A variance must fall by this part and by this number to count as less: surfaces that the model matches have only rounding left.
+/// Relative and absolute decrease of the variance that count as progress. Surfaces that the model matches exactly leave
+/// only rounding.
 const LESS: f64 = 1e-3;
 const ROUNDING: f64 = 1e-10;
 
-/// Light seen from one direction to another.
+/// Logarithm of the light from one direction to another.
 struct Seen {
     wi: [f32; 3],
     wo: [f32; 3],
     logarithm: f64,
 }
 
-/// The model nearest to the logarithms of light, but for a factor; `None` where there is next to no light.
+/// Model closest to the logarithms of light, up to a factor; `None` if too few directions have light.
 pub(super) fn model(tables: &Tables<'_>) -> Option<Divisor> {
     let seen = seen(tables);
     if seen.len() < 2 * STEPS.len() {
@@ -59,7 +61,7 @@ pub(super) fn model(tables: &Tables<'_>) -> Option<Divisor> {
             for (k, step) in steps.into_iter().enumerate().flat_map(|(k, step)| [(k, step), (k, -step)]) {
                 let mut place = best.0;
                 place[k] += step;
-                // The reflectance is at most 1.
+                // Reflectance is at most 1.
                 place[1] = place[1].min(0.0);
                 let spread = variance(&seen, place);
                 if spread < (1.0 - LESS) * best.1 - ROUNDING {
@@ -80,7 +82,7 @@ fn divisor(place: [f64; 3]) -> Divisor {
     Divisor::Model { roughness, reflectance, base }.stated()
 }
 
-/// The variance of the logarithms of light over the model.
+/// Variance of the logarithm of light divided by the model.
 fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
     let model = Divided::by(divisor(place));
     let (mut sum, mut square) = (0.0, 0.0);

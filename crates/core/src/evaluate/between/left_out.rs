@@ -1,4 +1,4 @@
-//! Errors where each inner incidence is left out in turn and predicted from those around it.
+//! Leave-one-out errors: each inner incidence is predicted from those around it.
 
 use super::Divided;
 use super::cubic::{NO_WEIGHT, held, range};
@@ -9,20 +9,20 @@ use crate::evaluate::incoming::{Alignment, carried};
 use crate::numeric::exponential::exp_f64;
 use rayon::prelude::*;
 
-/// Index entries at which errors are measured, at most, and incidences.
+/// Maximum number of index entries and of incidences at which errors are measured.
 const ENTRIES: usize = 4;
 const INCIDENCES: usize = 96;
-/// A relative error counts as this at most: a direction beside a lobe does not outweigh all others.
+/// Upper bound on the relative error of one direction, so that directions beside a lobe do not outweigh all others.
 const MOST_ERROR: f64 = 50.0;
 
-/// Errors of the incidences that were left out.
+/// Leave-one-out errors of all incidences.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Errors {
-    /// Root mean square of the relative error.
+    /// er(L2): root mean square of the relative error.
     pub(super) er_l2: f64,
-    /// The same less what noise of the samples adds.
+    /// er(L2) after the expected contribution of the samples' noise is subtracted.
     pub(super) without_noise: f64,
-    /// Largest share of the light of an incidence that is put elsewhere.
+    /// Largest share of an incidence's light that the prediction puts elsewhere.
     pub(super) moved: f64,
 }
 
@@ -36,20 +36,20 @@ struct Sums {
     light: f64,
 }
 
-/// Light under one of the other incidences, where the one left out has it.
+/// Light under another incidence, at the direction that corresponds to the predicted one.
 struct Other {
     to: [f32; 3],
     there: [f32; 3],
     worth: f32,
     logarithm: f32,
     is_live: bool,
-    /// Weights in the mean, and on the curves of [`Others`].
+    /// Weights in the mean, and on the linear and cubic curves of [`Others`].
     mean: f32,
     curves: [f32; 2],
 }
 
-/// The errors of each way from one incidence to the next, with noise of this relative standard deviation in each sample; `None`
-/// where no incidence stands between others.
+/// Measures the leave-one-out errors of each interpolation in `ways`. `noise` is the relative standard deviation of
+/// each sample. `None` if no incidence lies between others.
 pub(super) fn left_out(tables: &Tables<'_>, alignment: Alignment, ways: &[Between], noise: f64) -> Option<Vec<Errors>> {
     let inner: Vec<(usize, Others)> =
         (0..tables.incidences().len()).filter_map(|node| Some((node, tables.others(node)?))).collect();
@@ -97,7 +97,7 @@ pub(super) fn left_out(tables: &Tables<'_>, alignment: Alignment, ways: &[Betwee
     (0..ways.len()).map(of_way).collect()
 }
 
-/// What predicts the light of an incidence in one direction.
+/// Prediction of an incidence's light in one direction from the other incidences.
 struct Predicting {
     wi: [f32; 3],
     wo: [f32; 3],
@@ -140,7 +140,8 @@ impl Predicting {
         Self { wi: single(wi), wo: single(wo), others: all.collect(), has_curves }
     }
 
-    /// The logarithm of the light that is predicted, and the sum of the squares of weights; `None` where nothing predicts it.
+    /// Returns the logarithm of the predicted light and the sum of squared weights; `None` if no other incidence
+    /// predicts it.
     fn by(&self, divided: Divided, cubic: bool) -> Option<(f32, f32)> {
         let rest = |other: &Other| other.logarithm - divided.one(other.to, other.there);
         let (mut sum, mut total, mut squares) = (0.0, 0.0, 0.0);
@@ -165,7 +166,7 @@ impl Predicting {
                 of_squares += other.curves[curve] * other.curves[curve];
             }
             let mixed = self.others.iter().filter(|other| other.is_live && other.mean > 0.0);
-            // Fits between triangles are not held.
+            // Fits between triangles are not clamped.
             let is_held = !self.has_curves[0];
             let value = if is_held { held(value / total, range(mixed.map(rest))) } else { value / total };
             logarithm += worth * (value - logarithm);

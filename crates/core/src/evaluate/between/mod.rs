@@ -1,4 +1,4 @@
-//! From one measured incidence to the next: the divisor, the order of the curve, and the choice of both.
+//! Interpolation from one measured incidence to the next: the divisor, the order of the curve, and the choice of both.
 
 mod choice;
 mod cubic;
@@ -13,5 +13,5 @@ pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
 pub(super) use divisor::Divided;
 pub use report::LeftOut;
 
-/// Past the last measured incidence f·cos θo stays at most this many times its largest value there.
+/// Upper bound on f·cos θo past the last measured incidence, as a multiple of its largest value at that incidence.
 pub(super) const MOST_BEYOND: f32 = 1.5;

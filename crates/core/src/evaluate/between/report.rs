@@ -1,34 +1,34 @@
-//! What is said about the interpolation between incidences: errors of those left out, and an estimate of those between.
+//! Report on the interpolation between incidences: leave-one-out errors, and the error expected between incidences.
 
 use super::left_out::left_out;
 use super::tables::Tables;
 use crate::evaluate::material::Material;
 
-/// Part of the error of an incidence left out that is expected between incidences: it is measured at twice their distance, and was
-/// found three to six times too large.
+/// Ratio of the error expected between incidences to the leave-one-out error. Leaving one out doubles the distance; the
+/// error was found three to six times too large.
 const BETWEEN: f64 = 0.25;
 
-/// Errors where each inner incidence is left out in turn and predicted from those around it, of the mean of three wavelengths over
-/// outgoing directions to 80° from the normal.
+/// Leave-one-out errors: each inner incidence is predicted from those around it. They are measured on the mean of three
+/// wavelengths, over outgoing directions to 80° from the normal.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct LeftOut {
-    /// er(L2) of the incidences that are left out: the root mean square of the relative error.
+    /// er(L2) of the incidences left out: root mean square of the relative error.
     pub er_l2: f64,
-    /// er(L2) that is expected between incidences: a quarter of it, without the noise of the samples.
+    /// er(L2) expected between incidences: a quarter of the leave-one-out error, without the noise of the samples.
     pub between: f64,
-    /// Share of an incidence's light that is expected to be put elsewhere between incidences, where that is most: a quarter of
-    /// that of the incidences left out.
+    /// Largest share of an incidence's light expected in the wrong place between incidences: a quarter of the
+    /// leave-one-out share.
     pub moved: f64,
 }
 
-/// Expected errors between incidences beyond this many times the promised one are warned of.
+/// Multiple of the promised error beyond which the error expected between incidences causes a warning.
 const PROMISES: f64 = 3.0;
-/// So are shares of an incidence's light in the wrong place beyond this.
+/// Share of an incidence's light in the wrong place beyond which a warning is given.
 const MOVED: f64 = 0.05;
 
 impl LeftOut {
-    /// A warning where incoming directions are too sparse to say what lies between them: where the error expected there is above three
-    /// times the relative error that is promised at them, or more than 5 % of an incidence's light is in the wrong place.
+    /// Returns a warning if the incoming directions are too sparse. That is, the error expected between them exceeds
+    /// three times the relative error `promised` at them, or more than 5 % of an incidence's light is misplaced.
     pub fn warning(&self, promised: f64) -> Option<String> {
         let sparse = "incoming directions are too sparse for the lobe: between them";
         if self.moved > MOVED {
@@ -45,8 +45,8 @@ impl LeftOut {
 }
 
 impl Material {
-    /// Errors where each inner incidence is left out in turn, for samples whose noise has this relative standard deviation; `None`
-    /// where no incidence stands between others.
+    /// Measures leave-one-out errors. `noise` is the relative standard deviation of the samples. `None` if no incidence
+    /// lies between others.
     pub fn left_out(&self, noise: f64) -> Option<LeftOut> {
         let tables = Tables::of(self)?;
         let [errors] = left_out(&tables, tables.alignment(), &[tables.between()], noise)?[..] else { return None };

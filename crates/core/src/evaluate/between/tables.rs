@@ -1,4 +1,4 @@
-//! Light under the measured incidences of a material, and which of them stand around one that is left out.
+//! Light under the measured incidences of a material, and the incidences around one that is left out.
 
 use super::Cubic;
 use crate::compress::Between;
@@ -12,12 +12,12 @@ use crate::evaluate::lines::Lines;
 use crate::evaluate::planes::Planes;
 use crate::evaluate::smooth::Smooth;
 
-/// Outgoing directions at which errors are measured, on one side of the horizon.
+/// Number of outgoing directions at which errors are measured, on one side of the horizon.
 const DIRECTIONS: u32 = 2048;
-/// Their least height: directions to 80° from the normal.
+/// Minimum |cos θ| of those directions: 80° from the normal.
 const LOWEST: f64 = 0.173_648_177_666_930_35;
 
-/// Light of a material's incidences.
+/// Measured incidences of a material and its smooth form, for leave-one-out predictions.
 pub(super) struct Tables<'a> {
     form: Form<'a>,
     geometry: &'a Geometry,
@@ -25,7 +25,7 @@ pub(super) struct Tables<'a> {
     alignment: Alignment,
     incidences: Vec<Vector>,
     outgoing: Vec<Vector>,
-    /// What predicts each triangle of incidence.
+    /// Incidences that predict each triangle of the incoming mesh; empty for other axes.
     triangles: Vec<Option<Others>>,
 }
 
@@ -34,18 +34,19 @@ enum Form<'a> {
     Lines(&'a Lines),
 }
 
-/// Incidences that stand for one that is left out.
+/// Incidences that predict one that is left out.
 #[derive(Clone, Debug)]
 pub(super) struct Others {
-    /// Entries with their weights, which add up to 1 and are not negative.
+    /// Entries with their weights, which are nonnegative and sum to 1.
     pub(super) mean: Vec<(usize, f32)>,
-    /// What straight lines weigh instead where none of these fades, and what cubics do.
+    /// Weights of the linear and of the cubic interpolation. They replace the mean where none of their incidences is
+    /// dark or masked.
     pub(super) linear: Option<Vec<(usize, f32)>>,
     pub(super) cubic: Option<Vec<(usize, f32)>>,
 }
 
 impl<'a> Tables<'a> {
-    /// The tables of a material with several incidences and a smooth form that goes from one to the next.
+    /// Tables of a material with several incidences and a smooth form between them; otherwise `None`.
     pub(super) fn of(material: &'a Material) -> Option<Self> {
         let geometry = material.geometry();
         let (form, domain, alignment) = match (material.planes_of_cells(), material.stated()) {
@@ -79,7 +80,7 @@ impl<'a> Tables<'a> {
         &self.incidences
     }
 
-    /// Outgoing directions to 80° from the normal, as many in each solid angle.
+    /// Outgoing directions to 80° from the normal, uniform in solid angle.
     pub(super) fn outgoing(&self) -> &[Vector] {
         &self.outgoing
     }
@@ -92,7 +93,7 @@ impl<'a> Tables<'a> {
         self.alignment
     }
 
-    /// The interpolation between incidences.
+    /// Interpolation between incidences.
     pub(super) fn between(&self) -> Between {
         match self.form {
             Form::Planes(_, smooth) => smooth.between(),
@@ -100,7 +101,7 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// The mean of three wavelengths under a measured incidence; NaN where it is masked.
+    /// Mean of three wavelengths under a measured incidence; NaN where it is masked.
     pub(super) fn light(&self, entry: usize, node: usize, wo: Vector) -> f64 {
         match self.form {
             Form::Planes(planes, smooth) => smooth.brightness(planes, (entry, node), self.incidences[node], wo),
@@ -108,7 +109,7 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// The incidences that predict one without itself; `None` at the ends, where nothing is between.
+    /// Incidences that predict `node` from the others; `None` at the ends of the axis.
     pub(super) fn others(&self, node: usize) -> Option<Others> {
         let axes = self.geometry.axes();
         match self.geometry.layout().incoming.map(|axis| &axes[axis]) {
@@ -123,15 +124,15 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// The neighbours of an inner angle, with weights on the straight line between them.
+/// Neighbours of an inner angle, with the weights of linear interpolation between them.
 fn between(angles: &[f64], node: usize) -> Option<[(usize, f32); 2]> {
     let (below, above) = (angles.get(node.checked_sub(1)?)?, angles.get(node + 1)?);
     let t = ((angles[node] - below) / (above - below)) as f32;
     Some([(node - 1, 1.0 - t), (node + 1, t)])
 }
 
-/// The two angles below and the two above an inner one with the weights of a cubic, where the straight line gives the one above
-/// the weight `t`.
+/// The two angles below and the two above an inner one, with cubic weights. `t` is the weight that linear interpolation
+/// gives the angle above.
 fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, angle)| *angle).collect();
     let (entries, weights) = Cubic::new(&rest).around(node - 1, t);
@@ -139,7 +140,7 @@ fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     restored.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect()
 }
 
-/// The directions of a grid above and below one; at the ends of the polar angle, those beside it.
+/// Neighbours of a grid direction along the polar angle; at its ends, neighbours in azimuth.
 fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     let [_, columns] = grid.shape();
     let (row, column) = (entry / columns, entry % columns);
@@ -153,7 +154,7 @@ fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     Some(Others { mean, linear: None, cubic: None })
 }
 
-/// Directions on a spiral (Swinbank & Purser 2006), on the sides of the horizon that a domain has.
+/// Spiral of directions (Swinbank & Purser 2006) on the sides of the horizon that a domain includes.
 fn outgoing(domain: Domain) -> Vec<Vector> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let above = (0..DIRECTIONS).map(|k| {

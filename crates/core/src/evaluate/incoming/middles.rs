@@ -1,4 +1,4 @@
-//! Nodes halfway between those around an incoming direction, for curves through six nodes of a triangle.
+//! Midpoint nodes between those around an incoming direction, for curves through six nodes of a triangle.
 
 use super::{NONE, Nodes, Triangles};
 use crate::domain::Domain;
@@ -6,26 +6,27 @@ use crate::domain::vector::{add, unit};
 use crate::evaluate::reconstruct::Cells;
 use std::collections::HashMap;
 
-/// Weights of the three nodes around a direction and of those halfway between the first two, the last two, and the first and last.
+/// Weights of the three nodes around a direction and of the midpoints between the first two, the last two, and the
+/// first and last.
 pub(in crate::evaluate) type Six = ([u32; 6], [f32; 6]);
 
-/// Entries with weights that add up to 1.
+/// Entries with weights that sum to 1.
 pub(in crate::evaluate) type Entries = Vec<(usize, f32)>;
 
 /// Entries that predict one that is left out.
 #[derive(Clone, Debug)]
 pub(in crate::evaluate) struct Predicting {
-    /// With weights that are not negative, where those of the others fade.
+    /// Nonnegative weights, used where entries of the other two are dark or masked.
     pub(in crate::evaluate) mean: Entries,
-    /// On straight lines between vertices, each a fit of those around.
+    /// Linear interpolation between vertices, each a fit of the surrounding entries.
     pub(in crate::evaluate) linear: Entries,
-    /// By a fit where it is.
+    /// Quadratic fit at the direction of the left-out entry.
     pub(in crate::evaluate) quadratic: Entries,
 }
 
 impl Nodes {
-    /// Adds nodes halfway between neighbouring ones, made of the entries around as vertices are. Only triangles have them, and none of
-    /// those that would reach the rim: nothing is extrapolated there.
+    /// Adds midpoint nodes between neighbours, derived from surrounding entries as vertices are. Only triangles have
+    /// them. Midpoints that would reach the rim are left out: nothing is extrapolated there.
     pub(in crate::evaluate) fn add_middles(&mut self) {
         if let Self::Triangles(triangles) = self
             && triangles.lookup.mesh().level() > 0
@@ -34,8 +35,8 @@ impl Nodes {
         }
     }
 
-    /// The quadratic through six nodes where three are around a direction with these weights. Where a node halfway does not exist,
-    /// the line between its ends is straight.
+    /// Quadratic through six nodes, from the three around a direction and their weights. Along an edge without a
+    /// midpoint it is linear.
     #[inline]
     pub(in crate::evaluate) fn quadratic(&self, [a, b, c]: [u32; 3], [u, v, w]: [f32; 3]) -> Six {
         let mut six = ([a, b, c, a, a, a], [u, v, w, 0.0, 0.0, 0.0]);
@@ -58,7 +59,7 @@ impl Nodes {
 }
 
 impl Nodes {
-    /// How many nodes may be around a direction: all but those halfway between others.
+    /// Number of nodes that can lie around a direction: all but the midpoints.
     pub(in crate::evaluate) fn around_count(&self) -> usize {
         match self {
             Self::Triangles(triangles) => triangles.cells + triangles.lookup.vertices(),
@@ -66,7 +67,7 @@ impl Nodes {
         }
     }
 
-    /// The entries that make a node which is none itself where its own sources fade: with weights that are not negative.
+    /// Entries with nonnegative weights that a derived node falls back to where entries of its fit are dark or masked.
     pub(in crate::evaluate) fn mean_sources(&self, node: usize) -> Entries {
         let Self::Triangles(triangles) = self else { return vec![(node, 1.0)] };
         let vertices = triangles.cells + triangles.lookup.vertices();
@@ -77,7 +78,8 @@ impl Nodes {
         }
     }
 
-    /// Of each triangle the entries that predict it without itself; `None` at the rim, and where incidences are no triangles.
+    /// For each triangle, the entries that predict it without itself; `None` at the rim. Empty if incidences are not
+    /// triangles.
     pub(in crate::evaluate) fn predicting(&self) -> Vec<Option<Predicting>> {
         let Self::Triangles(triangles) = self else { return Vec::new() };
         let lookup = &triangles.lookup;
@@ -100,7 +102,7 @@ impl Nodes {
     }
 }
 
-/// The mean of several weightings of entries.
+/// Mean of several weightings of entries.
 fn mean<const COUNT: usize>(all: [Entries; COUNT]) -> Entries {
     let mut sums: Entries = Vec::new();
     for (entry, weight) in all.into_iter().flatten() {

@@ -1,4 +1,4 @@
-//! The function at the places found around a direction: cubics of logarithms or straight lines, by the shares of light.
+//! Values from the places around a direction: cubics of logarithms or straight lines, weighted by shares of light.
 
 use super::part::{Part, Sums, by_shares, cubic, line, straight};
 use super::sphere::Patch;
@@ -7,11 +7,11 @@ use crate::evaluate::mixed::NO_LIGHT;
 use crate::evaluate::number::Number;
 use wide::f32x4;
 
-/// Wavelengths that are worked on together.
+/// Number of wavelengths processed together.
 const SIDE: usize = 4;
 
 impl Lines {
-    /// The whole spectrum of what was found, of the function with a share of straight lines.
+    /// Writes the whole spectrum at the places found; `straight` is the fraction of linear interpolation.
     #[inline]
     pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
         if let [out] = out {
@@ -23,7 +23,7 @@ impl Lines {
         }
     }
 
-    /// A sample, or four from `lambda` on, of the function with a share of straight lines.
+    /// Returns one sample, or four from `lambda` on; `share` is the fraction of linear interpolation.
     #[inline(always)]
     pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         match &found.between {
@@ -39,7 +39,7 @@ impl Lines {
         }
     }
 
-    /// The same on straight lines between incidences.
+    /// Like [`Lines::samples`], linear between incidences.
     #[inline(always)]
     fn mixed_samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         let mut sums = Sums::nothing();
@@ -50,7 +50,7 @@ impl Lines {
         self.settled(&sums, share)
     }
 
-    /// Adds what one incoming place has, by its table and its weight.
+    /// Adds the contribution of one incoming place, given by its table and its weight.
     #[inline(always)]
     pub(super) fn add<T: Number>(
         &self,
@@ -67,7 +67,7 @@ impl Lines {
             return;
         };
         if !self.values.is_logarithmic() {
-            // Straight lines, for which the four samples around are enough.
+            // Linear interpolation needs only the four samples around.
             let [a, b, c, d]: [T; 4] = self.middle(table, patch, lambda);
             let [one, two, t] = [patch.along(1).t, patch.along(2).t, patch.across.t];
             if self.values.is_whole() || (a + b + c + d).is_finite() {
@@ -98,7 +98,7 @@ impl Lines {
         }
     }
 
-    /// The logarithm in a patch; with shares of light where not all of it has light.
+    /// Logarithm interpolated in a patch; a [`Part`] with shares of light if the patch has dark or masked places.
     #[inline(always)]
     fn curved<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> Result<T, Part<T>> {
         let mut numbers = [[T::of(0.0); 4]; 4];
@@ -109,7 +109,7 @@ impl Lines {
                 sum = sum + *number;
             }
         }
-        // Logarithms are far from infinite; one of them that is, or is none, leaves no other sum.
+        // Logarithms are far from overflow: only an infinite or NaN one makes the sum non-finite.
         if !self.values.is_whole() && !sum.is_finite() {
             return Err(by_shares(&numbers, patch));
         }
@@ -120,7 +120,7 @@ impl Lines {
         Ok(cubic(&rows, &patch.across))
     }
 
-    /// What one incoming place has, of logarithms.
+    /// Contribution of one incoming place, in logarithms.
     #[inline(always)]
     pub(super) fn part<T: Number>(&self, table: usize, patch: Option<&Patch>, lambda: usize) -> Part<T> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
@@ -135,7 +135,7 @@ impl Lines {
         }
     }
 
-    /// Adds the one place where there is no outgoing axis, or what lies outside the outgoing grid.
+    /// Adds the single place without an outgoing axis, or the value outside the outgoing grid.
     fn add_without_patch<T: Number>(&self, sums: &mut Sums<T>, (table, weight): (usize, T), lambda: usize) {
         let zero = T::of(0.0);
         if let Some(sphere) = &self.outgoing {
@@ -151,14 +151,14 @@ impl Lines {
         }
     }
 
-    /// The numbers of the four places in the middle of a patch, row by row.
+    /// Numbers of the four places in the middle of a patch, row by row.
     #[inline(always)]
     fn middle<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> [T; 4] {
         let number = |r: usize, column: usize| self.values.numbers::<T>(table, patch.place(r, column), lambda);
         [number(1, 1), number(1, 2), number(2, 1), number(2, 2)]
     }
 
-    /// The samples of sums over all incoming places.
+    /// Samples from the sums over all incoming places.
     #[inline(always)]
     pub(super) fn settled<T: Number>(&self, sums: &Sums<T>, share: f32) -> T {
         let least = T::of(NO_LIGHT * sums.total);

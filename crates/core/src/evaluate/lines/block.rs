@@ -1,4 +1,4 @@
-//! Many directions at once: their angles side by side, then the places around each.
+//! Evaluates many directions at once: first the angles of all, then the places around each.
 
 use super::part::Sums;
 use super::{AROUND, Kind, Lines, Nodes, elevation, nodes_between};
@@ -11,11 +11,11 @@ use crate::numeric::wide;
 use ::wide::f32x4;
 
 impl Lines {
-    /// The spectra of many directions into `out`, as [`Lines::spectrum`] has them one by one; returns false where an
-    /// incoming direction is outside, or where a spectrum has more samples than are worked on together.
+    /// Writes the spectra of many directions into `out`, as [`Lines::spectrum`] gives them. Returns false if an
+    /// incoming direction is outside, if a spectrum has more than four samples, or if a divisor or cubic is in use.
     pub(in crate::evaluate) fn spectra(&self, entry: usize, wi: &Vectors, wo: &Vectors, out: &mut [f32]) -> bool {
         match self.values.lambdas() {
-            // What is chosen between incidences is found one by one.
+            // Divisors and cubics between incidences are evaluated one by one.
             _ if self.course.is_some() => false,
             1 => self.spectra_in::<f32>(entry, wi, wo, out),
             2..=4 => self.spectra_in::<f32x4>(entry, wi, wo, out),
@@ -63,7 +63,7 @@ impl Lines {
         true
     }
 
-    /// The incoming places around directions; returns false where one is outside.
+    /// Finds the incoming places around directions; returns false if a direction is outside.
     fn nodes_of_block(&self, wi: &Vectors, to: &mut [Nodes]) -> bool {
         if let Kind::Elevations(_, line) = &self.incoming.0 {
             let mut elevations: Block = [0.0; BLOCK];
@@ -81,8 +81,8 @@ impl Lines {
         to.iter_mut().enumerate().all(|(i, to)| self.nodes(vector_of(wi, i)).map(|nodes| *to = nodes).is_some())
     }
 
-    /// [`Lines::carried`] to one of the incoming places of each direction, where it is not the only one; `there` holds
-    /// the outgoing directions.
+    /// Applies [`Lines::carried`] to one incoming place of each direction, unless it is the only one. `there` holds the
+    /// outgoing directions on entry and the aligned ones on return.
     fn carried_block(
         &self,
         slot: usize,
@@ -92,7 +92,7 @@ impl Lines {
         worths: &mut [f32; BLOCK],
     ) {
         if self.domain == Domain::Sphere {
-            // Each its own way, by its side of the horizon.
+            // The alignment depends on the side of the horizon.
             for (i, nodes) in nodes.iter().enumerate().filter(|(_, nodes)| nodes.weights[slot] < 1.0) {
                 let (moved, worth) =
                     self.carried(&Origin::new(vector_of(wi, i)), nodes.places[slot], vector_of(there, i));

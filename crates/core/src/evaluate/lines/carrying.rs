@@ -1,4 +1,4 @@
-//! The alignment between stated incoming directions: the one under which the function keeps its shape best.
+//! Chooses the alignment between stated incoming directions: the one under which the function keeps its shape best.
 
 use super::{Kind, Lines};
 use crate::domain::Direction;
@@ -6,7 +6,7 @@ use crate::domain::vector::Vector;
 use crate::evaluate::change::change_of_shape;
 use crate::evaluate::incoming::{Alignment, carried};
 
-/// Outgoing directions at which incoming ones are compared, about.
+/// Approximate number of outgoing directions at which incoming ones are compared.
 const COMPARED: usize = 600;
 
 impl Lines {
@@ -42,7 +42,7 @@ impl Lines {
         (0..sphere.grid().len()).step_by(step).map(|entry| sphere.grid().direction(entry).xyz()).collect()
     }
 
-    /// Neighbours among the stated incoming directions.
+    /// Neighbouring pairs of stated incoming directions.
     fn neighbours(&self) -> Vec<(usize, usize)> {
         match &self.incoming.0 {
             Kind::None => Vec::new(),
@@ -57,7 +57,7 @@ impl Lines {
         }
     }
 
-    /// The mean of three wavelengths under one incoming direction.
+    /// Mean of three wavelengths under one incoming direction.
     pub(in crate::evaluate) fn brightness(&self, entry: usize, node: usize, d: Vector) -> f64 {
         let found = self.under(entry, node, Direction::from_unit(d));
         let last = self.values.lambdas() - 1;

@@ -1,34 +1,34 @@
-//! Way of samples on a grid from one incidence to the next, where a divisor or a cubic was chosen.
+//! Interpolation of samples on a grid between incidences, if a divisor or a cubic is in use.
 
 use super::sphere::Patch;
 use crate::compress::Between;
 use crate::evaluate::between::{Cubic, Divided, FOUR};
 
-/// The way from one incidence to the next.
+/// Interpolation between incidences.
 #[derive(Debug)]
 pub(super) struct Course {
     pub(super) stated: Between,
     pub(super) divided: Divided,
     pub(super) cubic: Option<Cubic>,
-    /// Past the last elevation: its height, and the largest logarithm of f·cos θo there by index entry and wavelength.
+    /// Past the last elevation: its cosine, and the largest logarithm of f·cos θo there by index entry and wavelength.
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// What was found on the way from one incidence to the next.
+/// Lookup of one query between incidences.
 #[derive(Clone, Debug)]
 pub(super) struct FoundBetween {
-    /// Logarithms of the divisor at the places that are mixed, and at the place asked for.
+    /// Logarithms of the divisor at the mixed places, and at the queried place.
     pub(super) divisors: [f32; FOUR],
     pub(super) own: f32,
-    /// Weights of a cubic, and the least worth of its places.
+    /// Weights of a cubic, and the smallest alignment weight of its places.
     pub(super) cubic: Option<([f32; FOUR], f32)>,
-    /// Between the rows of an incoming grid: what the cubic weighs beside the places that straight lines mix.
+    /// Between the rows of an incoming grid: the cubic's places beyond those that linear interpolation mixes.
     pub(super) outer: Option<Box<Outer>>,
-    /// Past the last incidence: the first of the entry's largest logarithms, and the logarithm of cos θo.
+    /// Past the last incidence: position of the entry's first largest logarithm, and the logarithm of cos θo.
     pub(super) held: Option<(usize, f32)>,
 }
 
-/// Places of a cubic on the rows before and after those around: their tables, patches, logarithms of the divisor and weights.
+/// Places of a cubic on the rows before and after those around: tables, patches, logarithms of the divisor and weights.
 #[derive(Clone, Debug)]
 pub(super) struct Outer {
     pub(super) tables: [usize; FOUR],

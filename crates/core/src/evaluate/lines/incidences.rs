@@ -1,4 +1,4 @@
-//! Lines where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
+//! Interpolation between incidences with a divisor or a cubic, and extrapolation past the last incidence.
 
 use super::course::{Course, FoundBetween, Outer};
 use super::part::Part;
@@ -14,13 +14,14 @@ use crate::evaluate::number::Number;
 use crate::numeric::bracket::Bracket;
 use crate::numeric::logarithm::ln_f32;
 
-/// Heights below this count as this where a value is held past the last incidence.
+/// Lower bound on |cos θo| in the limit past the last incidence.
 const LEAST_COSINE: f32 = 1e-3;
-/// Heights this near to that of the last incidence are its own.
+/// Tolerance on the cosine within which an incidence equals the last one.
 const ROUNDING: f64 = 1e-9;
 
 impl Lines {
-    /// Goes from one incidence to the next as `between` states; as files do that state nothing where samples are negative.
+    /// Sets the interpolation between incidences to `between`. Negative samples keep the default of files that state
+    /// none.
     pub(in crate::evaluate) fn go(&mut self, entries: usize, between: &Between) {
         if between.is_default() || !self.values.is_logarithmic() {
             return;
@@ -37,13 +38,13 @@ impl Lines {
         self.course = Some(Box::new(course));
     }
 
-    /// The interpolation between incidences that was stated.
+    /// Stated interpolation between incidences.
     pub(in crate::evaluate) fn between(&self) -> Between {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated)
     }
 
-    /// The largest logarithms of f·cos θo at the last of this many incoming elevations, by index entry and wavelength, as far
-    /// apart as the numbers of places.
+    /// Largest logarithms of f·cos θo at the last of `elevations` incoming elevations, by index entry and wavelength.
+    /// Entries are `stride` numbers apart, as in [`super::values::Values`].
     fn largest_at_last(&self, entries: usize, elevations: usize) -> Vec<f32> {
         let (lambdas, stride) = (self.values.lambdas(), self.values.stride());
         let mut largest = vec![f32::NEG_INFINITY; entries * stride];
@@ -67,7 +68,7 @@ impl Lines {
         largest
     }
 
-    /// As [`Lines::smooth`] on the way of `course`.
+    /// Like [`Lines::smooth`], with a divisor or a cubic between incidences.
     pub(super) fn smooth_between(&self, course: &Course, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         let Nodes { mut places, mut weights } = self.nodes(wi)?;
         let is_single = weights.contains(&1.0);
@@ -120,8 +121,8 @@ impl Lines {
         Some(found)
     }
 
-    /// Where the incoming place has what is asked for: the patch there, the logarithm of the divisor, and what it is worth. It
-    /// `stays` where a stated direction is asked for.
+    /// Looks up a query under one incoming place: the patch, the logarithm of the divisor, and the alignment weight.
+    /// `stays` is true if the query is at a stated direction.
     fn seen_under(
         &self,
         course: &Course,
@@ -139,16 +140,16 @@ impl Lines {
         let patch = |d: Vector| self.outgoing.as_ref().and_then(|sphere| sphere.patch(d));
         let mut found = patch(there);
         if is_past && found.is_none() {
-            // It alone counts: what the grid does not cover there is taken from where it is asked for.
+            // The last incidence alone counts: outside its grid, the value is taken at the queried direction.
             (there, found) = (wo, patch(wo));
         }
-        // A stated direction is the sample, whatever rounding made of it.
+        // A stated direction gives the sample, free of rounding.
         let from = if stays { wi } else { to };
         let single = |d: Vector| d.map(|x| x as f32);
         (found, course.divided.one(single(from), single(there)), worth)
     }
 
-    /// A sample, or four from `lambda` on, of what was found on the way from one incidence to the next.
+    /// Returns one sample, or four from `lambda` on, interpolated with the divisor and the cubic.
     pub(super) fn samples_between<T: Number>(&self, between: &FoundBetween, found: &Found, lambda: usize) -> T {
         let part = |table: usize, patch: &Option<Patch>, divisor: f32| {
             let part: Part<T> = self.part(table, patch.as_ref(), lambda);
@@ -160,7 +161,7 @@ impl Lines {
         let mut cubic = (zero, T::of(between.cubic.map_or(0.0, |(_, worth)| worth)));
         let add = |cubic: &mut (T, T), part: &Part<T>, weight: f32| {
             cubic.0 = cubic.0 + T::of(weight) * part.number;
-            // Straight lines where a place fades, or has no light.
+            // Falls back to linear interpolation where a place loses weight or has no light.
             cubic.1 = cubic.1.smaller(part.live);
         };
         for k in 0..found.count {
@@ -210,8 +211,8 @@ impl Lines {
 /// Places with their weights.
 type Weighed = ([u32; AROUND], [f32; AROUND]);
 
-/// The cubic over the rows of an incoming grid, on straight lines between its columns: weights of the places around, and the
-/// places on the rows before and after them; `None` on a row.
+/// Cubic over the rows of an incoming grid, linear between its columns. Returns the weights of the places around, and
+/// the weighted places on the rows before and after; `None` on a row.
 fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Option<([f32; AROUND], Weighed)> {
     let direction = Direction::from_unit(wi);
     let [polar, _] = sphere.grid().angles(direction)?;
@@ -226,7 +227,7 @@ fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Opti
         of_rows[row] * if column == 1 { 1.0 - along } else { along }
     };
     let mut weights = std::array::from_fn(|k| weight(1 + k / 2, 1 + k % 2));
-    // Places that are one are so here, too.
+    // Merges repeated places, as `around` does.
     for k in 0..AROUND {
         for other in k + 1..AROUND {
             if around[other] == around[k] {

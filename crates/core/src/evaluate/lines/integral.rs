@@ -1,9 +1,9 @@
-//! The integral over all outgoing directions of the function between samples on a grid, interval by interval.
+//! Integral over all outgoing directions of the function between samples on a grid, interval by interval.
 
 use super::Lines;
 use crate::domain::{Direction, Frame};
 
-/// Points and weights of Gauss and Legendre on −1 … 1, of four points: exact for polynomials to degree 7.
+/// Gauss-Legendre points and weights on −1 … 1, four points: exact for polynomials to degree 7.
 const POINTS: [[f64; 2]; 4] = [
     [-0.861_136_311_594_052_6, 0.347_854_845_137_453_86],
     [-0.339_981_043_584_856_3, 0.652_145_154_862_546_1],
@@ -12,14 +12,15 @@ const POINTS: [[f64; 2]; 4] = [
 ];
 
 impl Lines {
-    /// Writes ∫ f dω of an entry of the opaque axes into `out`, one a wavelength: without an incoming direction, over what the grid
-    /// covers, of the function with a share, 0..=1, of straight lines. Between neighbouring angles of the file the rule has four
-    /// points each way, so that on straight lines it is the zonal flux of the samples to rounding. Masked directions count as dark.
+    /// Writes ∫ f dω of an entry of the opaque axes into `out`, one number for each wavelength. There is no incoming
+    /// direction; the domain is the part that the grid covers. `straight`, 0..=1, is the fraction of linear
+    /// interpolation. The rule has four points each way between neighbouring angles of the file. For linear
+    /// interpolation it is thus the zonal flux of the samples up to rounding. Masked directions count as dark.
     pub(in crate::evaluate) fn integrate(&self, entry: usize, straight: f32, out: &mut [f64]) {
         out.fill(0.0);
         let Some(sphere) = &self.outgoing else { return };
         let [polar, azimuth] = sphere.intervals();
-        // Mirrored latitudes stand for both sides of the equator.
+        // Mirrored latitudes cover both sides of the equator.
         let sides = if sphere.grid().is_polar_mirrored() { 2.0 } else { 1.0 };
         let turned =
             |[a, b]: [f64; 2]| POINTS.map(|[x, weight]| [0.5 * (a + b) + 0.5 * (b - a) * x, 0.5 * (b - a) * weight]);

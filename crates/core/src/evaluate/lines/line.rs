@@ -1,50 +1,51 @@
-//! One line of a grid: the four entries around an angle, with the weights of a cubic and of a straight line between the middle two.
+//! One line of a grid: the four entries around an angle, with the weights of a cubic and of a straight line between the
+//! middle two.
 
-/// Bins of a line, in which a search for an angle starts, at least, and at most for each interval and in all.
+/// Number of bins in which a search for an angle starts: its minimum, and its maxima for each interval and in all.
 const BINS: usize = 512;
 const BINS_OF_INTERVAL: usize = 8;
 const MOST_BINS: usize = 1 << 16;
-/// Part of an interval within which a direction counts as a stated one.
+/// Fraction of an interval within which a direction equals a stated one.
 const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
-/// An entry of a line: its angle in degrees and the number it has on the axis. Mirror images have the number of their original.
+/// Entry of a line: its angle in degrees and its number on the axis. Mirror images have the number of their original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) angle: f64,
     pub(super) entry: u32,
 }
 
-/// Entries in the order of their angles.
+/// Entries in order of their angles.
 #[derive(Debug)]
 pub(super) struct Line {
     first: f64,
     last: f64,
     is_circle: bool,
-    /// Bins in a degree, and by bin an interval that starts at or below all angles of the bin, the last such.
+    /// Bins per degree. For each bin, the last interval that starts at or below all its angles.
     per_degree: f64,
     bins: Vec<u32>,
-    /// Where each interval starts; then infinity, as the last interval has no end.
+    /// Start of each interval in degrees, then infinity as a sentinel.
     starts: Vec<f64>,
     intervals: Vec<Interval>,
 }
 
-/// What lies between two neighbouring entries.
+/// Interval between two neighbouring entries.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     start: f64,
-    /// 1 / length; 0 on a line of a single entry.
+    /// Reciprocal length in 1/degree; 0 on a line of a single entry.
     per_degree: f64,
     entries: [u32; 4],
-    /// The slope at the start and at the end, times the length, by the values of the four entries.
+    /// Slopes at the start and at the end, times the length, as weights of the four entries.
     slopes: [[f32; 4]; 2],
 }
 
 /// Weights along a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Along {
-    /// Weights of a cubic through the middle two of four entries whose slope there is that of the parabola through
+    /// Weights of a cubic through the middle two of four entries. The slope at each is that of the parabola through
     /// three entries (Catmull and Rom 1974, for uneven distances); at an end that of the secant.
     pub(super) cubic: [f32; 4],
     /// Weight of the third entry on the straight line between the second and the third.
@@ -52,20 +53,20 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// At the second entry.
+    /// Weights at the second entry.
     pub(super) const START: Self = Self { cubic: [0.0, 1.0, 0.0, 0.0], t: 0.0 };
 }
 
-/// The entries around an angle.
+/// Entries around an angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
-    /// The two before and the two after; an end stands for what is missing beyond it, with weight 0.
+    /// Two entries before and two after; a missing one is replaced by the end of the line, with weight 0.
     pub(super) entries: [u32; 4],
     pub(super) along: Along,
 }
 
 impl Line {
-    /// A line of at least one node, of strictly increasing angles; around a circle the last node is followed by the first.
+    /// Line of at least one node, of strictly increasing angles. On a circle the last node is followed by the first.
     pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
         if is_circle {
             let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
@@ -82,8 +83,8 @@ impl Line {
         Self { first, last, is_circle, per_degree, bins, starts, intervals }
     }
 
-    /// The entries around `angle` in degrees; beyond an end, those around the end. On a circle it is less than a circle
-    /// before the first entry, or less than two after it.
+    /// Entries around `angle` in degrees; beyond an end, those around the end. On a circle, `angle` must be less than a
+    /// circle before the first entry, or less than two after it.
     #[inline(always)]
     pub(super) fn around(&self, angle: f64) -> Around {
         let (interval, t) = self.find(angle);
@@ -100,14 +101,14 @@ impl Line {
         Around { entries: interval.entries, along: Along { cubic, t } }
     }
 
-    /// The two entries around `angle`, as [`Line::around`] has it, and the weight of the second one.
+    /// Two entries around `angle`, which has the range of [`Line::around`], and the weight of the second one.
     #[inline(always)]
     pub(super) fn between(&self, angle: f64) -> ([u32; 2], f64) {
         let (Interval { entries: [_, one, two, _], .. }, t) = self.find(angle);
         ([*one, *two], t)
     }
 
-    /// The interval that holds an angle, and the part of it that lies before the angle, 0..=1.
+    /// Interval that contains an angle, and the fraction of it before the angle, 0..=1.
     #[inline(always)]
     fn find(&self, angle: f64) -> (&Interval, f64) {
         let angle = if self.is_circle {
@@ -118,19 +119,19 @@ impl Line {
         };
         let bin = ((angle - self.first) * self.per_degree) as usize;
         let mut below = self.bins[bin.min(self.bins.len() - 1)] as usize;
-        // Nearly always there is one start in a bin at most: then this needs no branch that could be guessed wrongly.
+        // Nearly every bin has at most one start, so that this step is enough and needs no branch.
         below += usize::from(self.starts[below + 1] <= angle);
         while self.starts[below + 1] <= angle {
             below += 1;
         }
         let interval = &self.intervals[below];
-        // At a stated angle the entry alone counts, whatever rounding made of the direction.
+        // At a stated angle the entry alone counts, free of rounding of the direction.
         let t = (angle - interval.start) * interval.per_degree;
         let t = if t < ROUNDING { 0.0 } else { t };
         (interval, if t > 1.0 - ROUNDING { 1.0 } else { t })
     }
 
-    /// The intervals between neighbouring nodes: their ends in degrees.
+    /// Intervals between neighbouring nodes, by their ends in degrees.
     pub(super) fn intervals(&self) -> Vec<[f64; 2]> {
         let count = self.intervals.len();
         let end = if self.is_circle { self.first + CIRCLE } else { self.last };
@@ -145,9 +146,9 @@ impl Line {
 }
 
 impl Interval {
-    /// The interval from one of `nodes` to the next.
+    /// Interval from node `below` to the next.
     fn new(nodes: &[Node], is_circle: bool, below: usize) -> Self {
-        // The node at a position that may be beyond the ends: turned by whole circles, or none.
+        // Node at a position that may lie beyond the ends: shifted by whole circles, or none.
         let node = |position: isize| {
             let count = nodes.len() as isize;
             if !is_circle {
@@ -163,7 +164,7 @@ impl Interval {
         let [before, end, after] = [-1, 1, 2].map(|step| node(below as isize + step));
         let end = end.unwrap_or(start);
         let length = end.angle - start.angle;
-        // The slope at an end of the interval by the values beyond it, there, and at the other end.
+        // Slope at an end of the interval: weights of the value beyond it, at it, and at the other end.
         let slope = |distance: Option<f64>| match distance {
             None => [0.0, -1.0, 1.0],
             Some(other) => {
@@ -179,13 +180,13 @@ impl Interval {
     }
 }
 
-/// Bins over a line of this length whose intervals start here, and their number in a degree: enough that few hold two
-/// starts.
+/// Bins over a line of this length whose intervals start at `starts`, and their number per degree. There are enough
+/// bins that few contain two starts.
 fn bins(starts: &[f64], length: f64) -> (Vec<u32>, f64) {
     let mut count = BINS;
     loop {
         let per_degree = if length > 0.0 { count as f64 / length } else { 0.0 };
-        // As a search computes it, which rounding leaves in order.
+        // Same expression as in a search; rounding keeps the order.
         let bin_of: Vec<usize> = starts.iter().map(|start| ((start - starts[0]) * per_degree) as usize).collect();
         let is_fine = bin_of.array_windows().all(|[a, b]| a < b);
         if is_fine || count >= MOST_BINS.min(BINS_OF_INTERVAL * starts.len()) {
@@ -256,7 +257,7 @@ mod tests {
             let (first, last) = (angles[0], angles[angles.len() - 1]);
             let angle = first + at * (last - first);
             assert!((value(&line, angle, of) - angle).abs() < 1e-4);
-            // Inside, where both slopes are those of three entries.
+            // Inner intervals, where both slopes are those of three entries.
             if angles.len() > 3 && angle >= angles[1] && angle <= angles[angles.len() - 2] {
                 let found = value(&line, angle, |entry| of(entry) * of(entry));
                 assert!((found - angle * angle).abs() < 1e-2, "{} {}", found, angle * angle);

@@ -1,15 +1,15 @@
-//! The function of samples on a grid of directions: at a stated direction it is the sample, between them it is interpolated.
+//! Function of samples on a grid of directions: the sample itself at a stated direction, interpolated between them.
 //!
-//! * Over **outgoing** directions: a cubic of Catmull and Rom along azimuth, then along the polar angle, over the poles and
-//!   across mirror planes; of logarithms where no sample is negative. Between two entries the value leaves their range by at most
-//!   a tenth of it. Samples with negative ones among them are interpolated as they are, on straight lines.
-//! * Over **incoming** directions: linear in the polar angle (and azimuth), of logarithms; each stated direction is looked up where
-//!   its own lobe has what is asked for ([`super::incoming::Alignment`]).
-//! * Samples that are zero or masked have no logarithm: the share of live samples around is interpolated, too, on straight lines.
-//! * A share of straight lines between the samples themselves can be mixed in, up to all of it: what readers of luminaires and
-//!   of measured materials usually draw.
-//! * Directions that the file states several times (all azimuths at a pole, both ends of a closed circle) have the mean of what is
-//!   stated.
+//! * Over **outgoing** directions: a Catmull-Rom cubic along azimuth, then along the polar angle, over the poles and
+//!   across mirror planes. It interpolates logarithms if no sample is negative. Between two entries the value leaves
+//!   their range by at most a tenth of it. Data with negative samples are interpolated linearly without logarithms.
+//! * Over **incoming** directions: linear in the polar angle (and azimuth), of logarithms. Each stated direction is
+//!   looked up at the outgoing direction to which its lobe is aligned ([`super::incoming::Alignment`]).
+//! * Zero and masked samples have no logarithm: the fraction of live samples around is interpolated linearly, too.
+//! * A fraction, 0..=1, of linear interpolation of the samples themselves can be mixed in. Readers of luminaires and of
+//!   measured materials usually draw straight lines.
+//! * Directions that the file states several times have the mean of the stated samples: all azimuths at a pole, both
+//!   ends of a closed circle.
 
 mod between;
 mod block;
@@ -37,10 +37,10 @@ use part::Sums;
 use sphere::{Patch, Sphere};
 use values::{Places, Values};
 
-/// Incoming directions around one: two polar angles, two azimuths.
+/// Number of incoming directions around one: two polar angles, two azimuths.
 const AROUND: usize = 4;
 
-/// The incoming directions of samples on a grid.
+/// Incoming directions of samples on a grid.
 #[derive(Debug)]
 pub(super) struct Incoming(Kind);
 
@@ -52,42 +52,42 @@ enum Kind {
 }
 
 impl Incoming {
-    /// No incoming direction.
+    /// Absence of an incoming direction.
     pub(super) const NONE: Self = Self(Kind::None);
 
-    /// Elevations in degrees, of azimuth 0.
+    /// Elevations in degrees, at azimuth 0.
     pub(super) fn elevations(values: &[f64]) -> Self {
         let nodes = values.iter().zip(0..).map(|(&angle, entry)| Node { angle, entry }).collect();
         Self(Kind::Elevations(values.to_vec(), Box::new(Line::new(nodes, false))))
     }
 
-    /// A grid of polar angles and azimuths.
+    /// Grid of polar angles and azimuths.
     pub(super) fn grid(grid: &DirectionGrid) -> Self {
         Self(Kind::Grid(Box::new(Sphere::new(grid))))
     }
 
-    /// The place of what is stated for an entry.
+    /// Place of the sample as stated for an entry.
     fn stated(&self, entry: usize) -> usize {
         if let Kind::Grid(sphere) = &self.0 { sphere.stated(entry as u32) as usize } else { entry }
     }
 }
 
-/// The interpolated function.
+/// Interpolated function of samples on a grid.
 #[derive(Debug)]
 pub(super) struct Lines {
     incoming: Incoming,
-    /// Directions of the incoming entries, those of azimuth 0 for elevations; and as lobes are carried from them.
+    /// Directions of the incoming entries, at azimuth 0 for elevations; and the same prepared for alignment.
     directions: Vec<Vector>,
     origins: Vec<Origin>,
     outgoing: Option<Box<Sphere>>,
     values: Values,
-    /// Share of straight lines between samples, 0..=1.
+    /// Fraction of linear interpolation of samples, 0..=1.
     straight: f32,
     domain: Domain,
     alignment: Alignment,
-    /// The alignments that competed, and how much the function changes under each.
+    /// Candidate alignments, and the function's change of shape under each.
     changes: Vec<(Alignment, f64)>,
-    /// How it goes from one incidence to the next, where that is not linear in logarithms.
+    /// Interpolation between incidences; `None` if it is linear in logarithms.
     course: Option<Box<Course>>,
 }
 
@@ -98,29 +98,29 @@ struct Nodes {
     weights: [f64; AROUND],
 }
 
-/// The places around a direction that are to be mixed.
+/// Places to be mixed for a query.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     count: usize,
     tables: [usize; AROUND],
     weights: [f32; AROUND],
-    /// `None` where that incoming direction knows nothing: outside what the grid covers, or no outgoing axis.
+    /// Patches under each incoming place; `None` outside what the grid covers or without an outgoing axis.
     patches: [Option<Patch>; AROUND],
-    /// What a divisor or a cubic adds.
+    /// Data of a divisor or a cubic, if in use.
     between: Option<FoundBetween>,
 }
 
 impl Nodes {
-    /// The first place alone.
+    /// Single first place.
     const ONE: Self = Self { places: [0; AROUND], weights: [1.0, 0.0, 0.0, 0.0] };
 }
 
 impl Found {
-    /// No place.
+    /// Empty lookup.
     const NOTHING: Self =
         Self { count: 0, tables: [0; AROUND], weights: [0.0; AROUND], patches: [None; AROUND], between: None };
 
-    /// A patch under one incoming direction.
+    /// Patch under one incoming direction.
     fn one(table: usize, patch: Option<Patch>) -> Self {
         let mut found = Self { count: 1, ..Self::NOTHING };
         (found.tables[0], found.weights[0], found.patches[0]) = (table, 1.0, patch);
@@ -129,7 +129,7 @@ impl Found {
 }
 
 impl Lines {
-    /// The function of samples `[entry][incoming][outgoing][lambda]`, lobes carried as `alignment` says.
+    /// Function of samples `[entry][incoming][outgoing][lambda]`, with lobes aligned by `alignment`.
     pub(super) fn new(
         samples: &[f32],
         lambdas: usize,
@@ -172,27 +172,27 @@ impl Lines {
         }
     }
 
-    /// This function with a share, 0..=1, of straight lines between samples.
+    /// Sets the fraction of linear interpolation of samples, 0..=1.
     pub(super) fn with_straight(self, straight: f32) -> Self {
         Self { straight, ..self }
     }
 
-    /// Share of straight lines between samples, 0..=1.
+    /// Fraction of linear interpolation of samples, 0..=1.
     pub(super) fn straight(&self) -> f32 {
         self.straight
     }
 
-    /// The alignment in which lobes are carried from one incoming direction to the next.
+    /// Alignment of lobes between incoming directions.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
 
-    /// The outgoing directions of the quantity.
+    /// Outgoing domain of the quantity.
     pub(super) fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// The alignments that competed, and how much the function changes under each.
+    /// Candidate alignments, and the function's change of shape under each.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
@@ -210,8 +210,8 @@ impl Lines {
         incoming + outgoing + self.values.memory() + directions + course
     }
 
-    /// Everything that is mixed at a place, in the smooth sense; `wi` and `wo` are turned to azimuth 0 of `wi` where incoming
-    /// directions are elevations. `None` where `wi` is outside the incoming directions.
+    /// Finds all places mixed at a query of the smooth form; `None` if `wi` is outside the incoming directions. If
+    /// those are elevations, `wi` and `wo` are already rotated to azimuth 0 of `wi`.
     #[inline]
     pub(super) fn smooth(&self, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         if let Some(course) = &self.course {
@@ -236,7 +236,7 @@ impl Lines {
         Some(found)
     }
 
-    /// Where an incoming place has what is seen along `wo` under `wi`, and how much that is worth.
+    /// Direction under an incoming place that corresponds to `wo` under `wi`, and its weight.
     #[inline]
     fn carried(&self, wi: &Origin, place: u32, wo: Vector) -> (Vector, f32) {
         let (alignment, is_free) = self.way(wo[2]);
@@ -244,8 +244,8 @@ impl Lines {
         (there.map(f64::from), worth)
     }
 
-    /// The alignment of directions on the side of the height `z`, and whether there is no horizon: what goes through a
-    /// surface turns, and a phase function, which alone turns on the whole sphere, has none.
+    /// Alignment of directions on the side of the height `z`, and true if there is no horizon. Transmitted light
+    /// rotates. Only a phase function rotates on the whole sphere; it has no horizon.
     #[inline]
     fn way(&self, z: f64) -> (Alignment, bool) {
         let is_whole = self.domain == Domain::Sphere;
@@ -253,13 +253,13 @@ impl Lines {
         (alignment, is_whole && self.alignment == Alignment::Rotation)
     }
 
-    /// Everything that is mixed at an outgoing direction under one stated incoming direction, as it is stated.
+    /// Lookup of an outgoing direction under one stated incoming direction, with the stated samples.
     fn under(&self, entry: usize, node: usize, wo: Direction) -> Found {
         let patch = self.outgoing.as_ref().and_then(|sphere| sphere.patch(wo.xyz()));
         Found::one(entry * self.values.incoming() + self.incoming.stated(node), patch)
     }
 
-    /// The nearest stated place, in the piecewise constant sense. `None` where `wi` is outside the incoming directions.
+    /// Nearest stated place, for the piecewise constant form; `None` if `wi` is outside the incoming directions.
     pub(super) fn nearest(&self, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         let nodes = self.nodes(wi)?;
         let heaviest = (0..AROUND).max_by(|&a, &b| nodes.weights[a].total_cmp(&nodes.weights[b])).unwrap_or(0);
@@ -268,7 +268,7 @@ impl Lines {
         Some(Found::one(table, patch))
     }
 
-    /// The incoming places around a direction, with weights that add up to 1.
+    /// Incoming places around a direction, with weights that sum to 1.
     #[inline(always)]
     fn nodes(&self, wi: Vector) -> Option<Nodes> {
         match &self.incoming.0 {
@@ -278,7 +278,7 @@ impl Lines {
         }
     }
 
-    /// The whole spectrum at a place, as [`Lines::smooth`] and [`Lines::spectrum`] have it; `None` where `wi` is
+    /// Writes the whole spectrum at a place, as [`Lines::smooth`] and [`Lines::spectrum`] give it; `None` if `wi` is
     /// outside the incoming directions.
     #[inline]
     pub(super) fn smooth_spectrum(&self, entry: usize, wi: Vector, wo: Vector, out: &mut [f32]) -> Option<()> {
@@ -294,7 +294,7 @@ impl Lines {
         Some(())
     }
 
-    /// A sample or four at a place; `None` where `wi` is outside. Nothing that is found goes through memory here.
+    /// Returns one sample, or four, at a place; `None` if `wi` is outside. The lookup stays in registers.
     #[inline(always)]
     fn smooth_samples<T: Number>(&self, entry: usize, wi: Vector, wo: Vector) -> Option<T> {
         let nodes = self.nodes(wi)?;
@@ -313,14 +313,14 @@ impl Lines {
         Some(self.settled(&sums, self.straight))
     }
 
-    /// The whole spectrum of what was found.
+    /// Writes the whole spectrum at the places found.
     #[inline]
     pub(super) fn spectrum(&self, found: &Found, out: &mut [f32]) {
         self.spectrum_with(self.straight, found, out);
     }
 
-    /// The stated samples `[outgoing, lambda]` of a slice of the axes before the outgoing one, of a tensor of these entries along
-    /// the incoming and the outgoing axis and in a spectrum.
+    /// Stated samples `[outgoing, lambda]` of one slice of the axes before the outgoing one. The shape is the number of
+    /// entries of the incoming and the outgoing axis and of samples in a spectrum.
     pub(super) fn slice(&self, [n_in, n_out, lambdas]: [usize; 3], slice: usize) -> Vec<f32> {
         let table = slice / n_in * self.values.incoming() + self.incoming.stated(slice % n_in);
         let place = |entry| self.outgoing.as_ref().map_or(entry, |sphere| sphere.stated(entry));
@@ -328,26 +328,26 @@ impl Lines {
         (0..n_out as u32).flat_map(|o| (0..lambdas).map(move |lambda| sample(place(o), lambda))).collect()
     }
 
-    /// One sample of what was found.
+    /// Sample at the places found, at one wavelength.
     pub(super) fn sample(&self, found: &Found, lambda: usize) -> f32 {
         self.samples(self.straight, found, lambda)
     }
 }
 
-/// The elevation of an incoming direction, of any azimuth, in degrees.
+/// Elevation in degrees of an incoming direction of any azimuth.
 #[inline(always)]
 fn elevation([x, y, z]: Vector) -> f64 {
     atan2_degrees((x * x + y * y).sqrt(), z)
 }
 
-/// The two elevations around one.
+/// Two elevations around one, with linear weights.
 #[inline(always)]
 fn nodes_between(line: &Line, elevation: f64) -> Nodes {
     let ([below, above], t) = line.between(elevation);
     Nodes { places: [below, above, 0, 0], weights: [1.0 - t, t, 0.0, 0.0] }
 }
 
-/// The places of a grid around a direction; `None` outside what it covers.
+/// Places of a grid around a direction; `None` outside what it covers.
 fn nodes_around(sphere: &Sphere, wi: Vector) -> Option<Nodes> {
     let patch = sphere.patch(wi)?;
     let snapped = |t: f32| Bracket { below: 0, above: 1, t: f64::from(t) }.snapped(f64::from(f32::EPSILON)).t;
@@ -359,7 +359,7 @@ fn nodes_around(sphere: &Sphere, wi: Vector) -> Option<Nodes> {
         nodes.places[k] = sphere.first_of(patch.place(row, column));
         nodes.weights[k] = if row == 1 { 1.0 - across } else { across } * if column == 1 { 1.0 - along } else { along };
     }
-    // A pole is one place, however many azimuths it has.
+    // A pole is one place for all its azimuths.
     for k in 0..AROUND {
         for other in k + 1..AROUND {
             if nodes.places[other] == nodes.places[k] {

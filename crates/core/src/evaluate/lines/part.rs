@@ -1,13 +1,13 @@
-//! Numbers with the share of light that they stand for, along cubics and straight lines, and their sums by weight.
+//! Numbers with the share of light they represent, along cubics and straight lines, and their weighted sums.
 
 use super::line::Along;
 use super::sphere::Patch;
 use crate::evaluate::number::Number;
 
-/// Between two entries a value leaves their range by at most this part of it.
+/// Overshoot allowed to a cubic between two entries, as a fraction of their range.
 const OVERSHOOT: f32 = 0.1;
 
-/// A number, or four side by side, with the share of light that it stands for and the share that is known.
+/// A number, or four side by side, with the share (0..=1) that has light and the share that is unmasked.
 #[derive(Clone, Copy)]
 pub(super) struct Part<T> {
     pub(super) number: T,
@@ -15,8 +15,8 @@ pub(super) struct Part<T> {
     pub(super) known: T,
 }
 
-/// Sums over incoming places, by weight: of numbers that have light, of the light, of what is known, of samples on
-/// straight lines.
+/// Weighted sums over incoming places: of numbers with light, of the light, of the unmasked share, and of linearly
+/// interpolated samples with their unmasked share.
 #[derive(Clone, Copy)]
 pub(super) struct Sums<T> {
     pub(super) number: T,
@@ -25,7 +25,7 @@ pub(super) struct Sums<T> {
     pub(super) straight: T,
     pub(super) straight_known: T,
     pub(super) total: f32,
-    /// All of it has light so far.
+    /// True if all parts so far have light.
     pub(super) is_whole: bool,
 }
 
@@ -36,7 +36,7 @@ impl<T: Number> Sums<T> {
         Self { number: zero, live: zero, known: zero, straight: zero, straight_known: zero, total: 0.0, is_whole: true }
     }
 
-    /// Adds a number, all of which has light.
+    /// Adds a number that fully has light.
     #[inline(always)]
     pub(super) fn add_whole(&mut self, weight: T, number: T) {
         self.number = self.number + weight * number;
@@ -54,17 +54,17 @@ impl<T: Number> Sums<T> {
 }
 
 impl<T: Number> Part<T> {
-    /// Nothing known.
+    /// Fully masked part.
     #[inline(always)]
     pub(super) fn nothing() -> Self {
         Self { number: T::of(0.0), live: T::of(0.0), known: T::of(0.0) }
     }
 
-    /// The number of one place: minus infinity has no light, NaN is not known.
+    /// Part from the number of one place: minus infinity has no light, NaN is masked.
     #[inline(always)]
     pub(super) fn new(number: T) -> Self {
         let (zero, one, dark) = (T::of(0.0), T::of(1.0), T::of(f32::NEG_INFINITY));
-        // Neither comparison holds for what is masked.
+        // Both comparisons are false for NaN, that is, masked.
         let (is_lit, is_known) = (dark.less(number), dark.at_most(number));
         Self {
             number: T::choose(is_lit, number, zero),
@@ -74,7 +74,7 @@ impl<T: Number> Part<T> {
     }
 }
 
-/// Interpolates in a patch where some places have no light: along each row, then across the rows.
+/// Interpolates in a patch in which some places have no light: along each row, then across the rows.
 #[inline(never)]
 pub(super) fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part<T> {
     let mut rows = [Part::nothing(); 4];
@@ -85,7 +85,7 @@ pub(super) fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part
     mixed(&rows, &patch.across)
 }
 
-/// A cubic through the middle two of four numbers, which hardly leaves their range.
+/// Cubic through the middle two of four numbers, limited to their range and [`OVERSHOOT`].
 #[inline(always)]
 pub(super) fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Along) -> T {
     let [a, b, c, d] = along.cubic;
@@ -94,13 +94,13 @@ pub(super) fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Alo
     sum.larger(low.smaller(high) - room).smaller(low.larger(high) + room)
 }
 
-/// A straight line between two numbers.
+/// Linear interpolation between two numbers.
 #[inline(always)]
 pub(super) fn line<T: Number>(one: T, two: T, t: f32) -> T {
     T::of(1.0 - t) * one + T::of(t) * two
 }
 
-/// Four parts along a line: a cubic where all four have light, else a straight line.
+/// Interpolates four parts along a line: a cubic if all four have light, else linear.
 #[inline(always)]
 fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
     let [before, one, two, after] = parts;
@@ -115,7 +115,7 @@ fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
     }
 }
 
-/// Two parts along a straight line, each by the share of light that it stands for.
+/// Linear interpolation of two parts, weighted by their shares of light.
 #[inline(always)]
 pub(super) fn straight<T: Number>(one: &Part<T>, two: &Part<T>, t: f32) -> Part<T> {
     let zero = T::of(0.0);

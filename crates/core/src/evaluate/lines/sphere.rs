@@ -1,4 +1,5 @@
-//! Both lines of a grid of directions together: the rows and columns around a direction, over the pole and across mirror planes.
+//! Polar and azimuth lines of a grid of directions: the rows and columns around a direction, over the pole and across
+//! mirror planes.
 
 use super::line::{Along, Line, Node};
 use crate::domain::vector::Vector;
@@ -6,38 +7,37 @@ use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::numeric::wide;
 
-/// Azimuths nearer to one another than this, in degrees, are one: mirror images of an azimuth in the mirror plane.
+/// Difference in degrees below which azimuths are equal: mirror images of an azimuth in the mirror plane.
 const SAME: f64 = 1e-9;
 
-/// Marks rows on the far side of a pole, at the opposite azimuth, among the entries of a polar line.
+/// Flag on entries of a polar line: rows beyond a pole, at the opposite azimuth.
 const BEYOND: u32 = 1 << 31;
 
-/// The lines of a grid of directions.
+/// Lines of a grid of directions.
 ///
-/// Every direction of the grid has a place, which holds what is interpolated: its own sample, or the mean of all that
-/// are stated for the same direction. What is stated for those stands at places of its own after the grid's.
+/// Every direction of the grid has a place with the interpolated value: its own sample, or the mean of all samples
+/// stated for the same direction. The stated samples of those have extra places after the grid's.
 #[derive(Debug)]
 pub(super) struct Sphere {
     grid: DirectionGrid,
-    /// Entries are the first places of rows, beyond a pole marked by [`BEYOND`].
+    /// Entries are the first places of rows; [`BEYOND`] marks those beyond a pole.
     polar: Line,
     azimuth: Line,
-    /// No azimuth is outside, and each can be looked up as it is.
+    /// True if the grid covers all azimuths, so that each can be looked up directly.
     is_round: bool,
-    /// The directions of the grid that are stated several times, those of each together; all of them in increasing
-    /// order.
+    /// Groups of grid directions that coincide; then all of them in increasing order.
     same: Vec<Vec<u32>>,
     merged: Vec<u32>,
-    /// For each direction of the grid the first that is the same.
+    /// For each direction of the grid, the first one that coincides with it.
     first_of: Vec<u32>,
 }
 
-/// The places around a direction: four rows of four, and the weights along both lines.
+/// Places around a direction: four rows of four, and the weights along both lines.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    /// The first place of each row.
+    /// First place of each row.
     rows: [u32; 4],
-    /// Which of the two azimuths below a row has: 1 beyond a pole, where it is the opposite one.
+    /// Index into `columns` and `along` for each row: 1 beyond a pole (opposite azimuth), else 0.
     sides: [u8; 4],
     columns: [[u32; 4]; 2],
     along: [Along; 2],
@@ -46,7 +46,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// A single place.
+    /// Patch of a single place.
     fn one(place: u32) -> Self {
         Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
     }
@@ -57,7 +57,7 @@ impl Patch {
         &self.along[usize::from(self.sides[row] & 1)]
     }
 
-    /// The place in a row and a column.
+    /// Place in a row and a column.
     #[inline(always)]
     pub(super) fn place(&self, row: usize, column: usize) -> u32 {
         self.rows[row] + self.columns[usize::from(self.sides[row] & 1)][column]
@@ -78,17 +78,17 @@ impl Sphere {
         Self { polar, azimuth, is_round: grid.covers_all_azimuths(), same, merged, first_of, grid: grid.clone() }
     }
 
-    /// The directions of the grid that are stated several times, those of each together.
+    /// Groups of grid directions that coincide.
     pub(super) fn same(&self) -> &[Vec<u32>] {
         &self.same
     }
 
-    /// The place of what is stated for a direction of the grid.
+    /// Place of the sample as stated for a direction of the grid.
     pub(super) fn stated(&self, entry: u32) -> u32 {
         self.merged.binary_search(&entry).map_or(entry, |position| (self.grid.len() + position) as u32)
     }
 
-    /// The first of the directions of the grid that are the same as this one.
+    /// First direction of the grid that coincides with this one.
     #[inline]
     pub(super) fn first_of(&self, entry: u32) -> u32 {
         self.first_of[entry as usize]
@@ -98,8 +98,9 @@ impl Sphere {
         &self.grid
     }
 
-    /// Intervals of the polar angle and of the azimuth, in degrees, that tile what the grid covers without its mirror images
-    /// across the equator: between the angles of the file, and from its ends to those of what is covered.
+    /// Intervals of the polar angle and of the azimuth, in degrees, that tile the covered part of the sphere without
+    /// its mirror images across the equator. They lie between the angles of the file, and from its ends to those of the
+    /// covered part.
     pub(super) fn intervals(&self) -> [Vec<[f64; 2]>; 2] {
         let (low, high) = self.grid.covers();
         let polar = self.grid.polar();
@@ -113,7 +114,7 @@ impl Sphere {
         [ends.array_windows().map(|&[a, b]| [a, b]).collect(), self.azimuth.intervals()]
     }
 
-    /// The value outside what the grid covers.
+    /// Value outside what the grid covers: NaN if masked, 0 if dark.
     pub(super) fn outside(&self) -> f32 {
         match self.grid.outside() {
             Outside::Masked => f32::NAN,
@@ -121,19 +122,19 @@ impl Sphere {
         }
     }
 
-    /// The direction of the grid that is nearest; `None` outside what it covers.
+    /// Nearest direction of the grid; `None` outside what it covers.
     pub(super) fn nearest(&self, direction: Direction) -> Option<Patch> {
         self.grid.nearest(direction).map(|entry| Patch::one(entry as u32))
     }
 
-    /// The places around a direction; `None` outside what the grid covers.
+    /// Places around a direction; `None` outside what the grid covers.
     #[inline(always)]
     pub(super) fn patch(&self, direction: Vector) -> Option<Patch> {
         let frame = self.grid.frame();
         self.patch_at(frame.angles_of_upright(frame.upright(direction)))
     }
 
-    /// The places around polar angle and azimuth in the grid's frame; `None` outside what the grid covers.
+    /// Places around polar angle and azimuth (degrees, in the grid's frame); `None` outside what the grid covers.
     #[inline(always)]
     pub(super) fn patch_at(&self, angles: [f64; 2]) -> Option<Patch> {
         let [polar, azimuth] = if self.is_round {
@@ -141,7 +142,7 @@ impl Sphere {
             if !self.grid.covers_polar(polar) {
                 return None;
             }
-            // The line ends where the grid does, or beyond.
+            // The line may extend beyond the ends of the grid.
             let ends = self.grid.polar();
             [
                 polar.clamp(if self.grid.is_polar_mirrored() { -ends[0] } else { ends[0] }, ends[ends.len() - 1]),
@@ -164,7 +165,8 @@ impl Sphere {
         })
     }
 
-    /// Writes polar angles and azimuths of vectors of any length in the grid's frame, as [`Sphere::patch`] has them.
+    /// Writes polar angles and azimuths, in degrees in the grid's frame, of vectors of any length, for
+    /// [`Sphere::patch_at`].
     pub(super) fn angles(&self, directions: &Vectors, to: &mut [Block; 2]) {
         let frame = self.grid.frame();
         wide(
@@ -174,7 +176,7 @@ impl Sphere {
                 for i in 0..BLOCK {
                     set_vector(&mut upright, i, frame.upright(vector_of(directions, i)));
                 }
-                // Apart for each way to measure polar angles, so that neither is chosen in the loop.
+                // One loop for each convention of polar angles, so that the loop has no branch.
                 if frame.polar_range().0 < 0.0 {
                     angles_of(Frame::TypeA, &upright, to);
                 } else {
@@ -197,7 +199,8 @@ fn angles_of(frame: Frame, upright: &Vectors, [polar, azimuth]: &mut [Block; 2])
     }
 }
 
-/// The polar angles, and beyond a pole or the mirrored equator those on its other side: the first place of each row.
+/// Line of the polar angles and their images beyond a pole or the mirrored equator. Entries are the first places of
+/// rows.
 fn polar_line(grid: &DirectionGrid) -> Line {
     let (angles, [rows, columns]) = (grid.polar(), grid.shape());
     let place = |row: usize| (row * columns) as u32;
@@ -219,7 +222,7 @@ fn polar_line(grid: &DirectionGrid) -> Line {
     Line::new(nodes, false)
 }
 
-/// The azimuths around the whole circle, mirror images among them; those of a sector alone.
+/// Line of the azimuths around the whole circle, including mirror images; of a sector alone if there is one.
 fn azimuth_line(grid: &DirectionGrid) -> Line {
     let Some(azimuths) = grid.azimuths() else {
         return Line::new(vec![Node { angle: 0.0, entry: 0 }], true);
@@ -240,15 +243,15 @@ fn azimuth_line(grid: &DirectionGrid) -> Line {
     let mut nodes: Vec<Node> = own.chain(mirrored).collect();
     nodes.sort_by(|a, b| a.angle.total_cmp(&b.angle).then(a.entry.cmp(&b.entry)));
     nodes.dedup_by(|later, earlier| later.angle - earlier.angle < SAME);
-    // The first again, a circle further.
+    // Removes the repeated first azimuth, one circle further.
     while nodes.len() > 1 && nodes[nodes.len() - 1].angle - first > 360.0 - SAME {
         nodes.pop();
     }
     Line::new(nodes, true)
 }
 
-/// Returns the directions of the grid that are stated several times, those of each together: all azimuths at a pole are
-/// one direction, and so are the first and the last azimuth of a closed circle.
+/// Returns the groups of grid directions that coincide: all azimuths at a pole, and the first and last azimuth of a
+/// closed circle.
 fn same(grid: &DirectionGrid) -> Vec<Vec<u32>> {
     let [_, columns] = grid.shape();
     if columns == 1 {
@@ -293,7 +296,7 @@ mod tests {
 
     #[test]
     fn smooth_functions_of_direction_are_smooth_over_poles_and_mirrors() {
-        // A function with both mirror planes, on every extent that can hold it.
+        // A function with both mirror planes, on every extent that can represent it.
         let f = |[x, y, z]: [f64; 3]| 2.0 + z + 0.5 * x * x - 0.3 * y * y * z;
         let every = |first: f64, last: f64, step: f64| -> Vec<f64> {
             (0..=((last - first) / step).round() as u32).map(|i| first + step * f64::from(i)).collect()

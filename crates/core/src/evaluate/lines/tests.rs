@@ -1,4 +1,4 @@
-//! The interpolated function: stated directions, what lies between them, zeros, masks, negatives, incoming directions.
+//! The interpolated function: stated directions, values between them, zeros, masks, negatives, incoming directions.
 
 use super::*;
 use crate::domain::{AzimuthExtent, Azimuths, Frame, Outside};
@@ -97,7 +97,7 @@ fn a_cliff_is_overshot_by_a_tenth_at_most() {
         let found = at(&lines, up(), Direction::from_degrees(f64::from(step) * 0.1, 0.0))[0];
         let room = 100.0_f32.powf(0.1);
         assert!(found >= 0.999 / room && found <= 100.1 * room, "{step} {found}");
-        // Between two equal samples nothing moves.
+        // Between two equal samples the value is constant.
         assert!(step > 400 || (found - 1.0).abs() < 1e-5, "{step} {found}");
     }
 }
@@ -109,14 +109,14 @@ fn zeros_masks_and_negatives_keep_their_sign_and_place() {
         let lines = Lines::new(&samples, 1, Incoming::NONE, Some(&outgoing), (Domain::Hemisphere, Alignment::None));
         at(&lines, up(), Direction::from_degrees(theta, 0.0))[0]
     };
-    // Light fades towards a zero, and what is beside a mask is known up to it.
+    // Light fades towards a zero; beside a mask the value is defined up to the mask.
     assert!((between([4.0, 4.0, 0.0, 4.0, 4.0], 15.0) - 2.0).abs() < 1e-4);
     assert!((between([4.0, 4.0, f32::NAN, 4.0, 4.0], 15.0) - 4.0).abs() < 1e-4);
     assert!(between([4.0, f32::NAN, f32::NAN, 4.0, 4.0], 15.0).is_nan());
     assert_eq!(between([4.0, 0.0, 0.0, 4.0, 4.0], 15.0), 0.0);
     assert!((between([4.0, -2.0, 1.0, 4.0, 4.0], 15.0) + 0.5).abs() < 1e-5);
     assert!((between([4.0, -2.0, 1.0, 4.0, 4.0], 10.0) + 2.0).abs() < 1e-5);
-    // Nothing is known beyond the grid, or it is dark there.
+    // Beyond the grid the value is masked or dark.
     assert!(between([4.0; 5], 41.0).is_nan());
     let dark = outgoing.clone().with_outside(Outside::Dark);
     let lines = Lines::new(&[4.0; 5], 1, Incoming::NONE, Some(&dark), (Domain::Hemisphere, Alignment::None));
@@ -207,7 +207,7 @@ fn integrals_are_those_of_functions_and_zonal_on_straight_lines() {
             }
         }
     }
-    // A cosine on straight lines, by parts: the zonal flux of what an LM-63 file states.
+    // A cosine with linear interpolation, interval by interval: the zonal flux that an LM-63 file states.
     let gamma = every(22.5, 5);
     let grid = DirectionGrid::new(Frame::TypeC, gamma.clone(), None).unwrap();
     let samples: Vec<f32> = gamma.iter().map(|g| libm::cos(g.to_radians()) as f32).collect();

@@ -1,17 +1,17 @@
-//! The samples of a grid as they are interpolated: logarithms where no sample is negative, a value for every place.
+//! Samples of a grid in the form in which they are interpolated: logarithms if no sample is negative, one value for
+//! each place.
 
 use crate::evaluate::number::Number;
 use rayon::prelude::*;
 
-/// Samples side by side, in which loops over wavelengths are compiled.
+/// Padding, in samples, of a spectrum to a multiple for vectorised loops over wavelengths.
 const SIDE: usize = 4;
 
-/// Numbers `[entry][incoming place][outgoing place][lambda]`: logarithms, of which -inf is a sample of 0, or samples; NaN is
-/// masked.
+/// Numbers `[entry][incoming place][outgoing place][lambda]`: samples or their logarithms (-inf for 0); NaN is masked.
 #[derive(Debug)]
 pub(super) struct Values {
     numbers: Vec<f32>,
-    /// Numbers from one place to the next: wavelengths, and padding.
+    /// Numbers from one place to the next: wavelengths and padding.
     stride: usize,
     lambdas: usize,
     incoming: usize,
@@ -20,8 +20,8 @@ pub(super) struct Values {
     is_whole: bool,
 }
 
-/// Entries of an axis, and the groups of them that are the same direction: their places hold their mean, and what is
-/// stated for them stands at places after those of all entries, group by group.
+/// Entries of an axis, and the groups of them that are the same direction. The place of each grouped entry has the
+/// group's mean. The stated samples have places after those of all entries, group by group.
 pub(super) struct Places<'a> {
     pub(super) own: usize,
     pub(super) same: &'a [Vec<u32>],
@@ -32,7 +32,7 @@ impl Places<'_> {
         self.own + self.same.iter().map(Vec::len).sum::<usize>()
     }
 
-    /// By place, the entries that it is made of.
+    /// For each place, the entries that it averages.
     fn entries(&self) -> Vec<Vec<usize>> {
         let mut entries: Vec<Vec<usize>> = (0..self.own).map(|entry| vec![entry]).collect();
         for same in self.same {
@@ -47,7 +47,7 @@ impl Places<'_> {
 }
 
 impl Values {
-    /// Takes samples `[entry][incoming][outgoing][lambda]`.
+    /// Stores samples `[entry][incoming][outgoing][lambda]`.
     pub(super) fn new(samples: &[f32], lambdas: usize, incoming: &Places<'_>, outgoing: &Places<'_>) -> Self {
         let is_logarithmic = !samples.iter().any(|&sample| sample < 0.0);
         let stride = if lambdas == 1 { 1 } else { lambdas.next_multiple_of(SIDE) };
@@ -70,12 +70,12 @@ impl Values {
         Self { numbers, stride, lambdas, incoming: n_in, outgoing: n_out, is_logarithmic, is_whole }
     }
 
-    /// Returns true where numbers are logarithms.
+    /// Returns true if numbers are logarithms.
     pub(super) fn is_logarithmic(&self) -> bool {
         self.is_logarithmic
     }
 
-    /// Returns true where no sample is masked and, among logarithms, none is 0.
+    /// Returns true if no sample is masked and, for logarithms, none is 0.
     pub(super) fn is_whole(&self) -> bool {
         self.is_whole
     }
@@ -84,23 +84,23 @@ impl Values {
         self.lambdas
     }
 
-    /// Numbers from one place to the next: wavelengths, and padding.
+    /// Numbers from one place to the next: wavelengths and padding.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Places of incoming directions.
+    /// Number of places of incoming directions.
     pub(super) fn incoming(&self) -> usize {
         self.incoming
     }
 
-    /// A number of a place, or four, from `lambda` on.
+    /// Reads one number of a place, or four, from `lambda` on.
     #[inline(always)]
     pub(super) fn numbers<T: Number>(&self, table: usize, place: u32, lambda: usize) -> T {
         T::read(&self.numbers, (table * self.outgoing + place as usize) * self.stride + lambda)
     }
 
-    /// The sample of one number, or of each of four.
+    /// Converts a number, or each of four, to a sample.
     #[inline(always)]
     pub(super) fn sample<T: Number>(&self, number: T) -> T {
         if self.is_logarithmic { number.exp() } else { number }
@@ -111,7 +111,7 @@ impl Values {
     }
 }
 
-/// The mean of what is not masked; NaN where all is.
+/// Mean of the samples that are not masked; NaN if all are.
 fn mean(samples: impl Iterator<Item = f32>) -> f64 {
     let (sum, count) = samples
         .filter(|sample| !sample.is_nan())
@@ -136,7 +136,7 @@ mod tests {
         let is_near = |found: [f32; 2], expected: [f32; 2]| {
             assert!(found.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-6), "{found:?} {expected:?}");
         };
-        // Tables: both directions' mean twice, then each as stated; places alike, but for the second one.
+        // Tables: both directions' mean twice, then each as stated. Places alike, except the second one.
         is_near(at(2, 1), [3.0, 4.0]);
         is_near(at(7, 4), [23.0, 24.0]);
         for place in [0, 2] {

@@ -1,4 +1,4 @@
-//! Conservation of energy: the stored albedo of every incoming direction against 1, phase functions' integrals against 1.
+//! Energy conservation: compares the stored albedo of every incoming direction, or a phase function's integral, with 1.
 
 use super::flux::FluxReport;
 use super::spot::Spot;
@@ -9,87 +9,88 @@ use crate::evaluate::material::Material;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// What rounding of samples to f32 may add to an integral that is exactly 1.
+/// Tolerance for the effect of rounding samples to f32 on an integral that is exactly 1.
 const ROUNDING: f64 = 1e-6;
 
-/// The energy that leaves a material; one of the three is there, as the quantity has it.
+/// Energy that leaves a material. Exactly one of the three reports is present, depending on the quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
-    /// The quantity.
+    /// Measured quantity.
     pub quantity: Quantity,
-    /// Of a BRDF, BTDF or BSDF.
+    /// Albedo of a BRDF, BTDF or BSDF.
     pub albedo: Option<AlbedoReport>,
-    /// Of a phase function.
+    /// Normalisation of a phase function.
     pub normalisation: Option<NormalisationReport>,
-    /// Of an emission, one for each entry of the opaque axes.
+    /// Flux of an emission, one for each entry of the opaque axes.
     pub flux: Option<Vec<FluxReport>>,
 }
 
-/// How an integral that should be (at most) 1 stands to it.
+/// Comparison of an integral with 1, which it must equal or not exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// It is, to the rounding of samples.
+    /// Condition met, up to rounding of samples.
     Holds,
-    /// It is not, but by no more than the stated error of the compressed file can make of it.
+    /// Condition violated by no more than the stated error of the compressed file explains.
     WithinError,
-    /// It is not: the measurement itself breaks it.
+    /// Condition violated by the measurement itself.
     Broken,
 }
 
-/// What compression may have added, from the header's errors.
+/// Possible effect of compression, from the errors in the header.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Allowance {
-    /// The stated er(L2): what to expect of a sample.
+    /// Stated er(L2): expected relative error of a sample.
     pub er_l2: f64,
-    /// The most that an integral of 1 can be off: the largest relative error of a sample, plus the largest absolute error of
-    /// those without a relative one times the whole (projected) solid angle; 0 for a measurement that is no file.
+    /// Upper bound on the error of an integral of 1. It is the largest relative error of a sample, plus the largest
+    /// absolute error of samples without a relative one times the whole (projected) solid angle. 0 for a measurement
+    /// that is not a file.
     pub bound: f64,
 }
 
 /// Directional–hemispherical albedos ∫ f · |cos θo| dωo.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AlbedoReport {
-    /// The largest over incoming entries and wavelengths, where anything is measured.
+    /// Largest albedo over incoming entries and wavelengths; `None` if all are masked.
     pub largest: Option<Spot>,
-    /// The largest of the reflected light alone, where both sides are measured.
+    /// Largest albedo of reflected light alone; `None` unless both sides are measured.
     pub reflected: Option<Spot>,
-    /// The largest of the transmitted light alone, where both sides are measured.
+    /// Largest albedo of transmitted light alone; `None` unless both sides are measured.
     pub transmitted: Option<Spot>,
-    /// The mean over incoming entries and wavelengths.
+    /// Mean over incoming entries and wavelengths.
     pub mean: f64,
-    /// By how much the largest exceeds 1; 0 if it does not.
+    /// Excess of the largest albedo over 1; 0 if it is at most 1.
     pub excess: f64,
-    /// What compression may have added.
+    /// Possible effect of compression.
     pub allowance: Allowance,
-    /// Whether the largest is at most 1.
+    /// Comparison of the largest albedo with 1, which it must not exceed.
     pub verdict: Verdict,
-    /// Albedos below 0, which only negative samples can make.
+    /// Number of albedos below 0; only negative samples cause them.
     pub negative: u64,
-    /// The largest over wavelengths for every incoming entry.
+    /// Largest albedo over wavelengths for every incoming entry.
     pub entries: Vec<Spot>,
 }
 
-/// The integrals over the sphere of a phase function.
+/// Integrals of a phase function over the sphere.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NormalisationReport {
-    /// The least over incoming entries and wavelengths.
+    /// Least integral over incoming entries and wavelengths.
     pub least: Option<Spot>,
-    /// The largest.
+    /// Largest integral over incoming entries and wavelengths.
     pub largest: Option<Spot>,
-    /// The mean.
+    /// Mean integral over incoming entries and wavelengths.
     pub mean: f64,
-    /// The largest difference to 1.
+    /// Largest absolute difference from 1.
     pub deviation: f64,
-    /// What compression may have added.
+    /// Possible effect of compression.
     pub allowance: Allowance,
-    /// Whether all are 1. One that is not is made so by [`super::Preparation::normalise`].
+    /// Comparison of all integrals with 1. [`super::Preparation::normalise`] scales those that differ.
     pub verdict: Verdict,
 }
 
 impl Material {
-    /// What leaves the material for every incoming direction and wavelength, of the piecewise constant function; refused
-    /// for quantities without an outgoing axis.
+    /// Reports the energy that leaves the material for every incoming direction and wavelength, of the piecewise
+    /// constant function. Fails for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
         let cells = self.over_triangles()?;
         cells.needs_outgoing(Need::Energy)?;
@@ -168,7 +169,7 @@ impl Material {
         }
     }
 
-    /// Of a file whose samples are seen over `measure` sr.
+    /// Allowance of a compressed file whose samples are integrated over `measure` sr; 0 for a measurement.
     fn allowance(&self, measure: f64) -> Allowance {
         let Some(summary) = self.summary() else { return Allowance::default() };
         let ErrorReport { er_l2, max_relative_error, max_absolute_error_unscored, .. } = summary.errors;
@@ -184,7 +185,7 @@ fn verdict(excess: f64, bound: f64) -> Verdict {
     }
 }
 
-/// Of those that are not masked; 0 if all are.
+/// Mean of the values that are not masked; 0 if all are.
 fn mean(values: &[f32]) -> f64 {
     let known = values.iter().filter(|v| !v.is_nan());
     let (sum, count) = known.fold((0.0, 0_u64), |(sum, count), &v| (sum + f64::from(v), count + 1));

@@ -1,4 +1,4 @@
-//! The flux of an emission: its intensity integrated over all directions, by wavelength, in total and as light that is seen.
+//! Flux of an emission: its intensity integrated over all directions, by wavelength, in total and as luminous flux.
 
 use crate::domain::colour::Tristimulus;
 use crate::domain::{Unit, WavelengthGrid};
@@ -6,25 +6,25 @@ use crate::evaluate::albedo::Side;
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
-/// The flux of one entry of the opaque axes.
+/// Flux of one entry of the opaque axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FluxReport {
-    /// The entry.
+    /// Index on each opaque axis.
     pub index: Vec<usize>,
-    /// ∫ I dω for every sample of a spectrum; `None` where all directions are masked.
+    /// Flux ∫ I dω for every sample of a spectrum; `None` if all directions are masked.
     pub spectral: Vec<Option<f64>>,
-    /// The unit of `spectral`: that of the intensity, times sr.
+    /// Unit of `spectral`: that of the intensity, times sr.
     pub unit: &'static str,
-    /// The total over wavelengths: the integral of spectral densities by the trapezoidal rule, the one value of data
-    /// without wavelengths. `None` for samples that are no densities (their total would depend on their number) and where
-    /// a sample is masked.
+    /// Total over wavelengths. Spectral densities are integrated by the trapezoidal rule; data without wavelengths have
+    /// one value, which is the total. `None` if a sample is masked, or if samples are not densities, as their sum would
+    /// depend on their number.
     pub total: Option<f64>,
-    /// The unit of `total`.
+    /// Unit of `total`.
     pub total_unit: &'static str,
     /// Luminous flux in lm (per 1000 lamp lumens for cd/klm): `total` for candela, 683 lm/W · ∫ V(λ) Φ(λ) dλ for watts
     /// per nm.
     pub luminous: Option<f64>,
-    /// Why there is no luminous flux.
+    /// Reason for a missing luminous flux.
     pub reason: Option<String>,
 }
 
@@ -79,7 +79,7 @@ fn integral(grid: &WavelengthGrid, row: &[f32]) -> f64 {
     grid.weights().iter().zip(row).map(|(weight, &v)| weight * f64::from(v)).sum()
 }
 
-/// Whether samples are densities over wavelength.
+/// Returns true if samples are densities over wavelength.
 fn is_density(unit: Unit) -> bool {
     matches!(
         unit,
@@ -91,7 +91,7 @@ fn is_density(unit: Unit) -> bool {
     )
 }
 
-/// The unit of the flux of an intensity, and that of its total over wavelengths.
+/// Unit of the flux of an intensity, and that of its total over wavelengths.
 fn units(unit: Unit) -> (&'static str, &'static str) {
     match unit {
         Unit::Relative => ("relative·sr", "relative·sr"),

@@ -1,8 +1,9 @@
-//! What physics asks of a material: energy, flux, normalisation, reciprocity; reports, and functions that keep to it.
+//! Physical plausibility of a material: reports on energy, flux, normalisation and reciprocity, and functions that
+//! enforce them.
 //!
-//! Nothing is repaired unless it is asked for: [`super::Material::energy`] and [`super::Material::reciprocity`] only say, [`Preparation`]
-//! changes samples before a material is used and counts what it changed, [`super::Material::symmetric_spectrum`] is another
-//! function than [`super::Material::evaluate`].
+//! Repairs happen only on request. [`super::Material::energy`] and [`super::Material::reciprocity`] only report.
+//! [`Preparation`] changes samples before a material is used, and counts its changes.
+//! [`super::Material::symmetric_spectrum`] is a different function from [`super::Material::evaluate`].
 
 mod energy;
 mod flux;

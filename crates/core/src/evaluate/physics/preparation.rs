@@ -1,4 +1,4 @@
-//! Samples made physical before a material is used, where that is asked for: negative ones, phase functions' integrals.
+//! Optional clean-up of samples before a material is used: clamps negative samples, normalises phase functions.
 
 use crate::compress;
 use crate::domain::{Axis, Measurement, Quantity, Tensor, TriangleMesh};
@@ -6,34 +6,35 @@ use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
-/// What to change of a measurement; nothing unless it is said.
+/// Changes to make to a measurement; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation {
-    /// Samples below 0 become 0: noise around no light. Spectra, albedo, reflectance and reports then see no negative
-    /// value. (Without it they do; sampling takes negative means over wavelengths as 0 in any case.)
+    /// Sets samples below 0, which are noise around zero light, to 0. Spectra, albedo, reflectance and reports then
+    /// have no negative values. Sampling takes negative means over wavelengths as 0 in any case.
     pub clamp: bool,
-    /// Every spectrum sample of a phase function is divided by its integral over the sphere, for each incoming entry and
-    /// wavelength; masked directions count as 0. After clamping.
+    /// Divides every sample of a phase function by its integral over the sphere, for each incoming entry and
+    /// wavelength, after clamping. Masked directions count as 0.
     pub normalise: bool,
 }
 
-/// What was changed.
+/// Record of the changes made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Prepared {
-    /// Samples that were below 0.
+    /// Number of samples that were below 0.
     pub clamped: u64,
-    /// The least of them; 0 if there were none.
+    /// Least of those samples; 0 if there were none.
     pub most_negative: f32,
-    /// Integrals that were made 1: one for each incoming entry and wavelength.
+    /// Number of integrals scaled to 1: one for each incoming entry and wavelength.
     pub normalised: u64,
-    /// Those left as they were, because they are not positive.
+    /// Number of integrals left unchanged because they are not positive.
     pub not_normalised: u64,
-    /// The least and the largest integral before.
+    /// Least and largest integral before normalisation.
     pub integrals: Option<(f64, f64)>,
 }
 
 impl Preparation {
-    /// A changed measurement. Normalising anything but a phase function over triangles is refused.
+    /// Returns the changed measurement and a record of the changes. Normalisation fails for anything but a phase
+    /// function over triangles.
     pub fn of(self, measurement: Measurement) -> Result<(Measurement, Prepared), EvaluateError> {
         let mut done = Prepared::default();
         if !self.clamp && !self.normalise {
@@ -62,7 +63,7 @@ impl Preparation {
 }
 
 impl Material {
-    /// [`Material::open`], with samples changed as `preparation` says.
+    /// Like [`Material::open`], with samples changed by `preparation`.
     pub fn open_prepared(bytes: &[u8], preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
         let mut decoded = compress::decode(bytes)?;
         let (measurement, prepared) = preparation.of(decoded.measurement)?;
@@ -70,14 +71,14 @@ impl Material {
         Ok((Self::decoded(decoded)?, prepared))
     }
 
-    /// [`Material::of`], with samples changed as `preparation` says.
+    /// Like [`Material::of`], with samples changed by `preparation`.
     pub fn of_prepared(measurement: Measurement, preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
         let (measurement, prepared) = preparation.of(measurement)?;
         Ok((Self::of(measurement)?, prepared))
     }
 }
 
-/// The outgoing mesh of a phase function, and its samples in a spectrum.
+/// Outgoing mesh of a phase function, and its number of samples in a spectrum.
 fn sphere(measurement: &Measurement) -> Result<(TriangleMesh, usize), EvaluateError> {
     let quantity = measurement.quantity;
     if quantity != Quantity::Phase {

@@ -1,4 +1,4 @@
-//! Helmholtz reciprocity: f(wi, wo) against f(wo, wi) at measured incoming directions and outgoing cells.
+//! Helmholtz reciprocity: compares f(wi, wo) with f(wo, wi) at measured incoming directions and outgoing cells.
 
 use super::spot::degrees;
 use crate::domain::{Axis, Direction, TriangleMesh};
@@ -9,65 +9,66 @@ use crate::evaluate::stated::Stated;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Pairs of directions that are compared at most; of more, every n-th.
+/// Maximum number of compared pairs of directions; of more pairs, every n-th is compared.
 const MOST_PAIRS: usize = 1 << 17;
 
-/// How far a material is from f(wi, wo) = f(wo, wi), by smooth evaluation.
+/// Deviation of a material from f(wi, wo) = f(wo, wi), by smooth evaluation.
 ///
-/// The pairs are every incoming entry with the centroid of every outgoing cell, on the same side of a surface, where both
-/// ways are in the material and the outgoing elevation lies between the ends of a list of incoming ones. The difference of
-/// a pair is Σ|a − b| / Σ½(|a| + |b|) over the wavelengths that are masked in neither: from 0 to 2. Pairs weigh by
-/// cos θi · cos θo and their solid angles (phase functions: solid angles alone; entries of a list of elevations alike).
+/// Each incoming entry is paired with the centroid of each outgoing cell on the same side of the surface. Both
+/// directions must be in both domains, and the outgoing elevation between the ends of a list of incoming ones. The
+/// difference of a pair is Σ|a − b| / Σ½(|a| + |b|) over the wavelengths that are masked in neither: from 0 to 2. Pairs
+/// are weighted by cos θi · cos θo and their solid angles. For phase functions the weights are solid angles alone.
+/// Entries of a list of elevations all count alike.
 ///
-/// One way starts at a measured incoming direction, the other between them: what interpolation adds is in the
-/// differences. [`ReciprocityReport::left_out_error`] is a measure of it.
+/// One evaluation starts at a measured incoming direction, the other between measured ones. The differences therefore
+/// include the interpolation error; [`ReciprocityReport::left_out_error`] is a measure of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReciprocityReport {
-    /// Pairs compared.
+    /// Number of compared pairs.
     pub pairs: u64,
-    /// Pairs that cannot be compared: transmitted, outside one of the domains, masked, or dark both ways.
+    /// Number of pairs that cannot be compared: transmitted, outside one of the domains, masked, or dark both ways.
     pub left_out: u64,
-    /// One of so many pairs was looked at; 1 for all.
+    /// Stride through all pairs; 1 if all were examined.
     pub step: u64,
-    /// The weighted mean of the differences.
+    /// Weighted mean of the differences, 0 to 2.
     pub mean: f64,
-    /// The difference that nine tenths of the weight stay below.
+    /// Weighted 90th percentile of the differences.
     pub p90: f64,
-    /// The largest difference, and where.
+    /// Pair with the largest difference.
     pub largest: Option<WorstPair>,
-    /// The difference of the light: Σ weight · |a − b| over Σ weight · ½(|a| + |b|). Dark pairs have no say in it.
+    /// Difference weighted by light: Σ weight · |a − b| over Σ weight · ½(|a| + |b|). Dark pairs hardly count.
     pub light: f64,
-    /// The share of light that goes astray where an incoming direction is predicted from those around it.
+    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
     pub left_out_error: Option<f64>,
 }
 
-/// The pair that differs most.
+/// Pair with the largest difference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorstPair {
-    /// Its difference.
+    /// Difference of the pair, 0 to 2.
     pub difference: f64,
     /// One entry for each leading opaque axis.
     pub index: Vec<usize>,
-    /// Theta and phi of the measured incoming direction, degrees.
+    /// Theta and phi of the measured incoming direction, in degrees.
     pub wi: [f64; 2],
-    /// Those of the outgoing one.
+    /// Theta and phi of the outgoing direction, in degrees.
     pub wo: [f64; 2],
-    /// The number of the sample of the spectrum that differs most.
+    /// Index of the spectrum sample that differs most.
     pub lambda: usize,
-    /// Its wavelength in nm.
+    /// Wavelength of that sample in nm; `None` for data without wavelengths.
     pub wavelength: Option<f64>,
-    /// f(wi, wo) there.
+    /// Value of f(wi, wo) at that sample.
     pub there: f64,
-    /// f(wo, wi) there.
+    /// Value of f(wo, wi) at that sample.
     pub back: f64,
 }
 
-/// What is known of a pair.
+/// Comparison of one pair.
 #[derive(Clone, Copy)]
 struct Compared {
     number: usize,
     weight: f64,
-    /// Σ|a − b| and Σ½(|a| + |b|).
+    /// Sums Σ|a − b| and Σ½(|a| + |b|).
     apart: f64,
     sum: f64,
 }
@@ -79,7 +80,8 @@ impl Compared {
 }
 
 impl Material {
-    /// Compares the two ways of light; refused for quantities that have none (spectra, reflectances, emissions, BTDFs).
+    /// Compares f under exchange of its directions. Fails for quantities without reciprocity: spectra, reflectances,
+    /// emissions, BTDFs.
     pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
@@ -91,7 +93,7 @@ impl Material {
         let wos: Vec<(Direction, f64)> = (0..outgoing).map(|o| (mesh.centroid(o), mesh.solid_angle(o))).collect();
         let all = self.geometry().entries() * incoming * outgoing;
         let step = all.div_ceil(MOST_PAIRS).max(1);
-        // Odd, so that a stride over powers of two does not see the same cells of every incoming direction only.
+        // An odd stride does not hit the same outgoing cells under every incoming direction: cell counts are even.
         let step = if step > 1 { step | 1 } else { step };
         let numbers: Vec<usize> = (0..all).step_by(step).collect();
         let lambdas = self.lambdas();
@@ -144,7 +146,7 @@ impl Material {
         })
     }
 
-    /// Σ|a − b| and Σ½(|a| + |b|); `None` where the two ways cannot be compared.
+    /// Returns Σ|a − b| and Σ½(|a| + |b|); `None` if the pair cannot be compared.
     fn compare(
         &self,
         index: &[usize],
@@ -190,7 +192,7 @@ impl Material {
         }
     }
 
-    /// Whether a direction lies between the ends of a list of incoming elevations, if there is one.
+    /// Returns true if a direction lies between the ends of a list of incoming elevations, or if there is no such list.
     fn is_between(&self, direction: Direction) -> bool {
         match self.incoming_axis() {
             Some(Axis::Elevation(values)) => {
@@ -213,7 +215,7 @@ impl Material {
     }
 }
 
-/// The difference that pairs of this weight stay below.
+/// Difference below which the pairs have this total weight.
 fn quantile(pairs: &mut [Compared], weight: f64) -> f64 {
     pairs.sort_by(|a, b| a.difference().total_cmp(&b.difference()).then(a.number.cmp(&b.number)));
     let mut so_far = 0.0;

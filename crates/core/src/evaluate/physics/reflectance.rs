@@ -1,4 +1,4 @@
-//! The albedo as a measurement of its own: the paper's reflectance, to be compressed and stored (\[CPB06\] section 6.1.3).
+//! Albedo as a measurement of its own: the paper's reflectance, to be compressed and stored (\[CPB06\] section 6.1.3).
 
 use crate::domain::{Axis, Measurement, Quantity, Tensor, Unit};
 use crate::evaluate::albedo::Side;
@@ -6,10 +6,10 @@ use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
 impl Material {
-    /// The directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF, of one side or both
-    /// (the transmittance of a BTDF): quantity [`Quantity::Reflectance`], unit 1, on the material's own axes without the
-    /// outgoing one, `[index…, incoming, lambda]`. Each value stands for what the incoming entry stands for. Masked where
-    /// the whole of it is.
+    /// Returns the directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF, of one
+    /// side or both. For a BTDF it is the transmittance. The result has quantity [`Quantity::Reflectance`], unit 1 and
+    /// the material's axes without the outgoing one, `[index…, incoming, lambda]`. Each value has the sampling of its
+    /// incoming entry. It is masked if all outgoing directions are.
     pub fn reflectance(&self, side: Side) -> Result<Measurement, EvaluateError> {
         let quantity = self.quantity();
         if !quantity.has_cosine() {

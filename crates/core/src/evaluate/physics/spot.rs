@@ -1,21 +1,21 @@
-//! Places of a material that a report names, and the rows of its axes.
+//! Places of a material that reports refer to, and the rows of its axes.
 
 use crate::domain::{Axis, Direction, TriangleMesh};
 use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
-/// A value, and where it was found.
+/// Value and its place in a material.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Spot {
-    /// The value.
+    /// Value found.
     pub value: f64,
     /// One entry for each leading opaque axis.
     pub index: Vec<usize>,
-    /// The incoming direction: theta and phi in degrees.
+    /// Theta and phi of the incoming direction in degrees; `None` for quantities without.
     pub wi: Option<[f64; 2]>,
-    /// The number of the sample in a spectrum.
+    /// Index of the sample in a spectrum.
     pub lambda: usize,
-    /// Its wavelength in nm.
+    /// Wavelength of the sample in nm; `None` for data without wavelengths.
     pub wavelength: Option<f64>,
 }
 
@@ -25,23 +25,23 @@ pub(super) fn degrees(direction: Direction) -> [f64; 2] {
 }
 
 impl Material {
-    /// The incoming axis, if there is one.
+    /// Incoming axis; `None` for quantities without.
     pub(super) fn incoming_axis(&self) -> Option<&Axis> {
         self.layout().incoming.map(|axis| &self.axes()[axis])
     }
 
-    /// The direction that an entry of the incoming axis stands for: a centroid, an elevation at azimuth 0.
+    /// Direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0.
     pub(super) fn incoming_direction(&self, entry: usize) -> Option<Direction> {
         let geometry = self.geometry();
         geometry.has_incoming().then(|| Direction::from_unit(geometry.incoming_direction(entry)))
     }
 
-    /// The wavelength of a sample in nm.
+    /// Wavelength of a sample in nm.
     pub(super) fn wavelength(&self, lambda: usize) -> Option<f64> {
         self.geometry().grid().map(|grid| grid.at(lambda))
     }
 
-    /// `value` at sample `lambda` of the row `[entry of the opaque axes, incoming entry]`.
+    /// Describes `value` at sample `lambda` of row `[entry of the opaque axes, incoming entry]`.
     pub(super) fn spot(&self, value: f64, row: usize, lambda: usize) -> Spot {
         let [n_in, ..] = self.geometry().shape();
         let (entry, incoming) = (row / n_in, row % n_in);
@@ -54,7 +54,7 @@ impl Material {
         }
     }
 
-    /// The mesh of the outgoing axis, or why there is nothing to ask.
+    /// Mesh of the outgoing axis; fails, with a reason that depends on `need`, if there is none.
     pub(super) fn needs_outgoing(&self, need: Need) -> Result<TriangleMesh, EvaluateError> {
         match self.geometry().mesh() {
             Some(lookup) => Ok(lookup.mesh()),

@@ -1,33 +1,34 @@
-//! A reciprocal function made of one that need not be: the mean of f(wi, wo) and f(wo, wi).
+//! Reciprocal function derived from one that need not be: the mean of f(wi, wo) and f(wo, wi).
 
 use crate::domain::{Direction, Quantity};
 use crate::evaluate::error::{Argument, Buffer, EvaluateError, QueryError, unfit};
 use crate::evaluate::material::Material;
 use crate::evaluate::place::{Interpolation, Place};
 
-/// How the two directions of light are averaged.
+/// Mean of the values for the two directions of light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mean {
-    /// (a + b) / 2: keeps the energy of a pair.
+    /// Arithmetic mean (a + b) / 2: keeps the energy of a pair.
     #[default]
     Arithmetic,
-    /// √(a · b): keeps lobes narrow where the two disagree, never more than the arithmetic one; 0 where one is not positive.
+    /// Geometric mean √(a · b): keeps lobes narrow where the two disagree, and never exceeds the arithmetic mean. It is
+    /// 0 if one of the values is not positive.
     Geometric,
 }
 
 impl Material {
-    /// The spectrum at `place` as [`Material::evaluate`] gives it, averaged with the one under exchanged directions: exactly
-    /// the same for (wi, wo) and (wo, wi), bit by bit. Costs two evaluations; `scratch` is as long as `out`, and garbage
-    /// afterwards.
+    /// Writes the spectrum at `place`, averaged with the one under exchanged directions. Both are values of
+    /// [`Material::evaluate`]. The result is bit-identical for (wi, wo) and (wo, wi). Costs two evaluations; `scratch`
+    /// has the length of `out` and is overwritten.
     ///
-    /// * Where one of the two is not in the material (its incoming direction outside the incoming domain, or its outgoing
-    ///   one outside the outgoing domain) or masked, it is the other one; where neither is, 0 outside and NaN masked.
-    ///   Refused if neither direction is in the incoming domain.
-    /// * Transmission is reciprocal only with a factor of the refractive indices that a material does not hold: a BTDF is
-    ///   refused, and where the directions of a BSDF lie on different sides, it is the spectrum as it is.
-    /// * The albedo of the mean is no longer the stored one; [`Material::pdf`] and [`Material::sample`] stay those of the
-    ///   function as it is: use them with the value of this one, divided by the pdf.
+    /// * One of the two may be masked or outside the material, that is, its incoming or outgoing direction outside the
+    ///   respective domain. The result is then the other one. If neither is available, it is 0 outside and NaN if
+    ///   masked. Fails if neither direction is in the incoming domain.
+    /// * Transmission is reciprocal only with a factor of the refractive indices, which a material does not store.
+    ///   Hence it fails for a BTDF. If the directions of a BSDF lie on different sides, the spectrum is not averaged.
+    /// * The stored albedo is not that of the mean. [`Material::pdf`] and [`Material::sample`] remain those of the
+    ///   unaveraged function: use them with this value, divided by the pdf.
     pub fn symmetric_spectrum(
         &self,
         place: Place<'_>,
@@ -52,13 +53,13 @@ impl Material {
                 Ok(())
             }
             (false, true) => self.evaluate(back, how, out),
-            // Refused there if wi is outside, unless wo is inside: then nothing is sent either way.
+            // Fails if wi is outside, unless wo is inside: then no light leaves either way.
             (false, false) if !self.geometry().takes(wi) && self.geometry().takes(wo) => self.evaluate(back, how, out),
             _ => self.evaluate(place, how, out),
         }
     }
 
-    /// The two directions of a quantity that has a reciprocity.
+    /// Returns both directions; fails for a quantity without reciprocity.
     pub(super) fn pair(&self, place: Place<'_>) -> Result<(Direction, Direction), EvaluateError> {
         let quantity = self.quantity();
         match quantity {
@@ -75,12 +76,12 @@ impl Material {
         }
     }
 
-    /// Whether light goes from one side of a surface to the other.
+    /// Returns true if light passes from one side of a surface to the other.
     pub(super) fn is_transmitted(&self, wi: Direction, wo: Direction) -> bool {
         self.quantity() == Quantity::Bsdf && (wi.cos_theta() >= 0.0) != (wo.cos_theta() >= 0.0)
     }
 
-    /// Whether there is a value for `wi` and `wo`.
+    /// Returns true if `wi` is inside the incoming domain and `wo` inside the outgoing one.
     pub(super) fn holds(&self, wi: Direction, wo: Direction) -> bool {
         self.geometry().takes(wi) && self.geometry().sends(wo)
     }
@@ -90,7 +91,7 @@ fn average(a: f32, b: f32, mean: Mean) -> f32 {
     match mean {
         _ if a.is_nan() => b,
         _ if b.is_nan() => a,
-        // Halves are exact but for denormals, and cannot overflow where the sum would.
+        // Halving each is exact except for denormals, and cannot overflow as the sum might.
         Mean::Arithmetic => 0.5 * a + 0.5 * b,
         Mean::Geometric if a > 0.0 && b > 0.0 => (f64::from(a) * f64::from(b)).sqrt() as f32,
         Mean::Geometric => 0.0,

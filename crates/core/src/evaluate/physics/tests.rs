@@ -1,4 +1,4 @@
-//! Identities of energy, flux, normalisation and reciprocity; the horizon; what is changed on request, and every refusal.
+//! Identities of energy, flux, normalisation and reciprocity; the horizon; changes on request, and every refusal.
 
 use super::{Mean, Preparation, Verdict};
 use crate::compress::{self, Settings, Target};
@@ -101,7 +101,7 @@ fn phase(g: f64) -> Measurement {
         (1.0 - g * g) / (4.0 * PI * (1.0 + g * g + 2.0 * g * dot(wi, wo)).powf(1.5))
     };
     let mut measurement = two(Quantity::Phase, triangles(Domain::Sphere, 2), mesh(Domain::Sphere, 3), spectral, f);
-    // Averages over solid angle, not projected solid angle, are what integrates to 1; made so, as it is not what is tested.
+    // Averages over solid angle, not projected solid angle, integrate to 1. Normalised here, as this is not under test.
     measurement = Preparation { normalise: true, clamp: false }.of(measurement).unwrap().0;
     measurement
 }
@@ -214,7 +214,7 @@ fn too_bright_a_measurement_is_named() {
     assert_ne!(within.verdict, Verdict::Broken, "{within:?}");
 }
 
-/// What interpolation over outgoing directions adds to the albedo, at the incoming entries: stated here.
+/// Measures the effect of interpolation over outgoing directions on the albedo, at the incoming entries.
 #[test]
 fn the_smooth_form_has_the_albedo_of_the_constant_one() {
     for (alpha, incoming, tolerance) in [
@@ -439,7 +439,8 @@ fn lambertian_and_analytic_lobes_are_reciprocal() {
     assert_eq!((report.pairs, report.left_out, report.step), (16 * 256, 0, 1));
     let m = Material::of(ggx(0.5, triangles(Domain::Hemisphere, 2))).unwrap();
     let report = m.reciprocity().unwrap();
-    // Interpolation between 64 incoming directions is all that there is, and its own estimate of it is of the same size.
+    // Interpolation between 64 incoming directions is the only error, and the report's own estimate of it has the same
+    // size.
     assert!(report.light < 0.05 && report.mean < 0.05 && report.p90 < 0.12, "{report:?}");
     assert!(report.left_out_error.is_some() && report.p90 >= report.mean * 0.5);
     let isotropic = Material::of(ggx(0.5, Axis::Elevation((0..=8).map(|i| 10.0 * f64::from(i)).collect()))).unwrap();
@@ -505,7 +506,8 @@ fn the_symmetric_function_is_exactly_reciprocal() {
     }
 }
 
-/// The light of the symmetric function, summed over outgoing cells: no more than the larger of the two it is made of.
+/// Checks that the light of the symmetric function, summed over outgoing cells, is at most the larger of the two
+/// averaged.
 #[test]
 fn the_symmetric_function_keeps_to_energy() {
     let m = Material::of(ggx(0.3, triangles(Domain::Hemisphere, 2))).unwrap();
@@ -526,7 +528,7 @@ fn the_symmetric_function_keeps_to_energy() {
 
 #[test]
 fn one_sided_pairs_take_the_side_there_is() {
-    // A BSDF that is lit from above only: what is below cannot be exchanged.
+    // A BSDF lit from above only: directions below cannot be exchanged.
     let m = Material::of(bsdf(Domain::Hemisphere)).unwrap();
     let (mut scratch, mut out) = ([0.0; 2], [0.0; 2]);
     let mut symmetric = |m: &Material, wi, wo| {
@@ -536,7 +538,7 @@ fn one_sided_pairs_take_the_side_there_is() {
     let (up, down) = (angles(20.0, 40.0), angles(150.0, 10.0));
     assert_eq!(symmetric(&m, up, down).unwrap()[0], spectrum(&m, place(up, down), Interpolation::Constant)[0]);
     is_unfit(symmetric(&m, down, up), "outside the incoming domain");
-    // A BRDF: below the horizon nothing is sent, either way; both below is refused.
+    // A BRDF: below the horizon no light is sent either way; both directions below fails.
     let m = Material::of(ggx(0.4, triangles(Domain::Hemisphere, 0))).unwrap();
     let (mut scratch, mut out) = ([0.0; 4], [0.0; 4]);
     let mut symmetric = |wi, wo| {
@@ -545,7 +547,7 @@ fn one_sided_pairs_take_the_side_there_is() {
     };
     assert_eq!((symmetric(up, down).unwrap(), symmetric(down, up).unwrap()), ([0.0; 4], [0.0; 4]));
     is_unfit(symmetric(down, down), "outside the incoming domain");
-    // Masked one way: the other.
+    // Masked one way: the other value counts.
     let axes = vec![triangles(Domain::Hemisphere, 0), triangles(Domain::Hemisphere, 0), lambda(500.0, 10.0, 2)];
     let m = Material::of(rough_measurement(Quantity::Brdf, axes, |i| match i / 2 {
         4 => 0.25,
@@ -602,7 +604,7 @@ fn the_horizon_is_defined() {
         for phi in [0.0, 17.0, 90.0, 180.0, 269.5, 270.0, 359.9] {
             let (horizon, above, below) = (angles(90.0, phi), angles(89.99, phi), angles(90.01, phi));
             assert_eq!(horizon.cos_theta(), 0.0);
-            // It belongs to every domain that it bounds, with the value of the cells beside it.
+            // The horizon belongs to every domain that it bounds, with the value of the adjacent cells.
             for m in [&brdf, &isotropic] {
                 is_positive(&spectrum(m, place(up, horizon), how));
                 is_positive(&spectrum(m, place(horizon, horizon), how));
@@ -611,7 +613,7 @@ fn the_horizon_is_defined() {
                 is_positive(&albedo(m, Side::Both, Some(horizon), how));
                 assert_eq!(spectrum(m, place(up, below), how), [0.0; 4]);
                 assert_eq!(m.pdf(&[], Some(up), below, None::<u8>).unwrap(), 0.0);
-                // Densities have the cosine in them: they may be 0 there, unless drawn defensively.
+                // Densities include the cosine: they may be 0 there, unless drawn defensively.
                 let defensive = SampleOptions { defensive: 0.1, density: Density::Uniform, level: None };
                 assert!(m.pdf(&[], Some(up), horizon, None::<u8>).unwrap() >= 0.0);
                 assert!(m.pdf(&[], Some(up), horizon, defensive).unwrap().is_finite());
@@ -632,7 +634,7 @@ fn the_horizon_is_defined() {
             }
         }
     }
-    // Samples have weights that are finite, however low they are.
+    // Weights of samples are finite, however low the directions are.
     let mut rng = Pcg32::new(9, 1);
     for _ in 0..2000 {
         for m in [&brdf, &isotropic] {

@@ -1,4 +1,4 @@
-//! The smooth form where a divisor or a cubic was chosen: what differs between incidences, and past the last of them.
+//! Smooth form with a divisor or a cubic between incidences, and its extrapolation past the last incidence.
 
 use super::course::{Course, Divisors, Lanes, MOST_LANES};
 use super::{Seen, SeenBlock, Smooth};
@@ -11,13 +11,13 @@ use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use wide::f32x4;
 
-/// Heights below this count as this where a value is held past the last incidence.
+/// Lower bound on cos θo in the limit past the last incidence.
 const LEAST_COSINE: f32 = 1e-3;
-/// Heights this near to that of the last incidence are its own.
+/// Tolerance on the cosine within which an incidence equals the last one.
 const ROUNDING: f64 = 1e-9;
 
 impl Smooth {
-    /// Finds what values past the last elevation are held by.
+    /// Computes the limits on values past the last elevation.
     pub(super) fn hold_past_last(&mut self, course: &mut Course, entries: usize, directions: &[Vector]) {
         let Nodes::Elevations(_, elevations) = &self.nodes else { return };
         let (Some(last), node) = (elevations.last(), elevations.len() - 1) else { return };
@@ -32,8 +32,8 @@ impl Smooth {
         course.last = Some((last[2], peaks.collect()));
     }
 
-    /// What a node that is no entry has along `d`, made of the entries of the table at `first`: by the weights of a fit, and by
-    /// those of a mean where one of the fit fades or has no light.
+    /// Value along `d` of a derived node, made of the entries of the table at `first`. It uses the weights of a fit,
+    /// and falls back to those of a mean where an entry of the fit loses weight or has no light.
     pub(super) fn made_between(
         &self,
         course: &Course,
@@ -72,7 +72,7 @@ impl Smooth {
         mixed
     }
 
-    /// As [`Smooth::at`] on the way of `course`.
+    /// Like [`Smooth::at`], with a divisor or a cubic between incidences.
     #[inline(always)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
         match (self.width, course.is_wide()) {
@@ -87,7 +87,7 @@ impl Smooth {
         }
     }
 
-    /// [`Smooth::at_between`] with as many planes, and nodes in one or two groups of four.
+    /// [`Smooth::at_between`] for a width of rows, and with nodes in one or two groups of four.
     #[inline(always)]
     fn at_between_in<const WIDTH: usize, const GROUPS: usize>(
         &self,
@@ -102,7 +102,7 @@ impl Smooth {
         let mut rows = [[0.0_f32; WIDTH]; MOST_LANES];
         let (mut shares, mut worths) = ([1.0_f32; MOST_LANES], [0.0_f32; MOST_LANES]);
         let (mut live, mut known) = (0.0, 0.0);
-        // A lane that no node needs holds the place itself.
+        // A lane that no node needs is used for the place itself.
         let has_own_lane = GROUPS == 1 && curve.is_none();
         let (mut own, mut divided) = (0.0, 0.0);
         for group in 0..GROUPS {
@@ -146,14 +146,14 @@ impl Smooth {
             let weight = linear[k] * worths[k] * shares[k];
             row.iter_mut().zip(rows[k]).for_each(|(sum, value)| *sum += weight * value);
         }
-        // Weights are small where all nodes fade: the scale of what counts as none goes with them.
+        // Weights are small where all nodes lose weight: the threshold of a negligible one scales with them.
         let scale = 1.0 / lanes.clone().map(|k| linear[k] * worths[k]).sum::<f32>();
         for value in &mut row {
             *value *= scale;
         }
         let mut mixed = Mixed::settled(row, live * scale, known * scale);
         if let Some(weights) = curve {
-            // Straight lines where a node fades, or has no light.
+            // Falls back to linear interpolation where a node loses weight or has no light.
             let used = lanes.clone().filter(|&k| weights[k] != 0.0);
             let worth = used.fold(1.0_f32, |least, k| least.min(worths[k]).min(shares[k]));
             for (plane, value) in mixed.row.iter_mut().enumerate().take(WIDTH) {
@@ -165,7 +165,7 @@ impl Smooth {
         if !has_own_lane {
             own = course.divided.one(origin.direction, wo.map(|x| x as f32));
         }
-        // On straight lines all rows are divided at once, so that they need not wait for logarithms.
+        // For linear interpolation all rows are divided at once, so that they need not wait for logarithms.
         if curve.is_none() && live > 0.0 {
             own -= divided / live;
         }
@@ -178,7 +178,8 @@ impl Smooth {
         mixed
     }
 
-    /// Multiplies what was mixed at the places of a block; those past the last incidence are looked up again by themselves.
+    /// Multiplies the mixed rows of a block by the divisor; places past the last incidence are evaluated again one by
+    /// one.
     #[inline(always)]
     pub(super) fn multiply_block(
         &self,
@@ -201,7 +202,7 @@ impl Smooth {
         }
     }
 
-    /// The row of a table in one lane of patches.
+    /// Row of a table in one lane of patches.
     #[inline(always)]
     fn row_in<const WIDTH: usize>(&self, base: usize, patches: &Patches<FOUR>, lane: usize) -> [f32; WIDTH] {
         let table = self.values.as_chunks::<WIDTH>().0;

@@ -1,4 +1,4 @@
-//! Way of the smooth form from one incidence to the next, where a divisor or a cubic was chosen.
+//! Interpolation of the smooth form between incidences, if a divisor or a cubic is in use.
 
 use crate::compress::Between;
 use crate::domain::vector::Vector;
@@ -9,42 +9,42 @@ use crate::evaluate::mixed::{Mixed, Row};
 use crate::evaluate::planes::Planes;
 use wide::f32x4;
 
-/// The way from one incidence to the next.
+/// Interpolation between incidences.
 #[derive(Debug)]
 pub(super) struct Course {
     stated: Between,
     pub(super) divided: Divided,
     curve: Option<Curve>,
-    /// The row that adds 1 to the logarithm of every wavelength.
+    /// Row that adds 1 to the logarithm of every wavelength.
     pub(super) constant: Row,
-    /// Past the last elevation: its height, and for each index entry the largest logarithm of f·cos θo there, the mean over
-    /// wavelengths.
+    /// Past the last elevation: its cosine, and for each index entry the largest logarithm of f·cos θo there, averaged
+    /// over wavelengths.
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// The curve through nodes over incoming directions, where it is not straight.
+/// Curve through nodes over incoming directions, if it is not linear.
 #[derive(Debug)]
 enum Curve {
-    /// Through four elevations.
+    /// Cubic through four elevations.
     Cubic(Cubic),
-    /// Through six nodes of a triangle.
+    /// Quadratic through six nodes of a triangle.
     Quadratic,
 }
 
-/// Nodes of curves, at most.
+/// Maximum number of nodes of a curve.
 pub(super) const MOST_LANES: usize = 2 * FOUR;
 
-/// The nodes around an incoming direction, in as many lanes; those without weight stand for nothing.
+/// Nodes around an incoming direction, one for each lane; lanes with weight 0 are unused.
 pub(super) struct Lanes {
     pub(super) nodes: [u32; MOST_LANES],
-    /// Weights on straight lines.
+    /// Weights of linear interpolation.
     pub(super) linear: [f32; MOST_LANES],
     /// Weights of a curve.
     pub(super) curve: Option<[f32; MOST_LANES]>,
 }
 
 impl Course {
-    /// The way that `between` states; `None` where nothing differs from files that state none, and where planes are no logarithms.
+    /// Interpolation stated by `between`; `None` if it is the default, or if planes are not logarithms.
     pub(super) fn new(between: &Between, planes: &Planes, nodes: &Nodes) -> Option<Self> {
         if between.is_default() || !planes.has_logarithms() {
             return None;
@@ -58,7 +58,7 @@ impl Course {
         Some(Self { stated: *between, divided, curve, constant, last: None })
     }
 
-    /// The interpolation between incidences that was stated.
+    /// Stated interpolation between incidences.
     pub(super) fn stated(&self) -> Between {
         self.stated
     }
@@ -79,12 +79,12 @@ impl Course {
         logarithms
     }
 
-    /// Divides what is seen along `there` under `to`.
+    /// Divides a row seen along `there` under `to` by the divisor.
     pub(super) fn divide(&self, mixed: &mut Mixed, to: Vector, there: Vector) {
         self.shift(&mut mixed.row, -self.divisor(to, there));
     }
 
-    /// Multiplies what was mixed for `wo` under `wi`.
+    /// Multiplies a mixed row for `wo` under `wi` by the divisor.
     pub(super) fn multiply(&self, mixed: &mut Mixed, wi: Vector, wo: Vector) {
         self.shift(&mut mixed.row, self.divisor(wi, wo));
     }
@@ -95,7 +95,7 @@ impl Course {
         row.iter_mut().zip(self.constant).for_each(|(value, constant)| *value += by * constant);
     }
 
-    /// The mean over wavelengths of the logarithm of a row, but for a constant of all rows.
+    /// Mean over wavelengths of the logarithm of a row, up to a constant that all rows share.
     #[inline(always)]
     pub(super) fn brightness(&self, row: &[f32]) -> f32 {
         let (sum, square) = row.iter().zip(self.constant).fold((0.0, 0.0), |(sum, square), (value, constant)| {
@@ -104,7 +104,7 @@ impl Course {
         sum / square
     }
 
-    /// The nodes around an incoming direction with their weights, three of which are around it on straight lines.
+    /// Nodes around an incoming direction with their weights; up to three of them enter linear interpolation.
     #[inline(always)]
     pub(super) fn lanes(&self, nodes: &Nodes, around: &Around) -> Lanes {
         let ([a, b, c], [u, v, w]) = (around.nodes, around.weights);
@@ -129,13 +129,13 @@ impl Course {
         }
     }
 
-    /// Returns true where a curve has more nodes than fit side by side.
+    /// Returns true if a curve has more than four nodes, which need two groups of lanes.
     #[inline]
     pub(super) fn is_wide(&self) -> bool {
         matches!(self.curve, Some(Curve::Quadratic))
     }
 
-    /// Returns true where more nodes are looked at than those of straight lines.
+    /// Returns true if a curve is in use, which needs more nodes than linear interpolation.
     #[inline]
     pub(super) fn has_curve(&self) -> bool {
         self.curve.is_some()
@@ -147,7 +147,7 @@ impl Course {
     }
 }
 
-/// Logarithms of the divisor at the nodes around the places of a block: their weighted sums, and the sums of weights.
+/// Logarithms of the divisor at the nodes around the places of a block: weighted sums, and sums of weights.
 pub(super) struct Divisors {
     sums: [f32; BLOCK],
     weights: [f32; BLOCK],
@@ -156,7 +156,7 @@ pub(super) struct Divisors {
 impl Divisors {
     pub(super) const NOTHING: Self = Self { sums: [0.0; BLOCK], weights: [0.0; BLOCK] };
 
-    /// Adds what the places are seen by under the nodes of these directions.
+    /// Adds the divisors at nodes of these directions, with places looked up at `there`.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
@@ -172,7 +172,7 @@ impl Divisors {
         }
     }
 
-    /// The mean of the logarithms at place `i`.
+    /// Mean of the logarithms at place `i`.
     #[inline(always)]
     pub(super) fn mean(&self, i: usize) -> f32 {
         self.sums[i] / self.weights[i]

@@ -1,12 +1,13 @@
-//! The smooth form: values at nodes over outgoing directions, for nodes over incoming directions, and what stands between.
+//! Smooth form: values at nodes over outgoing directions, for nodes over incoming directions, and interpolation between
+//! them.
 //!
-//! * Over **outgoing** directions: quadratic elements ([`super::elements`]) through values that have the cells' averages
-//!   ([`super::reconstruct`]); of logarithms where data are positive, corrected for the average of an exponential being
-//!   more than the exponential of an average.
-//! * Over **incoming** directions: linear between three nodes, each of which is looked up where its own lobe has what is
-//!   asked for ([`super::incoming::Alignment`]). The alignment is the one under which the function keeps its shape best from
-//!   one measured incoming direction to the next.
-//!   Where a divisor or a cubic was chosen ([`crate::compress::Between`]), it is taken (`between`).
+//! * Over **outgoing** directions: quadratic elements ([`super::elements`]) through values that have the cells'
+//!   averages ([`super::reconstruct`]). They interpolate logarithms if data are positive, corrected because the average
+//!   of an exponential exceeds the exponential of the average.
+//! * Over **incoming** directions: linear between three nodes. Each node is looked up at the outgoing direction to
+//!   which its lobe is aligned ([`super::incoming::Alignment`]). The alignment is the one under which the function
+//!   keeps its shape best from one measured incoming direction to the next. If a divisor or a cubic is chosen
+//!   ([`crate::compress::Between`]), `between` applies it.
 //! * Cells that are zero or masked have no logarithm: the share of live cells around is interpolated, too.
 
 mod between;
@@ -28,7 +29,7 @@ use crate::numeric::wide;
 use ::wide::f32x4;
 use course::{Course, Divisors};
 
-/// The tables.
+/// Tables of the smooth form.
 #[derive(Debug)]
 pub(super) struct Smooth {
     elements: Elements,
@@ -36,20 +37,20 @@ pub(super) struct Smooth {
     has_cosine: bool,
     nodes: Nodes,
     alignment: Alignment,
-    /// The alignments that competed, and how much the function changes under each.
+    /// Candidate alignments, and the function's change of shape under each.
     changes: Vec<(Alignment, f64)>,
-    /// The share of light that goes astray where an incoming direction is predicted from those around.
+    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
     left_out: Option<f64>,
     width: usize,
     node_count: usize,
-    /// The nodes' directions.
+    /// Directions of the incoming nodes.
     origins: Vec<Origin>,
-    /// `[index entry][incoming node][outgoing node][width]`.
+    /// Coefficients `[index entry][incoming node][outgoing node][width]`.
     values: Vec<f32>,
-    /// Where not all cells are live: `[index entry][incoming node][outgoing node]` of live among those not masked, and of
-    /// those not masked among all.
+    /// Shares `[index entry][incoming node][outgoing node]` of live cells among unmasked ones, and of unmasked among
+    /// all. Empty if all cells are live.
     presence: Vec<[f32; 2]>,
-    /// How it goes from one incidence to the next, where that is not linear in logarithms.
+    /// Interpolation between incidences; `None` if it is linear in logarithms.
     course: Option<Box<Course>>,
 }
 
@@ -61,19 +62,19 @@ pub(super) struct Seen {
     pub(super) wo: Vector,
 }
 
-/// The same for a block, and room for where it is looked up.
+/// Block of places, with room for their lookups.
 #[derive(Clone, Debug)]
 pub(super) struct SeenBlock {
     nodes: [[u32; BLOCK]; 3],
     weights: [[f32; BLOCK]; 3],
     pub(super) wi: Vectors,
     pub(super) wo: Vectors,
-    /// For each of the nodes.
+    /// Patches under each of the nodes.
     patches: [Patches<BLOCK>; 3],
 }
 
 impl SeenBlock {
-    /// Anything.
+    /// Scratch space; overwritten before it is read.
     pub(super) const NOTHING: Self = Self {
         nodes: [[0; BLOCK]; 3],
         weights: [[0.0; BLOCK]; 3],
@@ -101,46 +102,46 @@ impl SeenBlock {
 }
 
 impl Smooth {
-    /// The nodes over incoming directions.
+    /// Nodes over incoming directions.
     #[inline(always)]
     pub(super) fn nodes(&self) -> &Nodes {
         &self.nodes
     }
 
-    /// The interpolation between incidences that was stated.
+    /// Stated interpolation between incidences.
     pub(super) fn between(&self) -> Between {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated())
     }
 
-    /// The domain of outgoing directions.
+    /// Domain of outgoing directions.
     pub(super) fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// How lobes go from one incoming direction to the next.
+    /// Alignment of lobes between incoming directions.
     #[inline]
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
 
-    /// The alignments that competed, and how much the function changes under each.
+    /// Candidate alignments, and the function's change of shape under each.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
 
-    /// The share of light that goes astray where an incoming direction is predicted from those around.
+    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
     pub(super) fn left_out_error(&self) -> Option<f64> {
         self.left_out
     }
 
-    /// The row of one table at a direction, with its presence.
+    /// Row of one table at a direction, with its presence.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;
         self.elements.write(d.map(|x| x as f32), &mut patches, 0);
         self.gather(1, [table; 3], [&patches; 3], [0; 3], [1.0, 0.0, 0.0])
     }
 
-    /// What stands in the table of one entry of the incoming axis, whose direction is `wi`.
+    /// Row of the table of one entry of the incoming axis, whose direction is `wi`.
     pub(super) fn own(&self, entry: usize, incoming: usize, wi: Vector, wo: Vector) -> Mixed {
         let (node, there) = match self.nodes {
             Nodes::Same(to) => (0, carried(self.alignment, self.domain, wi, to, wo).0),
@@ -149,13 +150,13 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// What stands in the table of a node.
+    /// Row of the table of a node.
     pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
         self.looked_up(entry * self.node_count + node, wo)
     }
 
-    /// Returns true where the patch around a direction has light at a corner, so that the function is positive inside it; of
-    /// quantities without an incoming direction.
+    /// Returns true if the patch around a direction has light at a corner, so that the function is positive inside it.
+    /// Only for quantities without an incoming direction.
     pub(super) fn is_lit_around(&self, entry: usize, d: Vector) -> bool {
         let base = entry * self.node_count * self.elements.len();
         let patch = self.elements.at(d.map(|x| x as f32));
@@ -166,12 +167,12 @@ impl Smooth {
             })
     }
 
-    /// The directions of outgoing nodes.
+    /// Directions of the outgoing nodes.
     pub(super) fn outgoing_nodes(&self) -> Vec<Vector> {
         self.elements.directions()
     }
 
-    /// What stands at a place, in index entry `entry`.
+    /// Interpolated row at a place, in index entry `entry`.
     #[inline(always)]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
         if let Some(course) = &self.course {
@@ -196,13 +197,13 @@ impl Smooth {
         self.gather(around.count, self.tables(entry, [a, b, c]), [&patches; 3], [0, 1, 2], [u, v, w])
     }
 
-    /// What stands at the first places of a block, as many as `to` has: first they are all looked up, then gathered.
+    /// Writes the interpolated rows at the first `to.len()` places of a block: first all are looked up, then gathered.
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
         let is_single = self.course.as_ref().is_some_and(|course| course.has_curve() || !self.presence.is_empty());
         if is_single || is_whole && !matches!(alignment, Alignment::None | Alignment::Rotation) {
-            // Curves look at other nodes; above and below the horizon there are different ways.
+            // Curves use other nodes, and the alignment differs above and below the horizon.
             to.iter_mut().enumerate().for_each(|(i, to)| *to = self.at(entry, &seen.get(i)));
             return;
         }
@@ -239,8 +240,9 @@ impl Smooth {
         }
     }
 
-    /// Writes the patches in which places are seen under `count` nodes around, and multiplies weights with their worth. `each` is
-    /// told for every node around: its directions, where the places are looked up there, and their weights.
+    /// Writes the patches in which places are seen under the `count` nodes around, and multiplies weights by the
+    /// alignment weight. `each` receives, for every node around, its directions, the aligned outgoing directions, and
+    /// the weights.
     #[inline(always)]
     fn look_up_block(
         &self,
@@ -289,13 +291,13 @@ impl Smooth {
         }
     }
 
-    /// The tables of nodes.
+    /// Table numbers of nodes.
     #[inline]
     fn tables(&self, entry: usize, nodes: [u32; 3]) -> [usize; 3] {
         nodes.map(|node| entry * self.node_count + node as usize)
     }
 
-    /// What stands in one table or three, in the patches of these lanes.
+    /// Interpolated row of one table or three, in the patches of these lanes.
     #[inline(always)]
     fn gather<const N: usize>(
         &self,
@@ -315,7 +317,8 @@ impl Smooth {
         }
     }
 
-    /// Tables beyond those that there are have no weight. Those of patches are multiplied with those of tables already.
+    /// Implementation of [`Smooth::gather`] for a fixed width and number of tables. Unused tables have weight 0.
+    /// Weights of patches already include those of tables.
     #[inline(always)]
     fn gather_in<const WIDTH: usize, const COUNT: usize, const N: usize>(
         &self,
@@ -347,7 +350,7 @@ impl Smooth {
         Mixed::settled(row, live, known)
     }
 
-    /// The sum of rows: of each node of each patch the place in its table, and its factor.
+    /// Weighted sum of rows. `of` returns, for each node of each patch, its place in the table and its factor.
     #[inline(always)]
     fn summed<const WIDTH: usize, const COUNT: usize>(
         &self,
@@ -371,7 +374,7 @@ impl Smooth {
         row
     }
 
-    /// The share of light in a patch of the table at `base`, and the share that is known.
+    /// Share of light in a patch of the table at `base`, and the unmasked share.
     fn presence_in<const N: usize>(&self, base: usize, patches: &Patches<N>, lane: usize) -> (f32, f32) {
         let (mut live, mut known) = (0.0, 0.0);
         for (nodes, corners) in patches.nodes.iter().zip(&patches.corners) {

@@ -1,4 +1,4 @@
-//! How lobes move with the incoming direction: which alignment keeps the function's shape best, and what that leaves out.
+//! Motion of lobes with the incoming direction: change of shape under an alignment, and the leave-one-out error.
 
 use super::Smooth;
 use crate::domain::vector::Vector;
@@ -8,11 +8,11 @@ use crate::evaluate::mixed::{Mixed, Mixture};
 use crate::evaluate::planes::Planes;
 use rayon::prelude::*;
 
-/// Nodes at which alignments are compared, about.
+/// Approximate number of nodes at which alignments are compared.
 const COMPARED: usize = 600;
 
 impl Smooth {
-    /// Returns the change of the function's shape from one incoming direction to its neighbours, carried as `alignment` says.
+    /// Returns the change of the function's shape from one incoming direction to its neighbours under `alignment`.
     pub(super) fn change_between(
         &self,
         planes: &Planes,
@@ -34,7 +34,7 @@ impl Smooth {
         )
     }
 
-    /// The mean of three wavelengths of one entry of the incoming axis, whose direction is `wi`.
+    /// Mean of three wavelengths under one entry of the incoming axis, whose direction is `wi`.
     pub(in crate::evaluate) fn brightness(
         &self,
         planes: &Planes,
@@ -49,7 +49,7 @@ impl Smooth {
         if self.has_cosine { d[2].abs() } else { 1.0 }
     }
 
-    /// The share of the light of entries that those around put elsewhere.
+    /// Leave-one-out error: share of the entries' light that prediction from their neighbours misplaces.
     pub(super) fn left_out(
         &self,
         planes: &Planes,
@@ -91,7 +91,7 @@ impl Smooth {
     }
 }
 
-/// The mean of three wavelengths.
+/// Mean of three wavelengths.
 fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
     let row = &mixed.row[..planes.count()];
     let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas() - 1) / 4)).sum();

@@ -1,4 +1,5 @@
-//! The tables of the smooth form: node values that have the averages of cells, and nodes between incoming directions.
+//! Construction of the tables of the smooth form: node values that have the averages of cells, and nodes between
+//! incoming directions.
 
 use super::Smooth;
 use super::course::Course;
@@ -12,17 +13,17 @@ use crate::evaluate::planes::{Cell, Planes};
 use crate::evaluate::reconstruct::{Cells, Weights, node_weights};
 use rayon::prelude::*;
 
-/// Corrections for the average of an exponential.
+/// Number of passes that correct for the average of an exponential.
 const CORRECTIONS: usize = 2;
-/// A correction of a logarithm is at most this large: beyond it cells are too steep to say.
+/// Upper bound on a correction of a logarithm; larger ones come from cells too steep for the second-order estimate.
 const LARGEST_CORRECTION: f64 = 0.5;
-/// If carried directions agree this well, one of them serves for all.
+/// Leave-one-out error below which one incoming direction, aligned by rotation, represents all.
 const ALIKE: f64 = 2e-3;
-/// The most numbers in tables.
+/// Maximum number of coefficients in all tables.
 const MOST_VALUES: usize = 1 << 28;
 
 impl Smooth {
-    /// Tables for the cells of `planes`: `[entry][incoming entry][cell]`; `None` if they would be too large.
+    /// Builds tables for the cells of `planes`, `[entry][incoming entry][cell]`; `None` if they would be too large.
     pub(in crate::evaluate) fn new(
         planes: &Planes,
         cells: &Cells,
@@ -58,7 +59,7 @@ impl Smooth {
         let (tables, presence) = smooth.reconstruct(planes, cells, lookup, entries * own);
         smooth.values = tables;
         smooth.presence = presence;
-        // So far every entry is a node of its own and nothing is between.
+        // At this point every entry is a node of its own and there are no derived nodes.
         let directions = elements.directions();
         let mut best = (f64::INFINITY, candidates.first().copied().unwrap_or_default());
         for &alignment in candidates {
@@ -138,7 +139,7 @@ impl Smooth {
         (values, presence)
     }
 
-    /// By how much the logarithm of a cell's average exceeds the average of its logarithm, to second order: half the
+    /// Excess of the logarithm of a cell's average over the average of its logarithm, to second order: half the
     /// variance over the cell.
     fn excess(&self, coupling: &[f64], planes: usize, table: &[f32], points: [Vector; 3]) -> [f64; MOST_PLANES] {
         let rows = points.map(|point| self.gathered(table, point));
@@ -156,13 +157,14 @@ impl Smooth {
             let sum: f64 = coupling.iter().zip(&products).map(|(a, b)| a * b).sum();
             *excess = 0.5 * sum;
         }
-        // The first plane is the mean logarithm times the root of the number of wavelengths: too steep a cell says little.
+        // The first plane is the mean logarithm times the square root of the number of wavelengths. It limits the
+        // correction in steep cells.
         let largest = LARGEST_CORRECTION / coupling[0].abs().max(1e-6);
         let share = (largest / excess[0].abs().max(largest)).min(1.0);
         excess.map(|e| e * share)
     }
 
-    /// One table's row at a direction.
+    /// Row of one table at a direction.
     fn gathered(&self, table: &[f32], d: Vector) -> Row {
         let patch = self.elements.at(d.map(|x| x as f32));
         let mut row = [0.0; MOST_PLANES];
@@ -173,7 +175,7 @@ impl Smooth {
         row
     }
 
-    /// Shares of live cells around every node, and of those not masked.
+    /// Shares of live cells among the unmasked ones around every node, and of unmasked cells among all.
     fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
         let mesh = cells.mesh();
         let (leaves, areas) = (mesh.len(), mesh.solid_angles());
@@ -201,7 +203,7 @@ impl Smooth {
         (0..incoming).into_par_iter().flat_map_iter(|entry| around.iter().map(move |a| share(entry, a))).collect()
     }
 
-    /// Tables of the nodes that are no entries, from those of the entries around.
+    /// Adds tables of the derived nodes, made of those of the surrounding entries.
     fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector], course: Option<&Course>) {
         let (all, own) = nodes.counts();
         if all == own {
@@ -250,7 +252,7 @@ impl Smooth {
     }
 }
 
-/// Node values from averages `[cell][width]`.
+/// Writes node values, as weighted sums of averages `[cell][width]`.
 fn apply(weights: &[Weights], averages: &[f32], width: usize, table: &mut [f32]) {
     for (weights, row) in weights.iter().zip(table.chunks_exact_mut(width)) {
         row.fill(0.0);

@@ -1,4 +1,4 @@
-//! The smooth form against analytic truth, between measured directions, and samples carried along with lobes.
+//! The smooth form against analytic truth, between measured directions, and samples aligned with lobes.
 
 use crate::domain::vector::{Vector, dot};
 use crate::domain::{
@@ -105,7 +105,7 @@ fn between_incoming_directions_a_lobe_moves_and_does_not_fade() {
     };
     let (moved, faded) = (error_with(Alignment::HalfVector), error_with(Alignment::None));
     assert!(moved < 0.5 * faded, "{moved} {faded}");
-    // At the mirror direction half way the fading lobe is far too low.
+    // At the mirror direction half way between nodes, the unaligned lobe is far too low.
     let peak = |alignment| {
         let m = Material::with_alignment(gap(), alignment).unwrap();
         let (wi, wo) = (Direction::from_degrees(25.0, 0.0), Direction::from_degrees(25.0, 180.0));
@@ -155,7 +155,8 @@ fn carried_densities_integrate_to_one_and_their_samples_have_the_smooth_albedo()
                 }
                 assert!((total - 1.0).abs() < 2e-3, "{alignment:?} {theta} {total}");
                 if defensive == 0.0 {
-                    // Far from where it was measured, parts of the smooth function are drawn by the defensive part alone.
+                    // Far from the measured directions, only the defensive part draws some parts of the smooth
+                    // function.
                     continue;
                 }
                 let side = 64;
@@ -181,7 +182,7 @@ fn carried_samples_go_back_to_where_they_came_from() {
     for i in 0..2000 {
         let u = [point(i)[2].fract(), (i as f64 * 0.618_033_988_749_895).fract()];
         let drawn = m.sample(&[], wi, u, SampleOptions::default()).unwrap().unwrap();
-        // The trees of several nodes draw it, each from a point of its own.
+        // The trees of several nodes draw the direction, each from a point of its own.
         let found = m.invert(&[], wi, drawn.direction, SampleOptions::default()).unwrap().unwrap();
         let again = m.sample(&[], wi, found, SampleOptions::default()).unwrap().unwrap();
         let cosine = dot(drawn.direction.xyz(), again.direction.xyz());
@@ -214,7 +215,7 @@ fn phase_functions_have_no_horizon() {
         let z = 1.0 - 2.0 * ((f64::from(k) + 0.5) * 0.618_034).fract();
         Direction::from_degrees(z.acos().to_degrees(), 137.5 * f64::from(k))
     };
-    // Somewhere, and opposite to a cell, where no turn has an axis.
+    // Arbitrary directions, and ones opposite to a cell, where no rotation has an axis.
     let mut pairs: Vec<[Direction; 2]> = (0..200).map(|k| [spread(k), spread(3 * k + 1)]).collect();
     let cells = TriangleMesh::new(Domain::Sphere, 2).unwrap();
     for k in 0..cells.len() {

@@ -1,7 +1,7 @@
-//! Warps for a block of points at once: the steps of [`Warps::sample`] and [`Warps::pdf`], with the same bits.
+//! Warps a block of points at once: the steps of [`Warps::sample`] and [`Warps::pdf`], with bit-identical results.
 //!
-//! A descent waits at every level for what was chosen above; those of a block do so together. What is arithmetic alone
-//! stands in loops of its own, which become vector code; what reads tables stands in others.
+//! A descent waits at every level for the choice above; the descents of a block wait together. Pure arithmetic has
+//! loops of its own, which vectorise; table lookups are in other loops.
 
 use super::fraction::{BELOW_ONE, Fraction, UNREDUCED, choose, flipped, inward};
 use super::options::Density;
@@ -10,21 +10,21 @@ use super::warps::Warps;
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::numeric::wide;
 
-/// Directions that were drawn.
+/// Block of drawn directions.
 #[derive(Clone, Debug)]
 pub(in crate::evaluate) struct Draws {
     pub(in crate::evaluate) directions: Vectors,
-    /// Not positive where nothing is drawn; the direction is any then.
+    /// Densities in sr⁻¹; not positive for a failed draw, whose direction is arbitrary.
     pub(in crate::evaluate) pdf: Block,
     pub(in crate::evaluate) leaves: [u32; BLOCK],
 }
 
 impl Draws {
-    /// None.
+    /// Empty block.
     pub(in crate::evaluate) const NOTHING: Self =
         Self { directions: [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]], pdf: [0.0; BLOCK], leaves: [0; BLOCK] };
 
-    /// Writes coordinates and densities, all 0 where nothing is drawn, and returns |cos θ| (or 1) over the density.
+    /// Writes coordinates and densities, all 0 for a failed draw, and returns |cos θ| (or 1) over the density.
     pub(in crate::evaluate) fn write(&self, has_cosine: bool, [x, y, z, pdf]: [&mut [f32]; 4]) -> [f32; BLOCK] {
         let mut shares = [0.0; BLOCK];
         for (i, share) in shares.iter_mut().enumerate() {
@@ -43,14 +43,16 @@ impl Draws {
     }
 }
 
-/// Squares of leaves that were reached: the probabilities of their halves, and what is left of the points.
+/// Squares of leaves that a descent reached: the probabilities of their halves, and the rescaled coordinates of the
+/// points.
 struct Reached {
     squares: [u32; BLOCK],
     masses: [Block; 2],
     left: [Block; 2],
 }
 
-/// Points in the halves of squares, as [`super::square::Point`], held inside, and the density there over the triangle.
+/// Points in the halves of squares, as [`super::square::Point`], kept away from edges, and the density there over the
+/// triangle.
 struct Inside {
     halves: [u32; BLOCK],
     coordinates: Vectors,
@@ -80,13 +82,13 @@ impl Warps {
         );
     }
 
-    /// The directions of points, and their densities.
+    /// Writes the directions of points, and their densities.
     #[inline(always)]
     fn write_points(&self, cells: &[u32; BLOCK], reached: &Reached, inside: &Inside, to: &mut Draws) {
         for i in 0..BLOCK {
             let (leaf, frame) = self.mesh().framed(2 * reached.squares[i] as usize + inside.halves[i] as usize);
             let (direction, factor) = self.mesh().point(leaf, frame, vector_of(&inside.coordinates, i));
-            // A cell without light has no numbers.
+            // A cell without light gives NaN.
             let is_drawn = self.total(cells[i] as usize) > 0.0;
             set_vector(&mut to.directions, i, if is_drawn { direction.xyz() } else { [0.0, 0.0, 1.0] });
             to.pdf[i] = if is_drawn { inside.densities[i] * factor } else { 0.0 };
@@ -94,7 +96,7 @@ impl Warps {
         }
     }
 
-    /// Level by level.
+    /// Descends all trees together, level by level.
     #[inline(always)]
     fn reach(&self, cells: &[u32; BLOCK], u: &[Block; 2]) -> Reached {
         let (mesh, last) = (&**self.mesh(), self.mesh().mesh().level());
@@ -188,7 +190,7 @@ impl Warps {
         inside
     }
 
-    /// The numbers that shape the linear density at the corners of squares of leaves.
+    /// Shape numbers of the linear density at the corners of squares of leaves.
     #[inline(always)]
     fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
         let points = self.mesh().vertices().len();
@@ -203,7 +205,7 @@ impl Warps {
     }
 }
 
-/// Fractions as numbers.
+/// Reduces fractions to numbers.
 #[inline(always)]
 fn reduce(over: &mut [Block; 2], under: &[Block; 2]) {
     for (over, &under) in over.as_flattened_mut().iter_mut().zip(under.as_flattened()) {

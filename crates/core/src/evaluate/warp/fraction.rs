@@ -1,17 +1,18 @@
-//! Choices by the coordinates of the unit square, which are stretched over what was chosen.
+//! Choices by the coordinates of the unit square, which are rescaled to the chosen part.
 
 use super::mesh::FLIPS;
 use std::hint::select_unpredictable;
 
-/// The largest number below 1.
+/// Largest f64 below 1.
 pub(in crate::evaluate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
-/// Points keep this barycentric distance from the edges of their leaf, so that rounding cannot carry one over the edge.
+/// Minimum barycentric distance of points from the edges of their leaf, so that rounding cannot move one over the edge.
 const MARGIN: f64 = 1e-9;
 
-/// Levels after which a fraction is reduced: its terms shrink with the masses of triangles, which are no less than 1e-45.
+/// Number of levels after which a fraction is reduced. Its terms shrink with the masses of triangles, which are at
+/// least 1e-45.
 pub(super) const UNREDUCED: u8 = 3;
 
-/// A coordinate of the unit square as a fraction, so that a choice need not wait for a division.
+/// Coordinate of the unit square as a fraction, so that a choice need not wait for a division.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fraction {
     pub(super) over: f64,
@@ -35,8 +36,8 @@ impl Fraction {
         Self::new(self.value())
     }
 
-    /// Whether it is beyond the `first` of two masses, never so if there is no second one; and what is left of it, stretched
-    /// over the mass in which it is.
+    /// Returns true if the coordinate lies beyond the `first` of two masses (never if the second is 0), and the
+    /// coordinate rescaled to the mass that contains it.
     #[inline(always)]
     #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
     fn split(self, first: f64, second: f64) -> (bool, Self) {
@@ -47,8 +48,8 @@ impl Fraction {
     }
 }
 
-/// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and stretches both over the choice.
-/// Never chooses one without weight.
+/// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and rescales both to the
+/// choice. Never chooses a quadrant of weight 0.
 #[inline(always)]
 pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
     let (a, first) = u[0].split(w0 + w1, w2 + w3);
@@ -57,7 +58,7 @@ pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize
     2 * usize::from(a) + usize::from(b)
 }
 
-/// Where [`choose`] takes a quadrant from: start and length in both coordinates.
+/// Start and length, in both coordinates, of the rectangle in which [`choose`] selects a quadrant.
 pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2]) {
     let share = |first: f64, second: f64, which: usize| {
         let (first, second) = (first / (first + second), second / (first + second));
@@ -69,7 +70,7 @@ pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2]
     ([a, b], [width, height])
 }
 
-/// `u` in the square of level 0, which may run the other way.
+/// Coordinates `u` in a square of level 0, which may run the other way.
 #[inline(always)]
 pub(super) fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     [0, 1].map(|k| {
@@ -78,7 +79,7 @@ pub(super) fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     })
 }
 
-/// Coordinates at least [`MARGIN`] from the edges.
+/// Barycentric coordinates moved at least [`MARGIN`] from the edges.
 #[inline(always)]
 pub(super) fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
     if a.min(b).min(c) >= MARGIN {

@@ -1,9 +1,9 @@
-//! What all warps on one mesh share: pairs of triangles as squares, places in the tree, geometry of the leaves.
+//! Tables that all warps on one mesh share: pairs of triangles as squares, places in the tree, geometry of the leaves.
 //!
 //! On the flat octahedron a triangle is half of a square: the triangle is right-angled, and the neighbour across its
-//! hypotenuse is the other half. The four-way split of both halves is the split of the square into quadrants, level after
-//! level. Of a square's corners (0,0) and (1,1) are the ends of the hypotenuse, (1,0) is the right angle of its *lower*
-//! half (b < a), (0,1) that of its *upper* half. Quadrants are numbered 2·a + b.
+//! hypotenuse is the other half. The four-way split of both halves is the split of the square into quadrants, level
+//! after level. The corners (0,0) and (1,1) of a square are the ends of the hypotenuse. (1,0) is the right angle of its
+//! *lower* half (b < a), (0,1) that of its *upper* half. Quadrants are numbered 2·a + b.
 //!
 //! The squares of level 0 unfold the octahedron, two of them a hemisphere:
 //!
@@ -24,18 +24,18 @@ use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::evaluate::lookup::{MeshLookup, octant};
 use std::sync::Arc;
 
-/// The eight triangles of four squares, `[lower, upper]` after `[lower, upper]`: one load in a descent.
+/// Eight triangles of four squares, each as lower then upper half: one load in a descent.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(32))]
 pub(super) struct Group(pub(super) [f32; 8]);
 
-/// Where the right angle and the hypotenuse's ends (0,0) and (1,1) are among a triangle's vertices.
+/// Positions, among a triangle's vertices, of the right angle and of the hypotenuse's ends (0,0) and (1,1).
 pub(super) type Frame = [u8; 3];
 
 /// All orders of three vertices; a frame is stored as its number here.
 const FRAMES: [Frame; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
-/// For each square of level 0 the octant and frame of its lower and its upper half.
+/// For each square of level 0, the octant and frame of its lower and its upper half.
 const TOP: [[(u32, Frame); 2]; 4] = [
     [(3, [2, 0, 1]), (2, [1, 0, 2])],
     [(0, [1, 0, 2]), (1, [2, 0, 1])],
@@ -43,62 +43,62 @@ const TOP: [[(u32, Frame); 2]; 4] = [
     [(4, [1, 0, 2]), (5, [2, 0, 1])],
 ];
 
-/// Where a square of level 0 starts in a and in b and which way it runs, so that neighbours meet.
+/// Start and direction of each square of level 0 in a and in b, chosen so that neighbours meet.
 pub(super) const FLIPS: [[[f64; 2]; 2]; 4] = [[ALONG, AGAINST], [ALONG, ALONG], [AGAINST, AGAINST], [AGAINST, ALONG]];
 const ALONG: [f64; 2] = [0.0, 1.0];
 const AGAINST: [f64; 2] = [1.0 - f64::EPSILON / 2.0, -1.0];
 
-/// The most levels.
+/// Maximum number of levels.
 const LEVELS: usize = MAX_LEVEL as usize + 1;
 
-/// The cosine and sine that turn octant 0 into octant q (of 4) about z.
+/// Cosine and sine of the rotation about z from octant 0 to octant q (of 4).
 const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
 
-/// The vertices of a leaf of octant 0, or what they are dual to: inner products of these with a direction ω are the barycentric
-/// coordinates of the planar point on its ray, over its length.
+/// Vertices of a leaf of octant 0, or their dual vectors. The inner products of dual vectors with a direction ω are the
+/// barycentric coordinates of the planar point on its ray, divided by that point's length.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
     vectors: [Vector; 3],
-    /// 1 / (area · distance from the origin) of the planar triangle.
+    /// Reciprocal of area · distance from the origin of the planar triangle.
     density: f64,
 }
 
-/// The tables of one mesh and one measure, for any number of [`super::Warps`].
+/// Tables of one mesh and one measure, for any number of [`super::Warps`].
 #[derive(Debug)]
 pub struct WarpMesh {
     mesh: TriangleMesh,
     measure: Measure,
     lookup: Arc<MeshLookup>,
     leaves: Vec<Leaf>,
-    /// The dual vectors of the same leaves, from which barycentric coordinates follow.
+    /// Dual vectors of the same leaves, which give barycentric coordinates.
     duals: Vec<Leaf>,
-    /// For each triangle, level by level: 2 · its square + 1 if it is the upper half.
+    /// For each triangle, level by level: 2 · its square, + 1 for the upper half.
     places: Vec<u32>,
-    /// Where each level starts in `places`, and in a tree, counted in single numbers.
+    /// Start of each level in `places`; start of each level in a tree, counted in single numbers.
     firsts: [usize; LEVELS],
     starts: [usize; LEVELS],
-    /// Groups of one tree.
+    /// Number of groups in one tree.
     groups: usize,
     /// For each place of the last level: the leaf · 8 + the number of its frame.
     framed: Vec<u32>,
-    /// The vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
+    /// Vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
     quads: Vec<[u32; 4]>,
     points: Vec<Direction>,
-    /// The tree of the measure alone.
+    /// Tree of the measure alone.
     measures: Vec<Group>,
-    /// |cos θ| or 1 at the vertices.
+    /// Factor |cos θ| or 1 at each vertex.
     cosines: Vec<f32>,
-    /// The measure of every leaf, exact.
+    /// Exact measure of every leaf.
     exact: Vec<f64>,
 }
 
 impl WarpMesh {
-    /// The tables of `mesh`, with trees by `measure`.
+    /// Builds the tables of `mesh`, with trees weighted by `measure`.
     pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
         Self::over(Arc::new(MeshLookup::new(mesh)), measure)
     }
 
-    /// The same over tables of the mesh that there are already.
+    /// Like [`WarpMesh::new`], with existing lookup tables of the mesh.
     pub(in crate::evaluate) fn over(lookup: Arc<MeshLookup>, measure: Measure) -> Self {
         let mesh = lookup.mesh();
         let count = 1_usize << (2 * u32::from(mesh.level()));
@@ -154,37 +154,37 @@ impl WarpMesh {
         this
     }
 
-    /// The mesh.
+    /// Mesh of the tables.
     pub fn mesh(&self) -> TriangleMesh {
         self.mesh
     }
 
-    /// The tables that find its triangles.
+    /// Lookup tables that locate triangles of the mesh.
     pub(in crate::evaluate) fn lookup(&self) -> &MeshLookup {
         &self.lookup
     }
 
-    /// What the trees weigh values with.
+    /// Measure by which the trees weight values.
     pub fn measure(&self) -> Measure {
         self.measure
     }
 
-    /// The integral of |cos θ| or the solid angle of every leaf in sr, in the order of the mesh; exact.
+    /// Exact integral of |cos θ| over every leaf, or its solid angle, in sr, in the order of the mesh.
     pub fn measures(&self) -> &[f64] {
         &self.exact
     }
 
-    /// The vertices of the mesh; triangles share them.
+    /// Vertices of the mesh, which triangles share.
     pub fn vertices(&self) -> &[Direction] {
         &self.points
     }
 
-    /// The numbers in [`WarpMesh::vertices`] of every leaf's vertices, in the order of the mesh.
+    /// Numbers in [`WarpMesh::vertices`] of every leaf's vertices, in the order of the mesh.
     pub fn corners(&self) -> &[[u32; 3]] {
         self.lookup.all_corners()
     }
 
-    /// Memory in bytes, without the tables that find triangles of the mesh, which may be shared.
+    /// Memory in bytes, without the lookup tables of the mesh, which may be shared.
     pub fn memory(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&*self.leaves)
@@ -198,7 +198,7 @@ impl WarpMesh {
             + size_of_val(&*self.exact)
     }
 
-    /// [`WarpMesh::memory`] of tables that are not there yet, and the memory of each tree on them.
+    /// Expected [`WarpMesh::memory`] of tables before they are built, and expected memory of each tree on them.
     pub(in crate::evaluate) fn expected_memory(lookup: &MeshLookup) -> [usize; 2] {
         let (mesh, vertices) = (lookup.mesh(), lookup.vertices());
         let octant = 1_usize << (2 * u32::from(mesh.level()));
@@ -211,28 +211,28 @@ impl WarpMesh {
         [shared, groups + vertices * size_of::<f32>() + size_of::<f64>()]
     }
 
-    /// Groups of one tree: the root, then one for every square above the last level.
+    /// Number of groups in one tree: the root, then one for every square above the last level.
     #[inline]
     pub(super) fn groups(&self) -> usize {
         self.groups
     }
 
-    /// The group of the quadrants of `square`, a square of `level`.
+    /// Group of the quadrants of `square`, a square of `level`.
     pub(super) fn children(&self, level: u8, square: usize) -> usize {
         1 + self.mesh.bases() / 2 * first(level) + square
     }
 
-    /// The trees' measure alone.
+    /// Tree of the measure alone.
     pub(super) fn geometry(&self) -> &[Group] {
         &self.measures
     }
 
-    /// |cos θ| or 1 at the vertices.
+    /// Factor |cos θ| or 1 at each vertex.
     pub(super) fn cosines(&self) -> &[f32] {
         &self.cosines
     }
 
-    /// Writes the tree of the leaves' integrals. `sums` is spent.
+    /// Writes the tree of the leaves' integrals. `sums` is overwritten.
     pub(super) fn fill(&self, sums: &mut [f64], tree: &mut [Group]) {
         for level in (0..=self.mesh.level()).rev() {
             let nodes = self.mesh.bases() << (2 * u32::from(level));
@@ -246,45 +246,45 @@ impl WarpMesh {
         }
     }
 
-    /// The entry of triangle `node` of `level` in a tree, counted in single numbers.
+    /// Position of triangle `node` of `level` in a tree, counted in single numbers.
     #[inline(always)]
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
-        // Groups of a level stand together, in the order of their squares.
+        // Groups of a level are contiguous, in the order of their squares.
         self.starts[usize::from(level)] + self.place(level, node)
     }
 
-    /// The group that holds a square of `level` among its parent's quadrants.
+    /// Group that contains a square of `level` among its parent's quadrants.
     pub(super) fn group_of(&self, level: u8, square: usize) -> usize {
         level.checked_sub(1).map_or(0, |above| self.children(above, square / 4))
     }
 
-    /// 2 · the square of triangle `node` of `level`, + 1 for the upper half.
+    /// Place of triangle `node` of `level`: 2 · its square, + 1 for the upper half.
     #[inline]
     pub(super) fn place(&self, level: u8, node: usize) -> usize {
         self.places[self.firsts[usize::from(level)] + node] as usize
     }
 
-    /// The leaf at a place of the last level, and its frame.
+    /// Leaf at a place of the last level, and its frame.
     #[inline]
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
         unframed(self.framed[place])
     }
 
-    /// The numbers of the vertices of a square of leaves: (0,0), (0,1), (1,0), (1,1).
+    /// Vertex numbers of a square of leaves: (0,0), (0,1), (1,0), (1,1).
     #[inline]
     pub(super) fn quad(&self, square: usize) -> [u32; 4] {
         self.quads[square]
     }
 
-    /// The numbers of a leaf's vertices.
+    /// Vertex numbers of a leaf.
     #[inline(always)]
     pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
         self.lookup.corners(leaf)
     }
 
-    /// The direction through the point of the planar triangle `leaf` with these barycentric coordinates of the vertices in
-    /// `frame`, and what turns a density of the coordinates (mean 1 over the triangle) into one of solid angle:
-    /// |p|³ / (area · distance).
+    /// Direction through a point of the planar triangle `leaf`, given by its barycentric coordinates of the vertices in
+    /// `frame`. Also returns |p|³ / (area · distance), the factor from a density of the coordinates (mean 1 over the
+    /// triangle) to one of solid angle.
     #[inline]
     pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
@@ -303,7 +303,7 @@ impl WarpMesh {
         (direction, square * length * geometry.density)
     }
 
-    /// The leaf that holds `direction`, the barycentric coordinates of the planar point on its ray and the factor of
+    /// Leaf that contains `direction`, the barycentric coordinates of the planar point on its ray, and the factor of
     /// [`WarpMesh::point`]; `None` outside the domain.
     #[inline]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
@@ -312,7 +312,7 @@ impl WarpMesh {
         Some((leaf, coordinates, factor))
     }
 
-    /// The coordinates and the factor of a direction in `leaf`, folded into the first octant.
+    /// Barycentric coordinates and the factor of a direction in `leaf`, folded into the first octant.
     #[inline(always)]
     fn coordinates(&self, leaf: usize, folded: Vector) -> ([f64; 3], f64) {
         let geometry = &self.duals[leaf & (self.duals.len() - 1)];
@@ -322,7 +322,8 @@ impl WarpMesh {
         ([a * length, b * length, c * length], length * length * length * geometry.density)
     }
 
-    /// The coordinates of the planar point on the ray of a unit vector in `leaf`, and the factor of [`WarpMesh::point`].
+    /// Barycentric coordinates of the planar point on the ray of a unit vector in `leaf`, and the factor of
+    /// [`WarpMesh::point`].
     #[inline(always)]
     pub(super) fn coordinates_in(&self, leaf: usize, [x, y, z]: Vector) -> ([f64; 3], f64) {
         let is_odd = (leaf >> (2 * u32::from(self.mesh.level()))) & 1;
@@ -331,11 +332,12 @@ impl WarpMesh {
     }
 }
 
-/// A leaf with these vertices, and what is dual to them.
+/// Leaf with these vertices, and its dual vectors.
 fn leaf_and_dual(vertices: [Vector; 3]) -> (Leaf, Leaf) {
     let [a, b, c] = vertices;
     let planes = [cross(b, c), cross(c, a), cross(a, b)];
-    // Six volumes of the tetrahedron with the origin: twice the area times the distance. Negative for clockwise.
+    // Six volumes of the tetrahedron with the origin: twice the area times the distance. Negative for clockwise
+    // vertices.
     let determinant = dot(a, planes[0]);
     let density = 2.0 / determinant.abs();
     let duals = planes.map(|plane| plane.map(|x| x / determinant));
@@ -347,12 +349,12 @@ fn unframed(framed: u32) -> (usize, Frame) {
     ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
 }
 
-/// How many nodes of one octant lie above `level`.
+/// Number of nodes of one octant above `level`.
 fn first(level: u8) -> usize {
     ((1 << (2 * u32::from(level))) - 1) / 3
 }
 
-/// For each triangle, level by level, its place; for each place of the last level its leaf and frame.
+/// For each triangle, level by level, its place; for each place of the last level, its leaf and frame.
 fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     let bases = mesh.bases();
     let mut squares: Vec<[(u32, Frame); 2]> = TOP[..bases / 2].to_vec();
@@ -371,8 +373,8 @@ fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     (places, framed)
 }
 
-/// The quadrants of a square. The centre child's right angle is the middle of its parent's hypotenuse, and it sees the
-/// hypotenuse it shares with the child at the right angle from the other side.
+/// Quadrants of a square. The centre child's right angle is the midpoint of its parent's hypotenuse. It lies across the
+/// hypotenuse that it shares with the child at the right angle.
 fn quadrants([lower, upper]: [(u32, Frame); 2]) -> [[(u32, Frame); 2]; 4] {
     let child = |(node, frame): (u32, Frame), which: usize| (4 * node + u32::from(frame[which]), frame);
     let centre = |(node, [right, start, end]): (u32, Frame)| (4 * node + 3, [right, end, start]);
@@ -406,13 +408,13 @@ mod tests {
                     frame.map(|k| mesh.vertices(leaf)[usize::from(k)])
                 });
                 assert!(close(lower[1], upper[1]) && close(lower[2], upper[2]), "{mesh:?} {square}");
-                // By quadrant number: (0,0), (0,1), (1,0), (1,1).
+                // In order of quadrant numbers: (0,0), (0,1), (1,0), (1,1).
                 [lower[1], upper[0], lower[0], lower[2]]
             };
             for square in 0..mesh.len() / 2 {
                 corners_of(square);
             }
-            // Quadrants 0 and 1 of every parent share an edge, 0 and 2 too, and all four the middle.
+            // Quadrants 0 and 1 of every parent share an edge, so do 0 and 2, and all four share the middle.
             if mesh.level() > 0 {
                 for parent in 0..mesh.len() / 8 {
                     let [c0, c1, c2, c3] = [0, 1, 2, 3].map(|k| corners_of(4 * parent + k));

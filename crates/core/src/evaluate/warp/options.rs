@@ -1,42 +1,42 @@
-//! How directions are drawn: what weighs values, the density in the last triangle, the defensive part.
+//! Options of sampling: the measure of the tree, the density in the last triangle, the defensive part.
 
-/// What values are weighed with in the tree, and what shares a probability below the end level.
+/// Measure by which the tree weights values, and by which a probability is divided below the end level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// |cos θ| dω: BRDF, BTDF, BSDF.
+    /// Projected solid angle |cos θ| dω: BRDF, BTDF, BSDF.
     Projected,
-    /// dω: emission and phase functions.
+    /// Solid angle dω: emission and phase functions.
     SolidAngle,
 }
 
-/// The density inside the last triangle.
+/// Density inside the last triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Density {
     /// Constant on the planar triangle; goes with piecewise constant evaluation.
     Uniform,
-    /// Linear on the planar triangle between the vertex values (f·cos; cos below a coarser end level); constant where the
+    /// Linear on the planar triangle between the vertex values (f·cos; cos below a coarser end level). Constant if the
     /// vertex values are all 0.
     #[default]
     Linear,
 }
 
-/// How directions are drawn. Sampling, density and inversion belong together only with the same options.
+/// Options of sampling. Sampling, density and inversion match only with equal options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleOptions {
-    /// Ends the choice by value at this level (0 = the base triangles, `None` or more than there are = the leaves) and
-    /// goes on by the measure.
+    /// End level of the choice by value; below it directions follow the measure. 0 is the base triangles, `None` or a
+    /// number beyond the last level the leaves.
     pub level: Option<u8>,
-    /// The density inside the last triangle.
+    /// Density inside the last triangle.
     pub density: Density,
-    /// The part δ in 0..1 of directions drawn without regard to the function: by the cosine for [`Measure::Projected`],
-    /// uniformly for [`Measure::SolidAngle`]. Then no direction where the function is not 0 has density 0: a smooth function
-    /// has light beside leaves without any, and between incoming directions where no tree expects it. The first coordinate
-    /// is split: below 1 − δ the tree's, above it the defensive one's.
+    /// Fraction δ, 0 ≤ δ < 1, of directions drawn independently of the function: by the cosine for
+    /// [`Measure::Projected`], uniformly for [`Measure::SolidAngle`]. With δ > 0 the density is positive wherever the
+    /// function is nonzero. A smooth function has light beside dark leaves, and between incoming directions where no
+    /// tree expects it. The first coordinate is split: below 1 − δ it is the tree's, above it the defensive part's.
     pub defensive: f64,
 }
 
 impl SampleOptions {
-    /// The defensive part where none is named.
+    /// Default defensive fraction.
     pub const DEFENSIVE: f64 = 0.03;
 }
 

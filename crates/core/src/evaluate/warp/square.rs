@@ -1,34 +1,34 @@
 //! One square of two triangles: densities constant or linear on each half, from the unit square and back.
 //!
-//! The square is drawn by its marginal density in a and the conditional one in b, so that the map is continuous over both
-//! halves and runs along the square's edges. A density is measured against area with mean = mass on each half: a constant
-//! one is its mass everywhere.
+//! Points are drawn by the marginal density in a and the conditional one in b, so that the map is continuous over both
+//! halves and follows the square's edges. Densities are with respect to area, normalised so that the mean on each half
+//! is its mass: a constant density equals its mass everywhere.
 
 use std::hint::select_unpredictable;
 
-/// A point of a square.
+/// Point of a square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
-    /// In the upper half, b > a.
+    /// True in the upper half, b > a.
     pub(super) upper: bool,
     pub(super) a: f64,
     pub(super) b: f64,
 }
 
 impl Point {
-    /// The point of a half with these barycentric coordinates: of the right angle, the hypotenuse's ends (0,0), (1,1).
+    /// Point of a half with these barycentric coordinates: of the right angle, the hypotenuse's ends (0,0), (1,1).
     pub(super) fn new(upper: bool, [_, start, end]: [f64; 3]) -> Self {
         if upper { Self { upper, a: end, b: 1.0 - start } } else { Self { upper, a: 1.0 - start, b: end } }
     }
 
-    /// The barycentric coordinates in its half: of the right angle, of (0,0), of (1,1).
+    /// Barycentric coordinates in the point's half: of the right angle, of (0,0), of (1,1).
     #[inline(always)]
     pub(super) fn coordinates(self) -> [f64; 3] {
         if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }
     }
 }
 
-/// Constant on each half: the masses.
+/// Density constant on each half, given by the masses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constant(pub(super) [f64; 2]);
 
@@ -42,7 +42,7 @@ impl Constant {
         let a = (below / (upper + root).max(f64::MIN_POSITIVE)).min(1.0);
         let (column, above) = (lower * a, upper * (1.0 - a));
         let v = u[1] * (column + above);
-        // Which half is a toss-up: selects rather than branches, as far as the processor has them.
+        // The half is unpredictable: selects rather than branches, as far as the processor has them.
         let is_upper = (v >= column) & (above > 0.0);
         let start = select_unpredictable(is_upper, a, 0.0);
         let end = select_unpredictable(is_upper, 1.0, a);
@@ -58,34 +58,35 @@ impl Constant {
     }
 }
 
-/// Linear on each half.
+/// Density linear on each half.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear {
-    /// For each half the density at the right angle, at (0,0) and at (1,1), over `scale`.
+    /// For each half, the density at the right angle, at (0,0) and at (1,1), divided by `scale`.
     values: [[f64; 3]; 2],
     scale: f64,
 }
 
 #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Linear {
-    /// The linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant where a half's are all 0.
+    /// Linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant on a half whose shapes
+    /// are all 0.
     #[inline(always)]
     pub(super) fn new(masses: [f64; 2], shapes: [[f64; 3]; 2]) -> Self {
         let [(lower, lower_sum), (upper, upper_sum)] = [shaped(shapes[0]), shaped(shapes[1])];
-        // Brought to one scale without a division, which the draw need not wait for.
+        // Brought to a common scale without a division, for which the draw would wait.
         let (l, u) = (masses[0] * upper_sum, masses[1] * lower_sum);
         let values = [[lower[0] * l, lower[1] * l, lower[2] * l], [upper[0] * u, upper[1] * u, upper[2] * u]];
         Self { values, scale: 3.0 / (lower_sum * upper_sum) }
     }
 
-    /// The density in a half at the point of these barycentric coordinates.
+    /// Density in a half at a point given by its barycentric coordinates.
     #[inline(always)]
     pub(super) fn density(self, upper: bool, [a, b, c]: [f64; 3]) -> f64 {
         let [right, start, end] = [0, 1, 2].map(|k| if upper { self.values[1][k] } else { self.values[0][k] });
         (right * a + start * b + end * c) * self.scale
     }
 
-    /// The coefficients of a, a² and a³ of the mass left of a.
+    /// Coefficients of a, a² and a³ in the mass left of a.
     #[inline(always)]
     fn marginal(self) -> [f64; 3] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
@@ -93,7 +94,8 @@ impl Linear {
         [side, l0 + u1 - side, (lr + l1 - 2.0 * l0 + side - 2.0 * u1) / 3.0]
     }
 
-    /// The density where the line at a meets the bottom, the hypotenuse from below and from above, and the top.
+    /// Densities at the intersections of the line at a with the bottom, the hypotenuse from below and from above, and
+    /// the top.
     #[inline(always)]
     fn column(self, a: f64) -> [f64; 4] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
@@ -106,19 +108,19 @@ impl Linear {
         self.draw_on(self.line_at(u[0]), u[1])
     }
 
-    /// Where the marginal takes the first coordinate.
+    /// Position a to which the marginal maps the first coordinate.
     #[inline]
     pub(super) fn line_at(self, u: f64) -> f64 {
         root(self.marginal(), u)
     }
 
-    /// The same without branches, and whether it is exact.
+    /// Like [`Linear::line_at`], without branches; the flag is true if the result is exact.
     #[inline(always)]
     pub(super) fn near(self, u: f64) -> (f64, bool) {
         near_root(self.marginal(), u)
     }
 
-    /// The point that the conditional density takes the second coordinate to, on the line at `a`.
+    /// Point on the line at `a` to which the conditional density maps the second coordinate.
     #[inline(always)]
     pub(super) fn draw_on(self, a: f64, u: f64) -> Point {
         let [bottom, below, above, top] = self.column(a);
@@ -146,52 +148,54 @@ impl Linear {
     }
 }
 
-/// The shape and its sum; constant where all are 0.
+/// Shape and its sum; constant if all values are 0.
 #[inline(always)]
 fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
     let sum = values[0] + values[1] + values[2];
     if sum > 0.0 { (values, sum) } else { ([1.0; 3], 3.0) }
 }
 
-/// The linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric coordinates.
+/// Linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric
+/// coordinates.
 #[inline(always)]
 pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
     let ([x, y, z], sum) = shaped(values);
     3.0 * mass * (x * a + y * b + z * c) / sum
 }
 
-/// `a / b`, 0 where `b` is.
+/// Quotient `a / b`; 0 if `b` is 0.
 #[inline(always)]
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// How far along a line of this length with densities `p` and `q` at its ends twice the mass `v` goes.
+/// Distance along a line of this length, with densities `p` and `q` at its ends, that encloses the mass `v` / 2.
 #[inline(always)]
 fn along(p: f64, q: f64, length: f64, v: f64) -> f64 {
     ratio(v, p + (p * p + v * (q - p) / length).max(0.0).sqrt())
 }
 
-/// Which part of a line's mass is below its part `x`: the inverse of [`along`].
+/// Fraction of a line's mass below its fraction `x`: the inverse of [`along`].
 fn mass_below(p: f64, q: f64, x: f64) -> f64 {
     ratio(x * (p * (2.0 - x) + q * x), p + q)
 }
 
-/// Errors of the mass below this part of the total are of rounding.
+/// Errors of the mass below this fraction of the total are rounding errors.
 const ROUNDING: f64 = 1e-14;
-/// Steps that halve an interval reach neighbouring numbers after about as many as there are digits.
+/// Maximum number of steps: bisection reaches neighbouring numbers after about as many steps as there are binary
+/// digits.
 const MOST_STEPS: usize = 64;
 
-/// The root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side grows on 0..=1. Two of Halley's
-/// steps (the next derivatives are at hand) are nearly always enough. Cardano's formula is exact only on paper: it needs a
-/// cosine of a third of an arc cosine, and cancels where the slope is small.
+/// Root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side increases on 0..=1. Two Halley
+/// steps (the next derivatives are at hand) are nearly always enough. Cardano's formula needs a cosine of a third of an
+/// arc cosine, and cancels where the slope is small.
 #[inline]
 fn root(c: [f64; 3], u: f64) -> f64 {
     let (a, is_found) = near_root(c, u);
     if is_found { a } else { bounded_root(c, u) }
 }
 
-/// What two steps give, and whether that is the root.
+/// Result of two Halley steps; the flag is true if it is the root.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, clippy::manual_range_contains, reason = "without branches")]
 fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
@@ -204,7 +208,7 @@ fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
     (a, (left.abs() <= ROUNDING * total) & (a >= 0.0) & (a <= 1.0))
 }
 
-/// Steps kept between bounds that every one of them narrows.
+/// Halley steps within bounds that each step narrows, with bisection as a fallback.
 #[cold]
 fn bounded_root(c: [f64; 3], u: f64) -> f64 {
     let total = c[0] + c[1] + c[2];
@@ -228,13 +232,13 @@ fn bounded_root(c: [f64; 3], u: f64) -> f64 {
     a
 }
 
-/// m(a).
+/// Mass m(a) left of a.
 #[inline(always)]
 fn mass_left([c1, c2, c3]: [f64; 3], a: f64) -> f64 {
     a * (c1 + a * (c2 + a * c3))
 }
 
-/// Halley's step from `a`, where m is too large by `error`.
+/// Halley step from `a`, where m is too large by `error`.
 #[inline(always)]
 fn halley([c1, c2, c3]: [f64; 3], a: f64, error: f64) -> f64 {
     let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
@@ -322,7 +326,7 @@ mod tests {
             let jacobian =
                 ((right.a - left.a) * (up.b - down.b) - (right.b - left.b) * (up.a - down.a)) / (4.0 * h * h);
             let density = linear.density(centre.upper, centre.coordinates());
-            // Area 1/2 a half: a density of mean = mass against area is twice itself.
+            // Each half has area 1/2: a density whose mean equals the mass is half the one with respect to area.
             let expected = (masses[0] + masses[1]) / (2.0 * density);
             assert!((jacobian / expected - 1.0).abs() < 1e-4, "{jacobian} {expected}");
         }

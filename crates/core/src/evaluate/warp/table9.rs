@@ -1,8 +1,8 @@
-//! Table 9 of \[CPB06\] made again: what is left of the variance, level by level, on an analytic surface.
+//! Reproduces Table 9 of \[CPB06\]: the remaining variance, level by level, on an analytic surface.
 //!
-//! The surface is GGX (α = 0.2, height-correlated Smith shadowing, Schlick's Fresnel term with F0 = 0.04) over a diffuse
-//! base 0.5·(0.6 + 0.4/(1 + e^(−(λ−520)/30)))/π, 380 to 750 nm every 5 nm. The tree is built from cell integrals of the
-//! mean over wavelengths at the exact wi; variances are those of f·cos/pdf against the analytic f.
+//! The surface is GGX (α = 0.2, height-correlated Smith shadowing, Schlick's Fresnel term with F0 = 0.04) over a
+//! diffuse base 0.5·(0.6 + 0.4/(1 + e^(−(λ−520)/30)))/π, 380 to 750 nm every 5 nm. The tree is built from cell
+//! integrals of the mean over wavelengths at the exact wi. Variances are those of f·cos/pdf with the analytic f.
 
 use super::{Density, Measure, SampleOptions, WarpMesh, Warps};
 use crate::domain::{Direction, Domain, TriangleMesh};
@@ -23,7 +23,7 @@ fn mean_diffuse() -> f64 {
     lambdas().map(diffuse).sum::<f64>() / 75.0
 }
 
-/// The specular lobe.
+/// Specular lobe.
 fn ggx(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     let a2 = 0.04;
     let sum = [0, 1, 2].map(|k| wi[k] + wo[k]);
@@ -36,13 +36,13 @@ fn ggx(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     ndf * shadowing * (0.04 + 0.96 * (1.0 - cosine).powi(5)) / (4.0 * wi[2] * wo[2])
 }
 
-/// f·cos, the mean over wavelengths.
+/// Mean over wavelengths of f·cos.
 fn value(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     let z = wo[2].max(1e-9);
     (mean_diffuse() + ggx(wi, [wo[0], wo[1], z])) * z
 }
 
-/// A surface at one incoming direction, with its tree.
+/// Surface at one incoming direction, with its tree.
 struct Scene {
     wi: [f64; 3],
     warps: Warps,
@@ -64,7 +64,7 @@ impl Scene {
         Self { wi, warps }
     }
 
-    /// The mean and the variance of f·cos/pdf over `n` jittered points.
+    /// Mean and variance of f·cos/pdf over `n` × `n` jittered points.
     fn moments(&self, n: usize, options: &SampleOptions) -> [f64; 2] {
         moments(n, |u| {
             let drawn = self.warps.sample(0, u, options).unwrap();
@@ -80,7 +80,7 @@ impl Scene {
     }
 }
 
-/// n × n strata, so that the moments are those of the density to within a percent or so.
+/// Mean and variance over n × n strata, which give the moments of the density to about a percent.
 fn moments(n: usize, weight: impl Fn([f64; 2]) -> f64) -> [f64; 2] {
     let mut rng = Pcg32::new(0x7a_b1e9, 1);
     let mut sums = [0.0; 2];
@@ -98,7 +98,8 @@ fn hemisphere() -> Arc<WarpMesh> {
     Arc::new(WarpMesh::new(TriangleMesh::new(Domain::Hemisphere, 4).unwrap(), Measure::Projected))
 }
 
-/// For both densities the mean over incoming directions of the variance at end levels 0 to 4, over that of uniform sampling.
+/// Mean over incoming directions of the variance at end levels 0 to 4, relative to uniform sampling, for both
+/// densities.
 fn table(mesh: &Arc<WarpMesh>, cosines: [f64; 2]) -> [[f64; 5]; 2] {
     let mut rng = Pcg32::new(0x7_ab1e, 9);
     let (mut uniform, mut tree) = (0.0, [[0.0; 5]; 2]);
@@ -137,8 +138,9 @@ fn table_9() {
     }
 }
 
-/// The variance of the weight over the square of its mean at the full level, the mean of four incoming directions:
-/// f piecewise constant with a constant density (only the cosine varies in a leaf), and the analytic f with both densities.
+/// Variance of the weight relative to its squared mean at the full level, averaged over four incoming directions.
+/// Cases: f piecewise constant with a constant density (only the cosine varies in a leaf), and the analytic f with both
+/// densities.
 #[test]
 fn the_weight_hardly_varies_at_level_4() {
     let mesh = hemisphere();

@@ -44,8 +44,8 @@ fn direction(v: Vector) -> Direction {
     Direction::new(v[0], v[1], v[2]).unwrap()
 }
 
-/// The integral of the tree's density over the planar triangle of the vertices of `part`, a piece of `leaf`: the density
-/// against area is linear, so that the value at the centroid times the area is exact. dω = (n·p)/|p|³ dA.
+/// Integral of the tree's density over the planar triangle of the vertices of `part`, a piece of `leaf`. The density
+/// with respect to area is linear, so that the value at the centroid times the area is exact. dω = (n·p)/|p|³ dA.
 fn integral(warps: &Warps, cell: usize, leaf: [Vector; 3], part: [Vector; 3], options: &SampleOptions) -> f64 {
     let normal = cross(sub(leaf[1], leaf[0]), sub(leaf[2], leaf[0]));
     let normal = scale(normal, 1.0 / norm(normal));
@@ -87,7 +87,7 @@ fn triangles_of_the_end_level_have_their_share() {
                     let expected = range.clone().map(|i| warps.mean(0, i) * warps.mesh().measures()[i]).sum::<f64>()
                         / warps.total(0);
                     assert!((found.iter().sum::<f64>() - expected).abs() < 1e-6);
-                    // And within it the leaves share by the measure.
+                    // Within a triangle the leaves divide its probability by the measure.
                     let measure: f64 = range.clone().map(|i| warps.mesh().measures()[i]).sum();
                     for (i, share) in range.zip(found) {
                         assert!((share - expected * warps.mesh().measures()[i] / measure).abs() < 1e-6);
@@ -103,8 +103,8 @@ fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// 2 measures × 3 domains × (1 + 2 + 3 + 4 + 5) end levels of levels 0 to 4 × 2 densities × 2 mixtures = 360 tests of one
-/// side at significance 0.01 / 360 each (Bonferroni): z < 4.03. A correct sampler fails with probability 1 % for fresh
+/// 2 measures × 3 domains × (1 + 2 + 3 + 4 + 5) end levels of levels 0 to 4 × 2 densities × 2 mixtures = 360 one-sided
+/// tests at significance 0.01 / 360 each (Bonferroni): z < 4.03. A correct sampler fails with probability 1 % for fresh
 /// seeds; these are fixed. Bins are the children of the leaves (they see the density within a leaf), merged until 5
 /// samples are expected.
 #[test]
@@ -233,7 +233,7 @@ fn the_map_is_continuous_within_leaf_squares_and_jumps_only_between_them() {
             let u: [f64; 2] = [rng.random::<f64>() * (1.0 - step), rng.random::<f64>() * (1.0 - step)];
             let [a, b] = [u, u.map(|x| x + step)].map(|u| warps.sample(0, u, &options).unwrap());
             if shared.place(level, a.leaf) / 2 == shared.place(level, b.leaf) / 2 {
-                // At most as the cube root of the step, where the linear density vanishes.
+                // At most proportional to the cube root of the step, where the linear density vanishes.
                 let distance = norm(sub(a.direction.xyz(), b.direction.xyz()));
                 assert!(distance < 4.0 * step.cbrt(), "{u:?} {distance}");
             } else {
@@ -259,7 +259,7 @@ fn low_discrepancy(i: u32, shift: [u32; 2]) -> [f64; 2] {
     [i.reverse_bits() ^ shift[0], second ^ shift[1]].map(|x| (f64::from(x) + 0.5) / 4_294_967_296.0)
 }
 
-/// 1024 points estimate ∫ f for a smooth f; the variance over 100 randomisations.
+/// Variance over 100 randomisations of estimates of ∫ f, a smooth f, from 1024 points.
 fn variances(warps: &Warps, f: impl Fn(Direction) -> f64, options: &SampleOptions) -> [f64; 3] {
     const N: u32 = 1024;
     const RUNS: usize = 100;
@@ -306,7 +306,8 @@ fn stratified_points_stay_stratified_at_every_end_level() {
                 random / jittered,
                 random / sequence
             );
-            // At the full level the weight is a saw with a tooth a leaf, and what is left is within the teeth.
+            // At the full level the weight is a sawtooth with one tooth for each leaf; the remaining variance lies
+            // within the teeth.
             let factor = if level == 2 { 1.5 } else { 4.0 };
             assert!(jittered < random / factor, "{density:?} {level}: {random} {jittered}");
             assert!(sequence < random / (2.0 * factor), "{density:?} {level}: {random} {sequence}");
@@ -323,7 +324,7 @@ fn where_nothing_is_nothing_is_drawn() {
             let tree = options(None, density, 0.0);
             assert_eq!(warps.sample(2, [0.5; 2], &tree), None);
             assert_eq!((warps.pdf(2, up, &tree), warps.invert(2, up, &tree)), (0.0, None));
-            // All of it defensive.
+            // All directions from the defensive part.
             let mixed = options(Some(0), density, 0.1);
             for u in [[0.0, 0.0], [0.3, 0.9], [1.0, 1.0]] {
                 let drawn = warps.sample(2, u, &mixed).unwrap();

@@ -1,4 +1,4 @@
-//! The warps of many functions on one mesh: direction from a point of the unit square, density, and back.
+//! Warps of many functions on one mesh: direction from a point of the unit square, density, and back.
 
 use super::fraction::{BELOW_ONE, Fraction, UNREDUCED, choose, flipped, interval, inward};
 use super::mesh::{FLIPS, Group, WarpMesh};
@@ -10,35 +10,36 @@ use std::hint::select_unpredictable;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-/// A direction that a warp has drawn.
+/// Direction drawn by a warp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drawn {
-    /// The direction.
+    /// Drawn direction.
     pub direction: Direction,
-    /// Its density in sr⁻¹, of the mixture if there is one: what [`Warps::pdf`] tells of it.
+    /// Density in sr⁻¹ of the direction, of the mixture if there is a defensive part; equals [`Warps::pdf`].
     pub pdf: f64,
-    /// The leaf triangle that holds it.
+    /// Leaf triangle that contains the direction.
     pub leaf: usize,
-    /// The barycentric coordinates in the planar triangle of the leaf's vertices ([`WarpMesh::corners`]): a function that is
-    /// linear on triangles is evaluated without another search.
+    /// Barycentric coordinates in the planar triangle of the leaf's vertices ([`WarpMesh::corners`]). They allow
+    /// evaluation of a function that is linear on triangles without another search.
     pub coordinates: [f64; 3],
 }
 
-/// The warps of many functions (one for each incoming cell) on one mesh, in flat tables.
+/// Warps of many functions (one for each incoming cell) on one mesh, in flat tables.
 #[derive(Clone, Debug)]
 pub struct Warps {
     mesh: Arc<WarpMesh>,
-    /// For each cell its tree, in parts of the cell's total.
+    /// Tree of each cell, as fractions of the cell's total.
     trees: Vec<Group>,
-    /// `[cell, vertex]`, to any scale; empty without vertex values.
+    /// Vertex values `[cell, vertex]`, to any scale; empty without vertex values.
     vertices: Vec<f32>,
     totals: Vec<f64>,
 }
 
 impl Warps {
-    /// The warps of `cells` functions. `fill(cell, integrals, values)` writes the integral of the cell's function over every
-    /// leaf (mean × [`WarpMesh::measures`]) and its value times the measure's cosine at every vertex
-    /// ([`WarpMesh::vertices`]), both in the order of the mesh, given as zeros. Negative and non-finite numbers count as 0.
+    /// Builds the warps of `cells` functions. `fill(cell, integrals, values)` receives two slices of zeros in the order
+    /// of the mesh. It writes the integral of the cell's function over every leaf (mean × [`WarpMesh::measures`]). It
+    /// also writes the function times the measure's cosine at every vertex ([`WarpMesh::vertices`]). Negative and
+    /// non-finite numbers count as 0.
     pub fn new(mesh: Arc<WarpMesh>, cells: usize, fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) -> Self {
         let (leaves, groups, points) = (mesh.mesh().len(), mesh.groups(), mesh.vertices().len());
         let mut trees = vec![Group::default(); cells * groups];
@@ -66,48 +67,49 @@ impl Warps {
         Self { mesh, trees, vertices, totals }
     }
 
-    /// The trees of all cells, in parts of their totals.
+    /// Trees of all cells, as fractions of their totals.
     #[inline(always)]
     pub(super) fn groups(&self) -> &[Group] {
         &self.trees
     }
 
-    /// `[cell, vertex]`, to any scale.
+    /// Vertex values `[cell, vertex]`, to any scale.
     #[inline(always)]
     pub(super) fn vertices(&self) -> &[f32] {
         &self.vertices
     }
 
-    /// The tables shared by all cells.
+    /// Tables shared by all cells.
     #[inline]
     pub fn mesh(&self) -> &Arc<WarpMesh> {
         &self.mesh
     }
 
-    /// How many functions there are.
+    /// Number of functions.
     pub fn cells(&self) -> usize {
         self.totals.len()
     }
 
-    /// The integral of a cell's function over all leaves. At 0 nothing is drawn, unless defensively.
+    /// Integral of a cell's function over all leaves. If it is 0, only a defensive part draws directions.
     #[inline]
     pub fn total(&self, cell: usize) -> f64 {
         self.totals[cell]
     }
 
-    /// The mean of a cell's function over a leaf, by the measure, as the tree holds it.
+    /// Mean of a cell's function over a leaf, weighted by the measure, as stored in the tree.
     pub fn mean(&self, cell: usize, leaf: usize) -> f64 {
         f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf)) * self.totals[cell]
             / self.mesh.measures()[leaf]
     }
 
-    /// Memory in bytes, without the shared tables: 4 bytes for every triangle of every level and every vertex of a cell.
+    /// Memory in bytes, without the shared tables: for each cell, 4 bytes for every triangle of every level and every
+    /// vertex.
     pub fn memory(&self) -> usize {
         size_of::<Self>() + size_of_val(&*self.trees) + size_of_val(&*self.vertices) + size_of_val(&*self.totals)
     }
 
-    /// Draws a direction from a point `u` of the unit square (held within it). `None` where the cell's total is 0 and
-    /// nothing is drawn defensively; with a defensive part such a cell draws all its directions so.
+    /// Draws a direction from a point `u`, clamped to the unit square. A cell of total 0 draws all its directions from
+    /// the defensive part; `None` if there is none.
     #[inline(always)]
     pub fn sample(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Option<Drawn> {
         let [first, second] = u.map(|u| u.clamp(0.0, BELOW_ONE));
@@ -130,7 +132,7 @@ impl Warps {
         Some(Drawn { direction, pdf, leaf, coordinates })
     }
 
-    /// The density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
+    /// Density in sr⁻¹ with which [`Warps::sample`] draws `direction`; 0 outside the domain.
     #[inline(always)]
     pub fn pdf(&self, cell: usize, direction: Direction, options: &SampleOptions) -> f64 {
         let defensive = self.defensive(cell, options);
@@ -141,8 +143,8 @@ impl Warps {
         }
     }
 
-    /// The point of the unit square that [`Warps::sample`] takes to `direction`. In a mixture two points lead to it: the
-    /// tree's is given, but where the tree's density is 0 the defensive one's. `None` where nothing does.
+    /// Point of the unit square that [`Warps::sample`] maps to `direction`; `None` if there is none. In a mixture two
+    /// points map to it: the result is the tree's, or the defensive part's if the tree's density is 0.
     pub fn invert(&self, cell: usize, direction: Direction, options: &SampleOptions) -> Option<[f64; 2]> {
         let defensive = self.defensive(cell, options);
         let (leaf, coordinates, _) = self.mesh.locate(direction)?;
@@ -155,12 +157,12 @@ impl Warps {
         (defensive > 0.0).then_some([1.0 - defensive + u * defensive, v])
     }
 
-    /// The part drawn defensively.
+    /// Fraction drawn by the defensive part.
     fn defensive(&self, cell: usize, options: &SampleOptions) -> f64 {
         if self.totals[cell] > 0.0 {
             options.defensive.clamp(0.0, BELOW_ONE)
         } else {
-            // Nothing by the tree: all or nothing.
+            // The tree draws no directions: all are defensive, or there are none.
             f64::from(u8::from(options.defensive > 0.0))
         }
     }
@@ -177,14 +179,14 @@ impl Warps {
         &self.trees[cell * groups..][..groups]
     }
 
-    /// The share of triangle `node` of `level`.
+    /// Probability of triangle `node` of `level`.
     #[inline(always)]
     fn probability_at(&self, cell: usize, level: u8, node: usize) -> f32 {
         let slot = self.mesh.slot(level, node);
         self.tree(cell)[slot / 8].0[slot % 8]
     }
 
-    /// The probability of a leaf with the end level `end`.
+    /// Probability of a leaf with the end level `end`.
     fn probability(&self, cell: usize, end: u8, leaf: usize) -> f64 {
         let level = self.mesh.mesh().level();
         if end == level {
@@ -196,7 +198,7 @@ impl Warps {
         f64::from(self.probability_at(cell, end, node)) * self.mesh.measures()[leaf] / of_measure
     }
 
-    /// The numbers at the vertices that shape the linear density inside a leaf.
+    /// Shape numbers at the vertices for the linear density inside a leaf.
     #[inline(always)]
     fn shape(&self, cell: usize, end: u8) -> &[f32] {
         if end == self.mesh.mesh().level() {
@@ -207,14 +209,14 @@ impl Warps {
         }
     }
 
-    /// The tree's density at a unit vector in `leaf`, uniform in leaves of the last level.
+    /// Density in sr⁻¹ of the tree at a unit vector in `leaf`, uniform in leaves of the last level.
     #[inline(always)]
     pub(in crate::evaluate) fn uniform_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf))
             * self.mesh.coordinates_in(leaf, direction).1
     }
 
-    /// The same, linear in leaves of the last level.
+    /// Like [`Warps::uniform_density`], but linear in leaves of the last level.
     #[inline(always)]
     pub(in crate::evaluate) fn linear_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         let level = self.mesh.mesh().level();
@@ -223,7 +225,7 @@ impl Warps {
         self.linear_in(cell, level, leaf, probability, coordinates) * factor
     }
 
-    /// The sum of the same in several cells, each with its share.
+    /// Sum of [`Warps::linear_density`] over several cells, weighted by their shares.
     #[inline(always)]
     pub(in crate::evaluate) fn linear_densities(
         &self,
@@ -242,7 +244,7 @@ impl Warps {
         sum
     }
 
-    /// The linear density inside a leaf of this probability, over its triangle.
+    /// Linear density inside a leaf of this probability, with respect to its triangle.
     #[inline(always)]
     fn linear_in(&self, cell: usize, end: u8, leaf: usize, probability: f64, coordinates: [f64; 3]) -> f64 {
         let shape = self.shape(cell, end);
@@ -250,7 +252,7 @@ impl Warps {
         linear_at(probability, values, coordinates)
     }
 
-    /// The leaf that holds a direction, its coordinates there, and the tree's density.
+    /// Leaf that contains a direction, its coordinates there, and the tree's density in sr⁻¹.
     #[inline(always)]
     fn leaf_density(
         &self,
@@ -268,7 +270,7 @@ impl Warps {
         Some((leaf, coordinates, density * factor))
     }
 
-    /// The tree's warp.
+    /// Draws a direction by the tree alone.
     #[inline(always)]
     fn draw(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
@@ -302,11 +304,11 @@ impl Warps {
         Drawn { direction, pdf: density * factor, leaf, coordinates }
     }
 
-    /// Returns the point of the unit square that [`Warps::draw`] takes to these barycentric coordinates in a leaf.
+    /// Returns the point of the unit square that [`Warps::draw`] maps to these barycentric coordinates in a leaf.
     fn place(&self, cell: usize, leaf: usize, coordinates: [f64; 3], options: &SampleOptions) -> [f64; 2] {
         let (last, end) = (self.mesh.mesh().level(), self.end(options));
         let place = self.mesh.place(last, leaf);
-        // u = offset + scale · what is left of it.
+        // u = offset + scale · the coordinate within the current square.
         let (mut offset, mut scale) = ([0.0; 2], [1.0; 2]);
         let (square, masses) = self.descend(cell, end, |level, weights| {
             let quadrant = (place >> (1 + 2 * u32::from(last - level))) & 3;
@@ -332,14 +334,14 @@ impl Warps {
         [0, 1].map(|k| (offset[k] + scale[k] * u[k]).clamp(0.0, BELOW_ONE))
     }
 
-    /// Goes down to a square of leaves by the quadrants that `decide` chooses from a level and their four weights; returns it
+    /// Descends to a square of leaves. `decide` chooses a quadrant from a level and four weights. Returns the square
     /// and the probabilities of its halves.
     #[inline(always)]
     fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
         let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
         let tree = self.tree(cell);
         let (mut group, mut quadrant, mut square) = (&tree[0].0, 0, 0);
-        // The first group of the next level, and how many there are.
+        // First group of the next level, and their number.
         let (mut start, mut width) = (1, mesh.mesh().bases() / 2);
         for level in 0..=end {
             if level > 0 {
@@ -357,8 +359,8 @@ impl Warps {
         if end == last {
             return (square, masses);
         }
-        // Below the end level the table is the measure's; triangles of the lower and of the upper half of the square share
-        // different probabilities. Quadrant 1 is all in the upper half, quadrant 2 in the lower.
+        // Below the end level the table is that of the measure. Triangles of the lower and of the upper half of the
+        // square divide different probabilities. Quadrant 1 is all in the upper half, quadrant 2 in the lower.
         let table = mesh.geometry();
         let measures = of(&table[mesh.group_of(end, square)].0, quadrant);
         let (mut lower, mut upper) = (masses[0] / measures[0], masses[1] / measures[1]);
@@ -377,7 +379,7 @@ impl Warps {
         (square, [measures[0] * lower, measures[1] * upper])
     }
 
-    /// The linear density on a square of leaves.
+    /// Linear density on a square of leaves.
     fn linear(&self, cell: usize, end: u8, square: usize, masses: [f64; 2]) -> Linear {
         let shape = self.shape(cell, end);
         let [start, upper, lower, end] = self.mesh.quad(square);
@@ -386,7 +388,7 @@ impl Warps {
         Linear::new(masses, [[value(lower), start, end], [value(upper), start, end]])
     }
 
-    /// The defensive density: |cos θ| over its integral, or 1 over the solid angle, on the domain.
+    /// Defensive density in sr⁻¹ on the domain: |cos θ| over its integral, or 1 over the solid angle.
     pub(in crate::evaluate) fn background(&self, direction: Direction) -> f64 {
         let sides = if self.mesh.mesh().domain() == Domain::Sphere { 0.5 } else { 1.0 };
         match self.mesh.measure() {
@@ -395,7 +397,8 @@ impl Warps {
         }
     }
 
-    /// By polar angles: the first coordinate is the height (each half of a sphere has half of it), the second the azimuth.
+    /// Draws a defensive direction by polar angles. The first coordinate gives the height (each hemisphere of a sphere
+    /// takes half of its range), the second the azimuth.
     pub(in crate::evaluate) fn draw_background(&self, [mut u, v]: [f64; 2]) -> Direction {
         let mut down = self.mesh.mesh().domain() == Domain::Lower;
         if self.mesh.mesh().domain() == Domain::Sphere {
@@ -426,8 +429,8 @@ impl Warps {
     }
 }
 
-/// `work` for each of `items` of some `size`, on as many threads as rayon has, but on none of its own: trees are built when
-/// they are first asked for, by a thread for which others may wait, and rayon's threads must not be among those.
+/// Runs `work` on each of `items` of some `size`, on as many threads as rayon has, but on none of rayon's. Trees are
+/// built on first use by a thread for which others may wait, and rayon's threads must not be among those.
 fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
     let threads = rayon::current_num_threads().min(items.len() * size / LEAST_WORK).max(1);
     let share = items.len().div_ceil(threads).max(1);
@@ -444,10 +447,10 @@ fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
         let started: Vec<bool> =
             others.iter().map(|share| thread::Builder::new().spawn_scoped(scope, || take(share)).is_ok()).collect();
         own.into_iter().for_each(&work);
-        // What no thread could be started for.
+        // Shares for which no thread could be started.
         others.iter().zip(started).filter(|(_, started)| !started).for_each(|(share, _)| take(share));
     });
 }
 
-/// Leaves that are worth a thread.
+/// Minimum number of leaves for which a thread pays off.
 const LEAST_WORK: usize = 1 << 14;

@@ -1,4 +1,4 @@
-//! The name of the format of the ALTA library in the table of formats, and what it is.
+//! Entry of the ALTA library's format in the table of formats.
 
 use crate::formats::reader::Format;
 

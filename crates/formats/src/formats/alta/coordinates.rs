@@ -1,22 +1,22 @@
-//! Coordinates of ALTA that fix a pair of directions, and these directions (`params::to_cartesian` of ALTA).
+//! Parametrisations of ALTA that fix a pair of directions, and their conversion (`params::to_cartesian` of ALTA).
 
 use crate::domain::Direction;
 use crate::domain::vector::{Vector, about_y, about_z, dot, norm, scale, sub};
 use std::f64::consts::TAU;
 
-/// Coordinates of a row at most.
+/// Upper bound on the coordinates in a row.
 pub(super) const MOST: usize = 6;
-/// Largest size of an angle in radians; more are degrees.
+/// Largest plausible angle in radians; larger numbers indicate degrees.
 const LARGEST_ANGLE: f64 = TAU + 1e-6;
-/// Largest distance of the length of a vector from 1: files have 3 digits at least.
+/// Tolerance on the length of a unit vector: files have at least 3 digits.
 const UNIT_LENGTH: f64 = 5e-3;
 
-/// What the first numbers of a row are.
+/// Parametrisation of the coordinates of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Coordinates {
     /// Half and difference angles `theta_h, phi_h, theta_d, phi_d`.
     HalfAngles,
-    /// The same of an isotropic sample: `theta_h, theta_d, phi_d`.
+    /// Half and difference angles of an isotropic sample: `theta_h, theta_d, phi_d`.
     IsotropicHalfAngles,
     /// `theta_l, phi_l, theta_v, phi_v` of the directions to the light and to the viewer.
     Spherical,
@@ -52,27 +52,27 @@ impl Coordinates {
         Self::ALL.iter().find(|(_, known, _)| *known == name).map(|&(found, ..)| found)
     }
 
-    /// ALTA's name.
+    /// Returns the name in ALTA.
     pub(super) fn name(self) -> &'static str {
         self.entry().0
     }
 
-    /// The names of all, for messages.
+    /// Returns all names, for messages.
     pub(super) fn names() -> String {
         Self::ALL.map(|(_, name, _)| name).join(", ")
     }
 
-    /// How many numbers they are.
+    /// Returns the number of coordinates.
     pub(super) fn dimensions(self) -> usize {
         self.entry().1
     }
 
-    /// Returns true where only the difference of the azimuths is known.
+    /// Returns true if only the difference of the azimuths is known.
     pub(super) fn is_isotropic(self) -> bool {
         matches!(self, Self::IsotropicHalfAngles | Self::Isotropic | Self::Projected)
     }
 
-    /// What the numbers should be, for messages.
+    /// Returns a description of valid coordinates, for messages.
     pub(super) fn expected(self) -> &'static str {
         match self {
             Self::Cartesian => "two unit vectors",
@@ -80,7 +80,7 @@ impl Coordinates {
         }
     }
 
-    /// The directions that `x` stands for; `None` where the numbers are not such coordinates.
+    /// Returns the directions at the coordinates `x`; `None` if they are invalid.
     pub(super) fn directions(self, x: &[f64]) -> Option<Pair> {
         let spherical = |theta: f64, phi: f64| Direction::from_radians(theta, phi);
         let pair = |light: Direction, view: Direction| Some(Pair { light, view });
@@ -103,14 +103,14 @@ impl Coordinates {
     }
 }
 
-/// The direction of a vector whose length is 1 within the digits of a file.
+/// Returns the direction of a vector whose length is 1 within the digits of a file.
 fn unit(vector: Vector) -> Option<Direction> {
     let length = norm(vector);
     ((length - 1.0).abs() <= UNIT_LENGTH).then(|| Direction::from_unit(scale(vector, 1.0 / length)))
 }
 
-/// The view is the difference direction turned with the half vector away from the normal, the light its mirror image
-/// about the half vector.
+/// Returns the directions at half and difference angles. The view is the difference direction rotated with the half
+/// vector away from the normal. The light is its mirror image about the half vector.
 fn half_angles(theta_h: f64, phi_h: f64, theta_d: f64, phi_d: f64) -> Pair {
     let turned = |direction: Direction| about_z(about_y(direction.xyz(), theta_h), phi_h);
     let half = Direction::from_radians(theta_h, phi_h).xyz();

@@ -1,4 +1,4 @@
-//! The `#KEY value` lines of an ALTA file, checked: which coordinates, which values, how many of each.
+//! Parser and checks of the `#KEY value` lines of an ALTA file: coordinates, values, and the number of each.
 
 use super::about::NAME;
 use super::coordinates::Coordinates;
@@ -7,29 +7,29 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Source, snippet};
 
-/// Values of a row at most: three channels.
+/// Upper bound on the values in a row: three channels.
 pub(super) const MOST_VALUES: usize = 3;
-/// Lines before the data that are looked at.
+/// Upper bound on the header lines that are examined.
 const LOOKED_AT: usize = 200;
-/// What a user can do with a file that is not read.
+/// Advice for the user of a file that is not read.
 const CONVERT: &str = "convert it with ALTA (`data2data --param ISOTROPIC_TV_TL_DPHI`, or SPHERICAL_TL_PL_TV_PV where it is \
                        anisotropic), or write its directions and values as radiometric-csv";
 
-/// What the rows of a file are.
+/// Layout of the rows of a file.
 pub(super) struct Header {
     pub(super) coordinates: Coordinates,
     /// Values in a row: 1, or 3 for RGB.
     pub(super) values: usize,
 }
 
-/// The key and the value of a line `#KEY value`.
+/// Returns the key and the value of a line `#KEY value`.
 fn field(line: &str) -> Option<(&str, &str)> {
     let line = line.trim_start().strip_prefix('#')?.trim_start();
     let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     Some((key, value.trim()))
 }
 
-/// Returns true for text whose first lines name ALTA's coordinates, values or dimensions.
+/// Returns true if the first lines name ALTA's coordinates, values or dimensions.
 pub(super) fn is_header(head: &str) -> bool {
     let is_dimensions = |value: &str| {
         value.split_whitespace().count() == 2 && value.split_whitespace().all(|n| n.parse::<u32>().is_ok())
@@ -49,7 +49,7 @@ fn unsupported(message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::Unsupported, NAME, message)
 }
 
-/// Reads the header, and refuses what it leaves open.
+/// Reads the header; refuses files with missing or unsupported fields.
 pub(super) fn read(source: &Source, how: &Interpretation, report: &mut ParseReport) -> Result<Header, FormatError> {
     let mut fields: Vec<(&str, &str, usize)> = Vec::new();
     for line in source.lines().take(LOOKED_AT) {
@@ -107,7 +107,7 @@ fn coordinates(name: Option<&str>) -> Result<Coordinates, FormatError> {
     }
 }
 
-/// Refuses values that are no BRDF in 1/sr, and more of them than channels.
+/// Refuses values that are not a BRDF in 1/sr, or more values than channels.
 fn check_values(
     name: Option<&str>,
     count: usize,

@@ -1,9 +1,10 @@
-//! Text files of the ALTA library: `#` lines that name the coordinates and the values, then one row a pair of directions.
+//! Text files of the ALTA library: `#` lines that name the coordinates and the values, then one row per pair of
+//! directions.
 //!
-//! `#DIM n m` gives the numbers of coordinates and of values of a row, `#PARAM_IN` the coordinates (angles in radians),
-//! `#PARAM_OUT` the values, `#VS` how many confidence limits follow them. Coordinates that fix two directions are read;
-//! those of fewer dimensions, which leave directions open, are refused by name.
-//! Layout: `sources/core/data_storage.cpp` and `params.cpp` of ALTA (L. Belcour, R. Pacanowski, P. Barla and others).
+//! `#DIM n m` gives the numbers of coordinates and values in a row, `#PARAM_IN` the coordinates (angles in radians).
+//! `#PARAM_OUT` names the values and `#VS` the number of confidence limits after them. Coordinates that fix two
+//! directions are read; parametrisations of fewer dimensions, which leave directions open, are refused by name. Layout:
+//! `sources/core/data_storage.cpp` and `params.cpp` of ALTA (L. Belcour, R. Pacanowski, P. Barla and others).
 
 mod about;
 mod coordinates;
@@ -31,9 +32,9 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Angles of the rows are rounded to this many parts of a degree, so that grids of them are found: files have 6 to 15 digits.
+/// Angles are rounded to multiples of 1/ROUNDING degrees, so that grids are recognised: files have 6 to 15 digits.
 const ROUNDING: f64 = 1e4;
-/// Cosine of the angle by which rounded numbers may lead below the horizon: 0.006 degrees.
+/// Cosine by which rounded angles may lie below the horizon: 0.006 degrees.
 const HORIZON: f64 = 1e-4;
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -70,7 +71,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Pairs of directions in degrees and the values there.
+/// Pairs of directions in degrees, and their values.
 struct Rows {
     pairs: Vec<[f64; 4]>,
     values: Vec<f32>,
@@ -123,8 +124,8 @@ fn rows(source: &Source, header: &Header, report: &mut ParseReport) -> Result<Ro
     Ok(rows)
 }
 
-/// Reads the numbers of a line, NaN for a value that is missing; returns how many the line has, confidence limits (at most
-/// two for each of `values`) among them.
+/// Reads the numbers of a line; a missing value becomes NaN. Returns the count of numbers in the line, including
+/// confidence limits (at most two for each of `values`).
 fn row(source: &Source, line: Token<'_>, numbers: &mut [f64], values: usize) -> Result<usize, FormatError> {
     let coordinates = numbers.len() - values;
     let (mut tokens, mut count) = (Tokens::new(line.text, 0), 0);
@@ -159,7 +160,8 @@ fn row(source: &Source, line: Token<'_>, numbers: &mut [f64], values: usize) -> 
     Ok(count)
 }
 
-/// The angles of a pair of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees; `None` where one is below the horizon.
+/// Returns the angles of a pair of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees; `None` if one is below
+/// the horizon.
 fn above(pair: &Pair) -> Option<[f64; 4]> {
     let mut angles = [0.0; 4];
     for (direction, angles) in [pair.light, pair.view].into_iter().zip(angles.chunks_exact_mut(2)) {
@@ -168,7 +170,7 @@ fn above(pair: &Pair) -> Option<[f64; 4]> {
         }
         let rounded = |degrees: f64| (degrees * ROUNDING).round() / ROUNDING;
         let theta = rounded(direction.theta_degrees()).min(90.0);
-        // At the pole all azimuths are one direction.
+        // All azimuths denote one direction at the pole.
         let phi = if theta == 0.0 { 0.0 } else { rounded(direction.phi_degrees()).rem_euclid(360.0) };
         angles.copy_from_slice(&[theta, phi]);
     }

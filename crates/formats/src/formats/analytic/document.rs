@@ -1,4 +1,4 @@
-//! The JSON document of a virtual measurement: what may be said, and nothing else.
+//! JSON document of a virtual measurement; unknown fields are refused.
 
 use super::spectra::Shape;
 use crate::domain::{Quantity, Sampling, Unit};
@@ -9,12 +9,12 @@ use serde_json::Value;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {
-    /// `virtual`.
+    /// Always `virtual`.
     pub(super) wavelume: String,
     pub(super) quantity: Option<Quantity>,
     pub(super) unit: Option<Unit>,
     pub(super) model: Model,
-    /// As in the manifest of an array.
+    /// Axes in the syntax of an array's manifest.
     pub(super) axes: Vec<Value>,
     pub(super) sampling: Option<Sampling>,
     pub(super) noise: Option<Noise>,
@@ -39,15 +39,15 @@ pub(super) struct Noise {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Model {
-    /// reflectance / π.
+    /// Diffuse reflection: reflectance / π.
     Lambert { reflectance: Shape },
-    /// transmittance / π, to the other side.
+    /// Diffuse transmission to the other side: transmittance / π.
     LambertTransmission { transmittance: Shape },
     /// Oren & Nayar 1994, the qualitative model; `sigma` is the standard deviation of facet slopes in radians.
     OrenNayar { reflectance: Shape, sigma: f64 },
     /// Microfacets (Walter et al. 2007; anisotropic: Burley 2012) with height-correlated masking (Heitz 2014).
     Ggx {
-        /// One roughness, or that along and across the frame's x axis.
+        /// One roughness, or two along the x and y axes of the frame.
         alpha: Alpha,
         fresnel: Fresnel,
         #[serde(default)]
@@ -75,17 +75,17 @@ pub(super) enum Model {
         phi: f64,
         exponent: f64,
     },
-    /// 1 in every direction.
+    /// Constant 1 in every direction.
     Isotropic,
-    /// The Fresnel reflectance by the angle of incidence.
+    /// Fresnel reflectance at the angle of incidence.
     Fresnel(Fresnel),
     /// A function of wavelength alone.
     Spectrum(Shape),
-    /// Lobes added.
+    /// Weighted sum of lobes.
     Sum(Vec<Term>),
 }
 
-/// A lobe of a sum and what it is multiplied with.
+/// Lobe of a sum with its weight.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Term {
@@ -104,12 +104,12 @@ fn one() -> f64 {
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Alpha {
     Isotropic(f64),
-    /// Along x, along y.
+    /// Roughness along x and along y.
     Anisotropic(f64, f64),
 }
 
-/// The frame of a lobe against that of the surface: its normal tilted by `tilt` towards azimuth `toward`, its x axis
-/// turned by `turn` about the normal; degrees.
+/// Orientation of a lobe relative to the surface. The normal is tilted by `tilt` towards azimuth `toward`; the x axis
+/// is rotated by `turn` about the normal. Degrees.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Frame {
@@ -118,7 +118,7 @@ pub(super) struct Frame {
     pub(super) toward: f64,
 }
 
-/// How an interface reflects.
+/// Model of the Fresnel reflectance of an interface.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Fresnel {

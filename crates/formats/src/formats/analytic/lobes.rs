@@ -1,18 +1,18 @@
-//! The lobes themselves: a function of two directions times a function of wavelength, or of both for Fresnel terms.
+//! Evaluation of lobes: a function of two directions times a function of wavelength, or of both for Fresnel terms.
 
 use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use std::f64::consts::PI;
 
-/// One lobe, ready for use: value(wi, wo, λ) = shape(wi, wo) · weight(λ) · fresnel(cos, λ).
+/// Prepared lobe: value(wi, wo, λ) = shape(wi, wo) · weight(λ) · fresnel(cos, λ).
 pub(super) struct Lobe {
     pub(super) shape: Shape,
-    /// One number a wavelength.
+    /// One factor per wavelength.
     pub(super) weight: Vec<f64>,
     pub(super) interface: Option<Interface>,
 }
 
-/// How a lobe depends on the directions.
+/// Dependence of a lobe on the directions.
 pub(super) enum Shape {
     Lambert,
     LambertTransmission,
@@ -46,23 +46,23 @@ pub(super) enum Shape {
         axis: Vector,
         exponent: f64,
     },
-    /// 1 in every direction.
+    /// Constant 1 in every direction.
     Constant,
 }
 
-/// How an interface reflects, one entry a wavelength.
+/// Optical constants of an interface, one entry per wavelength.
 pub(super) enum Interface {
     Dielectric(Vec<f64>),
     Conductor(Vec<(f64, f64)>),
     Schlick(Vec<f64>),
 }
 
-/// The x, y and z axes of a lobe.
+/// Local x, y and z axes of a lobe.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axes([Vector; 3]);
 
 impl Axes {
-    /// A frame whose normal is tilted towards an azimuth and that is turned about it; degrees.
+    /// Axes with a normal tilted by `tilt` towards azimuth `toward` and rotated by `turn` about it; degrees.
     pub(super) fn new(turn: f64, tilt: f64, toward: f64) -> Self {
         let z = Direction::from_degrees(tilt, toward).xyz();
         let along = Direction::from_degrees(90.0, turn).xyz();
@@ -75,11 +75,12 @@ impl Axes {
     }
 }
 
-/// Directions nearer to the horizon than this are taken there; the lobes have finite limits that 0/0 has not.
+/// Lower bound on cosines. Quotients are evaluated there at grazing angles, where lobes have finite limits but 0/0 has
+/// none.
 const HORIZON: f64 = 1e-6;
 
 impl Shape {
-    /// The value for `wi` and `wo`, and the cosine at which light meets the interface.
+    /// Returns the value for `wi` and `wo`, and the cosine of incidence at the interface.
     pub(super) fn at(&self, wi: Vector, wo: Vector) -> (f64, f64) {
         let same_side = wi[2] * wo[2] >= 0.0;
         match *self {
@@ -99,7 +100,7 @@ impl Shape {
                 let cosine = dot(wi, wo);
                 (3.0 / (16.0 * PI) * (1.0 + cosine * cosine), 1.0)
             }
-            // wi points back to the source: light that goes straight on leaves at wo = −wi.
+            // wi points back to the source: unscattered light leaves at wo = −wi.
             Self::HenyeyGreenstein { weight, g1, g2 } => {
                 let cosine = -dot(wi, wo);
                 let second = if weight == 1.0 { 0.0 } else { (1.0 - weight) * henyey_greenstein(g2, cosine) };
@@ -119,7 +120,7 @@ impl Shape {
 }
 
 impl Interface {
-    /// The reflectance of unpolarised light at entry `lambda`.
+    /// Returns the reflectance of unpolarised light at wavelength number `lambda`.
     pub(super) fn reflectance(&self, lambda: usize, cosine: f64) -> f64 {
         match self {
             Self::Dielectric(n) => dielectric(n[lambda], cosine),
@@ -133,7 +134,7 @@ impl Interface {
     }
 }
 
-/// Without ρ; Oren & Nayar 1994, equation 30.
+/// Oren–Nayar lobe without the reflectance ρ; Oren & Nayar 1994, equation 30.
 fn oren_nayar(wi: Vector, wo: Vector, a: f64, b: f64) -> f64 {
     let (ci, co) = (wi[2].abs(), wo[2].abs());
     let (si, so) = ((1.0 - ci * ci).max(0.0).sqrt(), (1.0 - co * co).max(0.0).sqrt());
@@ -143,7 +144,7 @@ fn oren_nayar(wi: Vector, wo: Vector, a: f64, b: f64) -> f64 {
     (a + b * span) / PI
 }
 
-/// D·G/(4 cos θi cos θo), and the cosine between `wi` and the half vector.
+/// Returns D·G/(4 cos θi cos θo), and the cosine between `wi` and the half vector.
 fn ggx(wi: Vector, wo: Vector, (ax, ay): (f64, f64), frame: &Axes) -> (f64, f64) {
     let sum = add(wi, wo);
     let length = norm(sum);
@@ -158,7 +159,7 @@ fn ggx(wi: Vector, wo: Vector, (ax, ay): (f64, f64), frame: &Axes) -> (f64, f64)
     let side = if wi[2] < 0.0 || wo[2] < 0.0 { -1.0 } else { 1.0 };
     let hidden = |w: Vector| {
         let [x, y, z] = frame.of(scale(w, side));
-        // A direction below a tilted frame's own horizon is taken to graze it.
+        // A direction below the horizon of a tilted frame is treated as grazing.
         let z = z.max(if frame.0[2][2] < 1.0 { 0.02 } else { HORIZON });
         0.5 * ((1.0 + ((ax * x) * (ax * x) + (ay * y) * (ay * y)) / (z * z)).sqrt() - 1.0)
     };

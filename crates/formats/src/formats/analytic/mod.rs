@@ -50,11 +50,12 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Longest document: tables of spectra fit many times.
+/// Upper bound on the document's size in bytes; tables of spectra fit many times over.
 const MAX_BYTES: usize = 1 << 24;
-/// Pairs of directions times wavelengths (one for a lobe without Fresnel term) that one document may ask for.
+/// Upper bound on direction pairs times wavelengths in one document; a lobe without a Fresnel term counts one
+/// wavelength.
 const MAX_EVALUATIONS: usize = 1 << 31;
-/// The wavelength of data without a wavelength axis, in nm, unless the document says otherwise.
+/// Default wavelength in nm of data without a wavelength axis.
 const WAVELENGTH: f64 = 550.0;
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -87,7 +88,7 @@ fn malformed(message: impl Into<String>) -> FormatError {
     refuse(FormatErrorKind::Malformed, message)
 }
 
-/// The message of the parser without the position that it repeats.
+/// Returns the parser's message without its trailing position.
 fn plain(error: &serde_json::Error) -> String {
     let text = error.to_string();
     text.rsplit_once(" at line ").map_or(text.clone(), |(message, _)| message.to_owned())
@@ -103,7 +104,7 @@ fn check(noise: Noise) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// The acquisition with all its axes and zeros for samples.
+/// Returns the acquisition with all its axes and with zeros as samples.
 fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, FormatError> {
     let ours = |e: FormatError| FormatError { format: NAME, ..e };
     let mut described = json!({"axes": document.axes});
@@ -148,7 +149,7 @@ fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, Forma
     Ok(acquisition)
 }
 
-/// What the samples are evaluated at.
+/// Evaluation points of the samples.
 struct Axes {
     incoming: Option<Entries>,
     outgoing: Option<Entries>,
@@ -245,7 +246,7 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
     }
 }
 
-/// Reflection goes up, transmission down; anything else would be zeros that look like data.
+/// Checks that reflection goes up and transmission down; any other domain would give zeros that look like data.
 fn check_domains(quantity: Quantity, outgoing: Option<&Axis>) -> Result<(), FormatError> {
     let expected = match quantity {
         Quantity::Brdf => Domain::Hemisphere,
@@ -273,7 +274,7 @@ fn bound(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize)
     Ok(())
 }
 
-/// A model is free to be unphysical, but its author should know.
+/// Notes an albedo above 1: an unphysical model is allowed, but its author should know.
 fn note_energy(lobes: &[Lobe], lambdas: &[f64], report: &mut ParseReport) {
     const THETAS: [f64; 4] = [0.0, 30.0, 60.0, 80.0];
     let worst = THETAS.map(|theta| {
@@ -291,7 +292,7 @@ fn note_energy(lobes: &[Lobe], lambdas: &[f64], report: &mut ParseReport) {
     }
 }
 
-/// The directional albedo by quadrature over a fine hemisphere, one number a wavelength.
+/// Returns the directional albedo, one number per wavelength, by quadrature over a fine hemisphere.
 fn albedo(lobes: &[Lobe], theta: f64, lambdas: usize) -> Vec<f64> {
     let mut total = vec![0.0; lambdas];
     let Some(mesh) = crate::domain::TriangleMesh::new(Domain::Hemisphere, 5) else { return total };

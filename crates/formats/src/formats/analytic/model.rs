@@ -1,16 +1,16 @@
-//! From the document's model to lobes: every range checked, every weight tabulated by wavelength.
+//! Conversion of the document's model to lobes: ranges checked, weights tabulated by wavelength.
 
 use super::document::{Alpha, Fresnel, Model};
 use super::lobes::{Axes, Interface, Lobe, Shape};
 use super::spectra;
 use crate::domain::{Direction, Quantity};
 
-/// Lobes of one model.
+/// Upper bound on the lobes of one model.
 const MAX_LOBES: usize = 256;
-/// The narrowest GGX lobe: narrower ones fall between the points of any mesh here.
+/// Lower bound on the GGX roughness: narrower lobes fall between the points of any mesh.
 const MIN_ALPHA: f64 = 0.001;
 
-/// The lobes of `model` at `lambdas` (nm) for `quantity`, or a sentence that says where it went wrong.
+/// Returns the lobes of `model` at `lambdas` (nm) for `quantity`, or a message that names the faulty field.
 pub(super) fn lobes(model: &Model, quantity: Quantity, lambdas: &[f64]) -> Result<Vec<Lobe>, String> {
     let mut maker = Maker { quantity, lambdas, lobes: Vec::new() };
     maker.add("model", model, &vec![1.0; lambdas.len()])?;
@@ -69,7 +69,7 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// A phase function is a mean of phase functions.
+    /// Checks that the weights of a phase function sum to 1 at every wavelength.
     fn whole(&self) -> Result<(), String> {
         for (i, lambda) in self.lambdas.iter().enumerate() {
             let total: f64 = self.lobes.iter().map(|lobe| lobe.weight[i]).sum();
@@ -104,7 +104,7 @@ fn name(model: &Model) -> &'static str {
     }
 }
 
-/// The quantities that a lobe can be part of.
+/// Returns the quantities that a lobe can contribute to.
 fn fits(model: &Model) -> &'static [Quantity] {
     match model {
         Model::Lambert { .. } | Model::OrenNayar { .. } | Model::Ggx { .. } | Model::Asperity { .. } => {
@@ -126,7 +126,7 @@ fn fits(model: &Model) -> &'static [Quantity] {
 
 type Range = (f64, f64);
 
-/// The spectrum that belongs to the lobe itself, its field, and its range.
+/// Returns the spectrum of the lobe itself with the name and the allowed range of its field.
 fn own_weight(model: &Model, quantity: Quantity) -> Option<(&'static str, &spectra::Shape, Range)> {
     match model {
         Model::Lambert { reflectance } | Model::OrenNayar { reflectance, .. } => {

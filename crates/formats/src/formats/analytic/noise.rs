@@ -1,4 +1,4 @@
-//! Seeded measurement noise, the same bits everywhere: PCG and Box–Muller on portable elementary functions.
+//! Seeded measurement noise, bit-identical on every machine: PCG and Box–Muller on portable elementary functions.
 
 use super::document::Noise;
 use crate::numeric::random::open;
@@ -27,7 +27,7 @@ impl Normal {
     }
 }
 
-/// Disturbs the samples in their order.
+/// Adds noise to the samples in order.
 pub(super) fn disturb(samples: &mut [f32], noise: Noise) {
     let mut normal = Normal::new(noise.seed);
     for sample in samples {
@@ -62,7 +62,7 @@ mod tests {
             assert!(moment(1).abs() < error, "{}", moment(1));
             assert!((moment(2) - 1.0).abs() < 1.5 * error, "{}", moment(2));
             assert!(moment(3).abs() < 4.0 * error && (moment(4) - 3.0).abs() < 10.0 * error);
-            // Neighbours do not know each other.
+            // Neighbours are uncorrelated.
             let product = t.array_windows().map(|[a, b]| a * b).sum::<f64>() / N as f64;
             assert!(product.abs() < error, "{product}");
         }
@@ -77,7 +77,7 @@ mod tests {
         };
         assert_eq!(noisy(1), noisy(1));
         assert_ne!(noisy(1), noisy(2));
-        // Fixed for all machines and versions: a change here changes published digests.
+        // Identical on all machines and in all versions: a change here changes published digests.
         assert_eq!(noisy(1)[..2].iter().map(|s| s.to_bits()).collect::<Vec<_>>(), GOLDEN);
     }
 

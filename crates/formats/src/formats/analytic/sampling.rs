@@ -1,4 +1,4 @@
-//! Lobes on axes: cell averages by quadrature, values at centroids, values at the angles of a goniometer.
+//! Evaluation of lobes on axes: cell averages by quadrature, values at centroids, values at the angles of a goniometer.
 
 use super::lobes::Lobe;
 use crate::domain::vector::Vector;
@@ -6,28 +6,28 @@ use crate::domain::{Axis, Direction, TriangleMesh, Vertices, centroid, child, so
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 use rayon::prelude::*;
 
-/// The entries of one axis of directions: for each the same number of points, with weights that add to 1.
+/// Quadrature points of one axis of directions. Every entry has the same number of points, with weights that sum to 1.
 pub(super) struct Entries {
     points: usize,
     directions: Vec<(Vector, f64)>,
 }
 
-/// Values that one task works through at a time.
+/// Number of values that one task computes at a time.
 const BLOCK: usize = 1 << 12;
 
 impl Entries {
-    /// No such axis: one entry, straight up.
+    /// Placeholder for an absent axis: one entry, straight up.
     pub(super) fn none() -> Self {
         Self { points: 1, directions: vec![([0.0, 0.0, 1.0], 1.0)] }
     }
 
-    /// The centroids of triangles.
+    /// One point per triangle: its centroid.
     pub(super) fn centroids(mesh: TriangleMesh) -> Self {
         let directions = (0..mesh.len()).map(|i| (mesh.centroid(i).xyz(), 1.0)).collect();
         Self { points: 1, directions }
     }
 
-    /// Each triangle divided until there are enough parts: at least three levels below the bases, at least once.
+    /// Points for averages over triangles: each is subdivided at least once, and at least to level 3.
     pub(super) fn averages(mesh: TriangleMesh) -> Self {
         let depth = 3_u8.saturating_sub(mesh.level()).max(1);
         let points = 1_usize << (2 * u32::from(depth));
@@ -46,13 +46,13 @@ impl Entries {
         Self { points, directions }
     }
 
-    /// Elevations at azimuth 0.
+    /// One point per elevation, at azimuth 0.
     pub(super) fn elevations(thetas: &[f64]) -> Self {
         let directions = thetas.iter().map(|&theta| (Direction::from_degrees(theta, 0.0).xyz(), 1.0)).collect();
         Self { points: 1, directions }
     }
 
-    /// The angles of a grid, theta outermost; without azimuths at azimuth 0.
+    /// One point per pair of angles, theta outermost; azimuth 0 if the grid has none.
     pub(super) fn angles(angles: &Angles) -> Self {
         let zero = Azimuths { phi: vec![0.0], extent: AzimuthExtent::Circle };
         let azimuths = &angles.phi.as_ref().unwrap_or(&zero).phi;
@@ -62,12 +62,12 @@ impl Entries {
         Self { points: 1, directions }
     }
 
-    /// How many entries there are.
+    /// Returns the number of entries.
     pub(super) fn len(&self) -> usize {
         self.directions.len() / self.points
     }
 
-    /// How many points stand for each.
+    /// Returns the number of quadrature points per entry.
     pub(super) fn points(&self) -> usize {
         self.points
     }
@@ -77,7 +77,7 @@ impl Entries {
     }
 }
 
-/// The entries of `axis`, `average` or at points; `None` for an axis that is no direction.
+/// Returns the points of `axis`, for averages or for point values; `None` for an axis without directions.
 pub(super) fn entries(axis: &Axis, average: bool) -> Option<Entries> {
     match axis {
         Axis::Triangles(mesh) if average => Some(Entries::averages(*mesh)),
@@ -87,7 +87,7 @@ pub(super) fn entries(axis: &Axis, average: bool) -> Option<Entries> {
     }
 }
 
-/// Values `[incoming, outgoing, lambda]`, row-major.
+/// Evaluates the lobes; returns values `[incoming, outgoing, lambda]`, row-major.
 pub(super) fn evaluate(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize) -> Vec<f32> {
     let outgoing_len = outgoing.len();
     let mut values = vec![0.0_f32; incoming.len() * outgoing_len * lambdas];

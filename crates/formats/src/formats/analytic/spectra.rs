@@ -13,13 +13,13 @@ pub(super) struct Shape(Kind);
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Kind {
-    /// The same at every wavelength.
+    /// Constant over wavelength.
     Constant(f64),
     /// A patch of the `ColorChecker` (N. Ohta).
     Colorchecker(String),
-    /// Linear between the values, constant outside.
+    /// Linear between the tabulated values, constant outside.
     Table { wavelengths: Vec<f64>, values: Vec<f64> },
-    /// Planck's law by wavelength, 1 at 560 nm.
+    /// Planck's law per wavelength, normalised to 1 at 560 nm.
     Planck { kelvin: f64 },
     /// `base + Σ height·exp(−½((λ − at)/width)²)`.
     Gaussians {
@@ -27,7 +27,7 @@ enum Kind {
         base: f64,
         peaks: Vec<Peak>,
     },
-    /// From `low` to `high` around `at`, over about 4 `width` nm.
+    /// Smooth step from `low` to `high` centred at `at`, over about 4 `width` nm.
     Sigmoid { low: f64, high: f64, at: f64, width: f64 },
 }
 
@@ -45,7 +45,7 @@ const REFERENCE_NM: f64 = 560.0;
 const PATCHES: &str = include_str!("../../../../../data/colorchecker_n_ohta.csv");
 
 impl Shape {
-    /// The values at `lambdas` (nm), or what is wrong with the description.
+    /// Returns the values at `lambdas` (nm), or a message about an invalid description.
     pub(super) fn at(&self, lambdas: &[f64]) -> Result<Vec<f64>, String> {
         let values = self.evaluate(lambdas)?;
         match values.iter().zip(lambdas).find(|(value, _)| !value.is_finite()) {

@@ -1,6 +1,6 @@
-//! The files inside a zip archive: every name and size checked before anything is unpacked.
+//! Files inside a zip archive; every name and size is checked before anything is unpacked.
 //!
-//! Members are unpacked into memory, one at a time, and never under their names.
+//! Members are unpacked into memory, one at a time; no file is created under a member's name.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind};
@@ -10,27 +10,28 @@ use std::collections::HashSet;
 use std::io::{Cursor, Read};
 use zip::{CompressionMethod, ZipArchive, result::ZipError};
 
-/// Files of one archive.
+/// Upper bound on the files in one archive.
 pub(super) const MAX_MEMBERS: usize = 1000;
-/// Bytes of all files together, unpacked.
+/// Upper bound on the unpacked size of all files together, in bytes.
 const MAX_UNPACKED: u64 = 2 << 30;
-/// Unpacked bytes for each of the archive's, beyond the first that are free: tables of numbers make some ten.
+/// Upper bound on the unpacked bytes per byte of the archive, beyond an allowance of [`FREE`] bytes. Tables of numbers
+/// reach about 10.
 const MAX_RATIO: u64 = 200;
 const FREE: u64 = 1 << 20;
-/// Bytes of a name.
+/// Upper bound on the length of a name in bytes.
 const MAX_NAME: usize = 1024;
-/// How the names of an array and of the manifest beside it end.
+/// Suffixes of the names of an array and of its manifest.
 const ARRAY: &str = ".npy";
 const MANIFEST: &str = ".axes.json";
-/// Names that a message lists.
+/// Upper bound on the names listed in a message.
 const SHOWN: usize = 10;
 
 /// A file of an archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Its name with its folders, `/` between them.
+    /// Name including folders, separated by `/`.
     pub name: String,
-    /// Its size, unpacked.
+    /// Unpacked size in bytes.
     pub bytes: u64,
     index: usize,
 }
@@ -42,7 +43,7 @@ pub struct Archive<'a> {
     members: Vec<Member>,
 }
 
-/// Whether `bytes` begin a zip archive.
+/// Returns true if `bytes` start a zip archive other than a spreadsheet workbook.
 pub fn is_archive(bytes: &[u8]) -> bool {
     (bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")) && !foreign::is_workbook(bytes)
 }
@@ -52,7 +53,7 @@ pub(super) fn refused(kind: FormatErrorKind, message: impl Into<String>) -> Form
 }
 
 impl<'a> Archive<'a> {
-    /// Reads the list of members; nothing is unpacked.
+    /// Reads the list of members without unpacking any.
     pub fn open(bytes: &'a [u8]) -> Result<Self, FormatError> {
         let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| broken("the archive", &error))?;
         if zip.len() > MAX_MEMBERS {
@@ -61,7 +62,7 @@ impl<'a> Archive<'a> {
         }
         let (mut members, mut known, mut total) = (Vec::new(), HashSet::new(), 0_u64);
         for index in 0..zip.len() {
-            // Raw: of a file that cannot be unpacked, the reason is told below.
+            // Raw access, because a file that cannot be unpacked is reported with its reason below.
             let file = zip.by_index_raw(index).map_err(|error| broken(&format!("file {index}"), &error))?;
             let name = checked_name(file.name())?;
             let quoted = snippet(&name);
@@ -99,12 +100,12 @@ impl<'a> Archive<'a> {
         Ok(Self { zip, members })
     }
 
-    /// The files, by name; those that operating systems add are left out.
+    /// Returns the files, sorted by name, without those that operating systems add.
     pub fn members(&self) -> &[Member] {
         &self.members
     }
 
-    /// Unpacks a file of this archive and checks it against its size and checksum.
+    /// Unpacks a member and checks it against its size and checksum.
     pub fn unpack(&mut self, member: &Member) -> Result<Vec<u8>, FormatError> {
         let quoted = snippet(&member.name);
         let file = self.zip.by_index(member.index).map_err(|error| broken(&quoted, &error))?;
@@ -126,7 +127,7 @@ impl<'a> Archive<'a> {
         Ok(bytes)
     }
 
-    /// The manifest that lies beside an array as `NAME.axes.json`.
+    /// Returns the manifest of an array: the member `NAME.axes.json` beside it.
     pub fn manifest_of(&mut self, array: &Member) -> Result<Option<serde_json::Value>, FormatError> {
         let Some(stem) = array.name.strip_suffix(ARRAY) else { return Ok(None) };
         let name = format!("{stem}{MANIFEST}");
@@ -137,13 +138,13 @@ impl<'a> Archive<'a> {
         })
     }
 
-    /// Whether a file is the manifest of an array beside it.
+    /// Returns true if the member is the manifest of an array beside it.
     pub fn is_manifest(&self, member: &Member) -> bool {
         let Some(stem) = member.name.strip_suffix(MANIFEST) else { return false };
         self.members.iter().any(|other| other.name.strip_suffix(ARRAY) == Some(stem))
     }
 
-    /// The member of that name, or whose name without folders it is.
+    /// Returns the member with that full name, or the only one with that name in any folder.
     pub(super) fn find(&self, wanted: &str) -> Result<Member, FormatError> {
         let exact = self.members.iter().find(|member| member.name == wanted);
         let mut bare = self.members.iter().filter(|member| member.name.rsplit('/').next() == Some(wanted));
@@ -162,14 +163,14 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// The names of the first members.
+/// Returns the names of the first members, for messages.
 pub(super) fn listed(members: &[Member]) -> String {
     let shown: Vec<String> = members.iter().take(SHOWN).map(|member| snippet(&member.name)).collect();
     let more = members.len().saturating_sub(SHOWN);
     format!("{}{}", shown.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() })
 }
 
-/// A name inside the archive and nowhere else, in whatever way it is written.
+/// Returns the name unless it points outside the archive (absolute, with `..`, `\` or `:`), is empty or is too long.
 fn checked_name(name: &str) -> Result<String, FormatError> {
     let outside = name.starts_with(['/', '\\'])
         || name.contains(['\\', ':'])
@@ -182,7 +183,7 @@ fn checked_name(name: &str) -> Result<String, FormatError> {
     Ok(name.to_owned())
 }
 
-/// What operating systems put into archives unasked.
+/// Returns true for files that operating systems add to archives, such as `__MACOSX`.
 fn is_litter(name: &str) -> bool {
     name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX" || part.eq_ignore_ascii_case("thumbs.db"))
 }

@@ -1,7 +1,7 @@
-//! Zip archives of measurements: what is inside, every name and size checked before anything is unpacked.
+//! Zip archives of measurements; every name and size is checked before anything is unpacked.
 //!
-//! Members are unpacked into memory, one at a time, and never under their names. What an archive holds beside
-//! measurements (documents, pictures, the description of a GLDF luminaire) is named with the reason why it is not read.
+//! Members are unpacked into memory, one at a time; no file is created under a member's name. Other contents
+//! (documents, pictures, the description of a GLDF luminaire) are reported with the reason why they are not read.
 
 pub(super) mod about;
 mod container;
@@ -17,10 +17,10 @@ use super::text::snippet;
 use about::ABOUT;
 use container::{listed, refused};
 
-/// The options that a file of an archive may understand, and the one that names it.
+/// Options that the file inside an archive may accept, and the option that selects it.
 const OPTIONS: &[&str] = &["wavelength_unit", "column", "axes", "normalization", "member"];
 
-/// Reads the member that was asked for, or the only one that is a measurement.
+/// Reads the requested member, or the only one that is a measurement.
 pub(super) fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     refuse_idle_options(&ABOUT, OPTIONS, how)?;
     let mut archive = Archive::open(bytes)?;
@@ -41,7 +41,7 @@ pub(super) fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, Fo
 }
 
 impl Archive<'_> {
-    /// Reads a file of this archive as it would be read alone; an array finds its manifest beside it.
+    /// Reads a member as if it were a file of its own. An array takes the manifest beside it.
     pub fn read(&mut self, member: &Member, how: &Interpretation) -> Result<Acquisition, FormatError> {
         let unpacked = self.unpack(member)?;
         self.read_unpacked(member, &unpacked, how)
@@ -60,7 +60,7 @@ impl Archive<'_> {
         probing::read_file(unpacked, &how)
     }
 
-    /// The only member that some reader recognises.
+    /// Returns the only member that some reader recognises.
     fn only_measurement(&mut self) -> Result<Member, FormatError> {
         let mut found = Vec::new();
         for member in self.members().to_vec() {

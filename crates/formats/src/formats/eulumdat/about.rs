@@ -1,4 +1,4 @@
-//! The name of EULUMDAT in the table of formats, and what it is.
+//! Entry of EULUMDAT in the table of formats.
 
 use crate::formats::reader::Format;
 

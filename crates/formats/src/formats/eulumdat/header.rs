@@ -1,4 +1,4 @@
-//! The lines of an EULUMDAT file before its angles: sizes, lamps, and the factors that lead to intensities.
+//! Lines of an EULUMDAT file before its angles: sizes, lamps, and the factors of the intensities.
 
 use super::about::NAME;
 use super::lines::{self, LampSet, Lines};
@@ -8,7 +8,7 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::Brief;
 
-/// The numbers that lead to the intensities.
+/// Header fields that determine the intensities.
 pub(super) struct Header {
     pub(super) symmetry: usize,
     pub(super) planes: usize,
@@ -19,7 +19,7 @@ pub(super) struct Header {
     sets: Vec<LampSet>,
 }
 
-/// Lines 13 to 21: what they measure, in mm.
+/// Names of the dimensions in mm on lines 13 to 21.
 pub(super) const DIMENSIONS: [&str; 9] = [
     "luminaire_length_mm",
     "luminaire_width_mm",
@@ -31,7 +31,7 @@ pub(super) const DIMENSIONS: [&str; 9] = [
     "luminous_height_c180_mm",
     "luminous_height_c270_mm",
 ];
-/// The room indices of the direct ratios.
+/// Room indices of the direct ratios.
 pub(super) const ROOM_INDICES: [&str; 10] = ["0.6", "0.8", "1", "1.25", "1.5", "2", "2.5", "3", "4", "5"];
 
 impl Header {
@@ -118,12 +118,13 @@ impl Header {
         self.sets.first().is_some_and(|set| set.count < 0.0)
     }
 
-    /// The lumens that the intensities refer to.
+    /// Returns the lumens that the intensities refer to.
     fn lumens(&self) -> Option<f64> {
         self.sets.first().map(|set| set.lumens).filter(|lumens| *lumens > 0.0)
     }
 
-    /// The unit as asked, else candela where the lumens are known; and the factor of a stored value.
+    /// Returns the unit and the factor of a stored value. The unit is the requested one, else candela if the lumens are
+    /// known.
     pub(super) fn unit(&self, how: &Interpretation, report: &mut ParseReport) -> Result<(Unit, f64), FormatError> {
         let per_kilolumen = self.conversion;
         let needs = |message: String| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
@@ -161,7 +162,8 @@ impl Header {
         }
     }
 
-    /// The flux of the intensities is that of the lamps times the light output ratio; of absolute ones, that stated.
+    /// Warns if the integrated flux differs from the lamps' flux times the light output ratio. Absolute files are
+    /// compared with the stated flux of the luminaire.
     pub(super) fn check_flux(&self, found: f64, report: &mut ParseReport) {
         let Some(lumens) = self.lumens() else { return };
         let ratio = if self.is_absolute() { 100.0 } else { self.output_ratio.unwrap_or(0.0) };
@@ -180,7 +182,7 @@ impl Header {
     }
 }
 
-/// Text of a number for the metadata; empty for a blank line.
+/// Formats a number for the metadata; empty for a blank line.
 fn written(value: Option<f64>) -> String {
     value.map_or_else(String::new, |value| Brief(value).to_string())
 }

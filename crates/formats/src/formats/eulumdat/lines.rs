@@ -6,22 +6,23 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::number;
 use crate::formats::text::{self, Source, Token, snippet};
 
-/// Lines before those of the lamp sets.
+/// Number of lines before those of the lamp sets.
 pub(super) const HEAD_LINES: usize = 26;
-/// More lamp sets than any luminaire has alternatives.
+/// Upper bound on lamp sets, more than any luminaire has alternatives.
 const MAX_SETS: usize = 1000;
-/// Lines of the largest file: far more than 721 planes of 721 angles.
+/// Upper bound on the lines of a file: far more than 721 planes of 721 angles.
 const MAX_LINES: usize = 1 << 21;
-/// Lines up to the last lamp set, which are looked at in another order than they have.
+/// Upper bound on the lines up to the last lamp set. They are collected first, because they are not read strictly in
+/// order.
 const HEAD: usize = HEAD_LINES + 6 * MAX_SETS;
-/// Characters kept of a text.
+/// Number of characters kept of a text.
 const MAX_TEXT: usize = 256;
 
-/// The lines that are left.
+/// Reader of the remaining lines.
 pub(super) struct Lines<'a> {
     source: &'a Source,
     head: Vec<Token<'a>>,
-    /// Those after the head.
+    /// Lines after the head.
     body: text::Lines<'a>,
     next: usize,
 }
@@ -33,22 +34,23 @@ impl<'a> Lines<'a> {
         Self { source, head, body, next: 0 }
     }
 
-    /// Where the next line starts.
+    /// Returns the byte offset of the next line.
     pub(super) fn at(&self) -> usize {
         self.head.get(self.next).map_or(self.body.offset(), |line| line.offset)
     }
 
-    /// A refusal at an offset of the text.
+    /// Returns a refusal at a byte offset of the text.
     pub(super) fn refused(&self, offset: usize, message: impl Into<String>) -> FormatError {
         self.source.malformed(offset, message)
     }
 
-    /// More lines than this are not left: each ends with a byte at least.
+    /// Returns an upper bound on the remaining lines: each takes at least one byte.
     fn most(&self) -> usize {
         self.source.text().len() + 1 - self.at()
     }
 
-    /// All numbers that follow, one a line, each with its place, as long as `take` takes them; and the lines after them.
+    /// Passes the numbers that follow, one per line with its byte offset, to `take`, until a line is not a number.
+    /// Returns the lines after them.
     pub(super) fn take_numbers(
         &self,
         mut take: impl FnMut(f64, usize) -> Result<(), FormatError>,
@@ -59,7 +61,7 @@ impl<'a> Lines<'a> {
         for _ in 0..=MAX_LINES {
             let at = lines.offset();
             let plain = number::decimal(bytes, at);
-            // One byte ends most lines; any other end is looked for.
+            // Most lines end with a single line feed; other line ends are searched for.
             if let Some((value, end)) = plain.filter(|&(_, end)| bytes.get(end) == Some(&b'\n')) {
                 take(value, at)?;
                 lines.skip_to(end + 1);
@@ -86,12 +88,13 @@ impl<'a> Lines<'a> {
         Ok(Token { text: text.trim(), offset: offset + blanks })
     }
 
-    /// A line that may say anything.
+    /// Returns a line of free text.
     pub(super) fn text(&mut self, expected: &str) -> Result<String, FormatError> {
         Ok(self.line(expected)?.text.chars().filter(|c| !c.is_control()).take(MAX_TEXT).collect())
     }
 
-    /// Number `self.next` of the layout of the format was expected: up to the lamp sets the user can look it up.
+    /// Returns a refusal of an unexpected value. Up to the lamp sets it names the line number of the format's layout,
+    /// which the user can look up.
     fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
         let place = if self.next <= HEAD_LINES {
             format!(" (line {} of the format; are all lines above there?)", self.next)
@@ -106,7 +109,7 @@ impl<'a> Lines<'a> {
         decimal(line.text).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// A number that may be left out: the intensities do not depend on it.
+    /// Returns a number that may be blank, because the intensities do not depend on it.
     pub(super) fn optional(&mut self, expected: &str) -> Result<Option<f64>, FormatError> {
         let line = self.line(expected)?;
         if line.text.is_empty() {
@@ -115,7 +118,7 @@ impl<'a> Lines<'a> {
         decimal(line.text).map(Some).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// A whole number in `low..=high`; `3.0` is one.
+    /// Returns a whole number in `low..=high`; `3.0` is accepted.
     pub(super) fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
         let line = self.line(expected)?;
         match decimal(line.text) {
@@ -124,12 +127,12 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// A number of things that follow, each on a line of its own.
+    /// Returns the number of items that follow, one per line.
     pub(super) fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
-    /// `count` numbers, each with its place.
+    /// Returns `count` numbers, each with its byte offset.
     pub(super) fn numbers(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {
         (0..count)
             .map(|_| {
@@ -140,7 +143,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The finite number that `text` is, with a point or a comma as its decimal mark.
+/// Parses a finite number with a point or a comma as its decimal mark.
 pub(super) fn decimal(text: &str) -> Option<f64> {
     text::number(text).or_else(|| {
         let comma = !text.contains('.') && text.bytes().filter(|&b| b == b',').count() == 1;
@@ -148,7 +151,7 @@ pub(super) fn decimal(text: &str) -> Option<f64> {
     })
 }
 
-/// One set of lamps that the luminaire may hold; several are alternatives.
+/// Set of lamps for the luminaire; several sets are alternatives.
 pub(super) struct LampSet {
     /// Number of lamps in the set; negative where the file states absolute intensities (candela).
     pub(super) count: f64,
@@ -160,8 +163,8 @@ pub(super) struct LampSet {
     pub(super) watts: Option<f64>,
 }
 
-/// The lamp sets, and whether they are written field by field (six blocks of n lines) instead of set by set, as some
-/// older files have them: the order under which numbers are numbers.
+/// Returns the lamp sets, and true if they are written field by field (six blocks of n lines), as in some older files.
+/// Set by set is the rule. The order chosen is the one in which the numeric fields parse.
 pub(super) fn lamp_sets(lines: &mut Lines<'_>) -> Result<(Vec<LampSet>, bool), FormatError> {
     let left = lines.head.len().saturating_sub(lines.next + 1) / 6;
     let n = lines.whole("the number of lamp sets", 0, left.min(MAX_SETS))?;

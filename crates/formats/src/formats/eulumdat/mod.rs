@@ -31,8 +31,8 @@ use lines::{HEAD_LINES, Lines, decimal};
 
 pub(super) const READER: Reader = Reader { about: ABOUT, options: &[], probe, read };
 
-/// Line 2 a type 0..3, line 3 a symmetry 0..4, lines 4 and 6 the numbers of planes and angles, each alone on its line;
-/// or any whole numbers there, if lines 13 to 26 are numbers too.
+/// Recognises line 2 with a type 0..3, line 3 with a symmetry 0..4, and lines 4 and 6 with the numbers of planes and
+/// angles, each alone on its line. Other whole numbers there are accepted if lines 13 to 26 are numbers, too.
 fn probe(sample: &Sample<'_>) -> u8 {
     let text = sample.head.replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).take(HEAD_LINES).map(str::trim).collect();
@@ -44,7 +44,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
     let found = lines.len() == HEAD_LINES
         && (whole(2, 0, 3) && whole(3, 0, 4) && whole(4, 1, 721) && whole(6, 1, 721)
             || [2, 3, 4, 6, 26].iter().all(|&line| whole(line, i32::MIN, i32::MAX)) && lines[12..25].iter().all(number))
-        // A column of bare numbers is something else.
+        // A file of bare numbers only is not EULUMDAT.
         && lines[7..12].iter().any(|text| decimal(text).is_none());
     if found && !sample.head.contains('\0') { 80 } else { 0 }
 }

@@ -1,4 +1,4 @@
-//! The angles and intensities of an EULUMDAT file: which C planes are stored, by symmetry and by how many values there are.
+//! Angles and intensities of an EULUMDAT file. The stored C planes follow from the symmetry and the number of values.
 
 use super::header::Header;
 use super::lines::{Lines, decimal};
@@ -17,7 +17,7 @@ const SYMMETRIES: [&str; 5] = [
     "quadrant symmetric",
 ];
 
-/// The planes stored, whose intensities are `scale` times their numbers, what they stand for, and the symmetry in words.
+/// Reads the stored planes, their extent, and the symmetry in words. Intensities are `scale` times the stored numbers.
 pub(super) fn read(
     lines: &mut Lines<'_>,
     header: &Header,
@@ -68,8 +68,8 @@ pub(super) fn read(
     Ok((Stated { vertical, horizontal, intensities }, stand_for, SYMMETRIES[symmetry]))
 }
 
-/// The symmetry that holds for `found` values: the one stated if they are as many as it stores; else none or the axial
-/// one, if they are exactly all planes or exactly one. `rest` are the lines after them.
+/// Returns the symmetry that matches `found` values: the stated one if the count fits. Otherwise none or axial, if the
+/// count is exactly that of all planes or of one. `rest` are the lines after the values.
 fn stored(
     header: &Header,
     found: usize,
@@ -102,7 +102,7 @@ fn stored(
     if expected.is_some_and(is) {
         return Ok(symmetry);
     }
-    // Numbers that go on after a line that is none are intensities all the same.
+    // Numbers that continue after a non-numeric line still count as intensities.
     let broken = others.any(|line| decimal(line.text.trim()).is_some());
     let other = if is(mc) { Some(0) } else { is(1).then_some(1) }.filter(|_| !broken);
     let said = SYMMETRIES[symmetry];
@@ -130,7 +130,8 @@ fn stored(
     Ok(other)
 }
 
-/// All numbers that follow, one a line, `scale` times which are intensities; and the lines after them, which are no part of the format.
+/// Reads all numbers that follow, one per line, and multiplies them by `scale`. Returns the intensities and the lines
+/// after them, which are not part of the format.
 fn intensities<'a>(
     lines: &Lines<'a>,
     scale: f64,

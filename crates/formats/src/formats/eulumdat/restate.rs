@@ -1,4 +1,4 @@
-//! A luminaire as EULUMDAT with the planes, symmetry, lamps and texts of the file that it came from.
+//! Writes a luminaire as EULUMDAT with the planes, symmetry, lamps and texts of its source file.
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
@@ -7,10 +7,10 @@ use super::header::{DIMENSIONS, ROOM_INDICES};
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{AzimuthExtent, Frame, Unit};
 
-/// Fields of a set of lamps, as the reader names them.
+/// Names of the fields of a lamp set in the reader's metadata.
 const LAMP: [&str; 6] = ["lamps", "lamp", "lumens", "colour", "colour_rendering", "watts"];
 
-/// Writes the planes of a grid of type C under the header that the reader kept.
+/// Writes the planes of a type C grid under the header that the reader kept.
 pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> {
     let directions = grid.directions;
     if directions.frame() != Frame::TypeC {
@@ -44,7 +44,7 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
     lines.extend(listed.iter().chain(gamma).map(f64::to_string));
     let columns = stored.len();
     for plane in 0..columns {
-        // Symmetry 3 is stored from C270 over C0 to C90: C(180 - C) of the planes from C90 to C270, the last first.
+        // Symmetry 3 stores C270 over C0 to C90: the planes C(180 − C) of C90 to C270, in reverse order.
         let column = if symmetry == 3 { columns - 1 - plane } else { plane };
         lines.extend((0..gamma.len()).map(|row| grid.spelled(row * columns + column, factor)));
     }
@@ -53,13 +53,13 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
     Ok(text.into_bytes())
 }
 
-/// The symmetry, and all planes on the circle, stored ones and mirror images.
+/// Returns the symmetry, and all planes on the circle: the stored ones and their mirror images.
 fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64]) -> Option<(u8, Vec<f64>)> {
     let ends = (stored[0], stored[stored.len() - 1]);
     let mut listed = stored.to_vec();
     let symmetry = match (extent, ends) {
         (None, _) => {
-            // The other planes, which hold nothing, are listed, too.
+            // The other planes, which have no values, are listed as well.
             let (count, step) = (grid.number("c_planes").unwrap_or(1.0), grid.number("c_step").unwrap_or(0.0));
             let is_even = (1.0..=720.0).contains(&count) && (count * step - 360.0).abs() < 1e-9;
             let count = if is_even { count as usize } else { 1 };
@@ -86,7 +86,7 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
     Some((symmetry, listed))
 }
 
-/// Factor from the numbers of the file to intensities, as the reader applies it.
+/// Returns the factor from stored numbers to intensities, as the reader applies it.
 fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     let conversion = grid.number("conversion_factor").unwrap_or(1.0);
     if grid.unit == Unit::CandelaPerKilolumen {
@@ -100,7 +100,7 @@ fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     }
 }
 
-/// Prefixes of the fields' names, one for each set of lamps.
+/// Returns the prefixes of the metadata keys, one for each lamp set.
 fn sets(grid: &Restatement<'_>) -> Vec<String> {
     if grid.kept("lamps").is_some() {
         return vec![String::new()];

@@ -4,7 +4,7 @@ use super::*;
 use crate::formats::acquisition::{AngleGrid, AzimuthExtent};
 use crate::formats::read as read_any;
 
-/// What differs between the files of these tests.
+/// Variable parts of the test files.
 struct Sheet {
     symmetry: usize,
     planes: Vec<f64>,

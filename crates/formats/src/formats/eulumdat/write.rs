@@ -5,15 +5,15 @@ use super::super::planes::{CPlanes, ascii, plain};
 use super::about::NAME;
 use crate::domain::Unit;
 
-/// Characters of a text field that old readers take.
+/// Upper bound on the characters of a text field, for compatibility with old readers.
 const LONGEST: usize = 78;
-/// The step between angles, in degrees, below which two count as the same.
+/// Difference in degrees below which two angular steps are equal.
 const STEP: f64 = 1e-9;
 
-/// Writes intensities in `unit`: cd, of a luminaire that gives `flux` lumens, or cd/klm, of which `flux` is left out.
+/// Writes intensities in `unit`: cd for a luminaire of `flux` lumens, or cd/klm, for which `flux` is ignored.
 ///
-/// Absolute photometry is a lamp count of −1 with the flux of the luminaire. What the format also asks for and nobody
-/// measured (lamps, sizes, room ratios) is 0 or empty.
+/// Absolute photometry is a lamp count of −1 with the flux of the luminaire. Required fields without a measured value
+/// (lamps, sizes, room ratios) are 0 or empty.
 pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Result<Vec<u8>, FormatError> {
     planes.check(NAME)?;
     let refuse = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
@@ -23,7 +23,7 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
         Unit::CandelaPerKilolumen => (1, 1000.0),
         _ => return refuse(format!("values in {unit}, expected cd or cd/klm")),
     };
-    // What is in the file, not what was given: so the intensities that are read are those that were written.
+    // The rounded lumens as written, so that the reader recovers the intensities.
     let lumens = plain(lumens);
     let per_kilolumen = 1000.0 / lumens.parse().unwrap_or(flux);
     let (gamma, c) = (&planes.gamma, &planes.c);
@@ -31,7 +31,7 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
     let mut add = |line: String| lines.push(line);
     add("wavelume".to_owned());
     let axial = c.len() == 1;
-    // A point source: round the vertical axis, or not.
+    // Point source with or without symmetry about the vertical axis.
     add(if axial { "1" } else { "3" }.to_owned());
     add(if axial { "1" } else { "0" }.to_owned());
     add(c.len().to_string());
@@ -61,14 +61,14 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
     Ok(text.into_bytes())
 }
 
-/// The step between equidistant angles up to `end`; 0 where they are not.
+/// Returns the step between equidistant angles up to `end`; 0 if they are not equidistant.
 fn step(angles: &[f64], end: f64) -> f64 {
     let closed: Vec<f64> = if angles.last() == Some(&end) { angles.to_vec() } else { [angles, &[end]].concat() };
     let first = closed.get(1).map_or(0.0, |second| second - closed[0]);
     if closed.array_windows().all(|[a, b]| ((b - a) - first).abs() <= STEP) { first } else { 0.0 }
 }
 
-/// The part of the flux below the horizon, by cells in which the intensity is the mean of its corners.
+/// Returns the fraction of the flux below the horizon. Each cell has the mean intensity of its corners.
 fn downward(planes: &CPlanes) -> f64 {
     let n = planes.gamma.len();
     let (mut below, mut all) = (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! Tables that are told by the words of their header: directions in words, summaries of a lamp, surface properties.
+//! Recognition of foreign tables by the words of their header: angles in words, lamp summaries, surface properties.
 
 use crate::domain::Quantity;
 use crate::formats::reader::Sample;
@@ -7,24 +7,24 @@ use crate::formats::spectral_table::layouts;
 use crate::formats::spectral_table::wavelength_unit::names_wavelength;
 use crate::formats::text::{Source, Token};
 
-/// Lines in which names of columns are looked for.
+/// Number of lines searched for column names.
 const LOOKED_AT: usize = 200;
-/// Characters of a name; longer cells are prose.
+/// Upper bound on the characters of a column name; longer cells are prose.
 const LONGEST: usize = 60;
 
-/// Returns true for a table of which a column is an angle by its words ("Viewing Zenith", "Relative Azimuth").
+/// Returns true for a table with a column named as an angle in words ("Viewing Zenith", "Relative Azimuth").
 pub(super) fn is_directions(sample: &Sample<'_>) -> bool {
-    // Phase functions have their own reader, whatever their angle is called.
+    // Phase functions have a reader of their own, whatever the name of their angle.
     let of_phase = || ["phase function", "scattering"].iter().any(|word| sample.head.to_lowercase().contains(word));
     sample.quantity != Some(Quantity::Phase) && has_columns(sample, is_angle, 1) && !of_phase()
 }
 
-/// Returns true for a table of which columns are angles by their symbols (`theta_i`, `theta` beside `phi`).
+/// Returns true for a table with columns named as angles by symbols (`theta_i`, `theta` beside `phi`).
 pub(super) fn is_under_symbols(sample: &Sample<'_>) -> bool {
     has_columns(sample, is_angle_of_a_side, 1) || has_columns(sample, is_symbol, 2)
 }
 
-/// Returns true for figures of a lamp (CCT, CRI, illuminance) without a spectrum: columns with a row each, or a line each.
+/// Returns true for figures of a lamp (CCT, CRI, illuminance) without a spectrum: in columns, or one per line.
 pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
     const FEWEST: usize = 2;
     if has_columns(sample, is_figure, FEWEST) {
@@ -41,20 +41,20 @@ pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
         && layouts::probe(&sample.head) == 0
 }
 
-/// Returns true for a surface property of `TracePro`: its title, or the names of its columns.
+/// Returns true for a surface property of `TracePro`, by its title or its column names.
 pub(super) fn is_tracepro(sample: &Sample<'_>) -> bool {
     let begins = |line: &str| line.starts_with("TracePro") || line.trim() == "Table_BSDF_Data";
     let names = |line: &str| line.contains("ScatterBeta") && line.contains("ScatterAzimuth");
     sample.head.lines().take(LOOKED_AT).any(|line| begins(line.trim_start_matches(['#', ' ', '"'])) || names(line))
 }
 
-/// The head as text; its messages are never shown, so that any name of a format does.
+/// Decodes the head as text. Its messages are never shown, so the format name is empty.
 fn source(sample: &Sample<'_>) -> Source {
     Source::decode(sample.head.as_bytes(), "")
 }
 
-/// Returns true where at least `fewest` cells of a row of names are as `is` tells, with numbers beneath them; the first
-/// column of the table must not be wavelengths.
+/// Returns true if at least `fewest` cells of a row of names satisfy `is`, with numbers beneath them. The first column
+/// must not contain wavelengths.
 fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool {
     let source = source(sample);
     let lines: Vec<Token<'_>> =
@@ -81,7 +81,7 @@ fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool
     })
 }
 
-/// A line without the mark of a comment before it.
+/// Returns a line without its leading comment mark.
 fn without_mark(line: Token<'_>) -> Token<'_> {
     let text = line.text.trim_start().trim_start_matches('#').trim_start();
     Token { text, offset: line.offset + line.text.len() - text.len() }
@@ -100,7 +100,7 @@ fn is_angle(name: &str) -> bool {
         || name.contains("angle") && OF.iter().any(|of| name.contains(of))
 }
 
-/// The symbol at the start of a lower-case name, without a unit after it: `theta_i (deg)`.
+/// Returns the symbol at the start of a lower-case name, without a unit: `theta_i (deg)`.
 fn symbol(name: &str) -> String {
     name.split(|c: char| c.is_whitespace() || matches!(c, '(' | '[')).next().unwrap_or_default().replace('_', "")
 }

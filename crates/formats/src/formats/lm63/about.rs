@@ -1,4 +1,4 @@
-//! The name of LM-63 in the table of formats, and what it is.
+//! Entry of LM-63 in the table of formats.
 
 use crate::formats::reader::Format;
 

@@ -1,4 +1,4 @@
-//! The numbers of an LM-63 file before its angles, and the shape of the luminous opening that they state.
+//! Numbers of an LM-63 file before its angles, and the shape of the luminous opening.
 
 use super::labels::Revision;
 use super::native::Photometry;
@@ -22,7 +22,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Puts the numbers into the report; `generation` is field 12 as written, a code of digits since 2019.
+    /// Adds the numbers to the report. `generation` is field 12 as written, which is a code of digits since 2019.
     pub(super) fn describe(&self, revision: Revision, generation: &str, report: &mut ParseReport) {
         let [width, length, height] = self.opening;
         let unit = if self.feet { "ft" } else { "m" };
@@ -57,7 +57,8 @@ impl Header {
     }
 }
 
-/// The shape of the luminous opening by the signs of width, length and height; a negative number is a diameter.
+/// Returns the shape of the luminous opening from the signs of width, length and height; a negative number is a
+/// diameter.
 fn opening_shape(revision: Revision, [width, length, height]: [f64; 3]) -> &'static str {
     let sign = |x: f64| {
         if x > 0.0 {

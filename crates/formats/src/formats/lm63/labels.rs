@@ -1,11 +1,11 @@
-//! The head of an LM-63 file: its revision, its keywords, its TILT line, and the unit that its texts betray.
+//! Head of an LM-63 file: revision, keywords, TILT line, and a unit stated in free text.
 
 use crate::domain::Unit;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::FormatError;
 use crate::formats::text::{Source, snippet};
 
-/// The revisions that differ in how they are read.
+/// Revisions that are read differently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Revision {
     Lm63_1986,
@@ -16,7 +16,8 @@ pub(super) enum Revision {
 }
 
 impl Revision {
-    /// The revision of a first line; `None` if it is no version tag. Case and blanks do not matter.
+    /// Returns the revision named by a first line; `None` if the line is not a version tag. Case and blanks are
+    /// ignored.
     pub(super) fn of_tag(line: &str) -> Option<(Self, bool)> {
         let tag: String = line.chars().filter(|c| !c.is_whitespace()).map(|c| c.to_ascii_uppercase()).collect();
         let rest = tag.strip_prefix("IESNA").or_else(|| tag.strip_prefix("IES:"))?;
@@ -42,7 +43,8 @@ impl Revision {
         }
     }
 
-    /// Whether field 12 is the ballast-lamp photometric factor; later it is reserved, then a code of digits.
+    /// Returns true if field 12 is the ballast-lamp photometric factor. Later revisions reserve it, then use it for a
+    /// code of digits.
     pub(super) fn field_12_multiplies(self) -> bool {
         matches!(self, Self::Lm63_1986 | Self::Lm63_1991)
     }
@@ -56,18 +58,18 @@ impl Revision {
     }
 }
 
-/// The head of a file.
+/// Contents of the head of a file.
 pub(super) struct Labels {
     pub(super) revision: Revision,
-    /// Whether TILT=INCLUDE.
+    /// True for TILT=INCLUDE.
     pub(super) tilt_included: bool,
-    /// Where the numbers start.
+    /// Byte offset of the first number.
     pub(super) numbers_at: usize,
-    /// Keywords and their text in order, `[MORE]` joined to what it continues.
+    /// Keywords and their text in order; `[MORE]` lines are joined to the keyword that they continue.
     keywords: Vec<(String, String)>,
 }
 
-/// The value of a TILT line, if `line` is one.
+/// Returns the value of a TILT line, or `None` for another line.
 pub(super) fn tilt(line: &str) -> Option<&str> {
     let line = line.trim();
     let (word, rest) = line.split_at_checked(4)?;
@@ -75,7 +77,7 @@ pub(super) fn tilt(line: &str) -> Option<&str> {
     word.eq_ignore_ascii_case("TILT").then_some(value.trim())
 }
 
-/// Keywords kept, and characters of one; real files have a few dozen short ones.
+/// Upper bounds on the keywords kept, and on the characters of each; real files have a few dozen short ones.
 const MAX_KEYWORDS: usize = 1000;
 const MAX_TEXT: usize = 4096;
 
@@ -156,8 +158,8 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
 }
 
 impl Labels {
-    /// The unit that the keywords state: some laboratories write radiometric values into this photometric format and
-    /// say so in free text only. Candela if nothing contradicts.
+    /// Returns the unit that the keywords state. Some laboratories write radiometric values into this photometric
+    /// format and state that in free text only. Candela if nothing contradicts.
     pub(super) fn unit(&self, report: &mut ParseReport) -> Unit {
         let declared = self.keywords.iter().find(|(key, _)| key.trim_start_matches('_') == "INTENSITYUNITS");
         if let Some((_, text)) = declared {
@@ -206,13 +208,13 @@ fn snippet_key(key: &str) -> String {
     key.chars().filter(|c| !c.is_control()).take(40).collect()
 }
 
-/// Lower case, one micro sign, no blanks around slashes.
+/// Returns the text in lower case, with `u` for the micro sign and without blanks around slashes.
 fn normalised(text: &str) -> String {
     let text = text.to_lowercase().replace(['µ', 'μ'], "u");
     text.split('/').map(str::trim).collect::<Vec<_>>().join("/")
 }
 
-/// A unit of radiant intensity somewhere in `text`.
+/// Returns a unit of radiant intensity found in `text`.
 fn intensity_unit(text: &str) -> Option<Unit> {
     const UNITS: &[(&str, Unit)] = &[
         ("mw/sr", Unit::MilliwattPerSteradian),
@@ -228,13 +230,13 @@ fn intensity_unit(text: &str) -> Option<Unit> {
     UNITS.iter().find(|(name, _)| contains_word(&text, name)).map(|&(_, unit)| unit)
 }
 
-/// A word that does not belong to photometry.
+/// Returns a word of `text` that is not photometric.
 fn radiometric_word(text: &str) -> Option<&'static str> {
     let text = normalised(text);
     ["uw", "umol", "ppf", "ppfd"].into_iter().find(|word| contains_word(&text, word))
 }
 
-/// Whether `word` stands in `text` without letters or digits beside it.
+/// Returns true if `text` contains `word` without adjacent letters or digits.
 fn contains_word(text: &str, word: &str) -> bool {
     let is_part = |c: Option<char>| c.is_some_and(char::is_alphanumeric);
     text.match_indices(word)

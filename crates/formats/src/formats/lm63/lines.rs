@@ -1,9 +1,9 @@
-//! Lines of LM-63 files that are written: how long they are, and lists of numbers broken into them.
+//! Lines of written LM-63 files: length limit, and lists of numbers broken into lines.
 
-/// Characters of a line at most; the standard of 1995 allows no more, that of 2002 does.
+/// Upper bound on the characters of a line. The standard of 1995 has this limit, that of 2002 does not.
 pub(super) const LONGEST: usize = 132;
 
-/// A list, in lines that are not too long.
+/// Writes a list, broken into lines of at most [`LONGEST`] characters.
 pub(super) fn list(text: &mut String, values: impl Iterator<Item = String>) {
     let mut line = 0;
     for shown in values {

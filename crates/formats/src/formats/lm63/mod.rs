@@ -59,7 +59,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         && header.photometry == Photometry::C
         && stated.vertical.iter().any(|&(angle, _)| angle < 0.0)
     {
-        // In 1986 type 1 stood for both, and gamma is never negative.
+        // In 1986 type 1 denoted both, and gamma is never negative.
         report.note(NoteKind::Assumed, "negative vertical angles in a 1986 file of type 1: taken as type A");
         header.photometry = Photometry::A;
     }
@@ -93,7 +93,7 @@ fn check_quantity(how: &Interpretation) -> Result<(), FormatError> {
     }
 }
 
-/// The unit as asked, as the file's text says, else candela.
+/// Returns the requested unit, else the one stated in the file's text, else candela.
 fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut ParseReport) -> Result<Unit, FormatError> {
     if let Some(unit) = how.unit {
         let is_intensity = unit.per_nanometre().is_some() || matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen);
@@ -128,7 +128,7 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
     Ok(unit)
 }
 
-/// Relative photometry: the flux of the distribution over that of the lamps is the efficiency of the luminaire.
+/// Checks relative photometry: the flux of the distribution divided by that of the lamps is the luminaire efficiency.
 fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
     let efficiency = flux / lamp_lumens;
     if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {

@@ -1,4 +1,4 @@
-//! Photometric types A and B → a type C grid, bilinear in the file's own angles.
+//! Conversion of photometric types A and B to a type C grid, bilinear in the file's own angles.
 
 use crate::domain::{AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Outside};
 use crate::formats::acquisition::{AngleGrid, NoteKind, ParseReport};
@@ -10,7 +10,7 @@ use crate::formats::text::{Source, listed};
 use crate::formats::type_c::luminaire;
 use crate::numeric::bracket::Bracket;
 
-/// Which coordinates the angles are.
+/// Coordinate system of the angles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Photometry {
     A,
@@ -28,15 +28,16 @@ impl Photometry {
     }
 }
 
-/// Steps of the C grid in degrees, each a divisor of 90.
+/// Candidate steps of the C grid in degrees, each a divisor of 90.
 const STEPS: [f64; 6] = [5.0, 2.5, 2.0, 1.0, 0.5, 0.25];
-/// Angles this close outside the stated range count as its end: they come out of `asin` and `atan2`.
+/// Tolerance in degrees outside the stated range, for rounding in `asin` and `atan2`.
 const ROUNDING: f64 = 1e-9;
 
-/// Resamples onto a C grid as fine as the stated angles, but no finer than 0.25°; 0 outside the stated angles.
+/// Resamples onto a C grid as fine as the stated angles, but no finer than 0.25°. Values outside the stated angles are
+/// zero.
 ///
-/// Type B: planes about a horizontal axis, `d = (cos H sin V, −sin H, −cos H cos V)`. Type A: planes about the vertical
-/// axis, `d = (cos V cos H, −cos V sin H, sin V)`. H grows clockwise.
+/// Type B has planes about a horizontal axis, `d = (cos H sin V, −sin H, −cos H cos V)`. Type A has planes about the
+/// vertical axis, `d = (cos V cos H, −cos V sin H, sin V)`. H grows clockwise.
 pub(super) fn convert(
     stated: Stated,
     photometry: Photometry,
@@ -56,7 +57,7 @@ pub(super) fn convert(
     report.metadata.push(("native_horizontal_angles".to_owned(), listed(&table.horizontal)));
     let lateral = table.horizontal[0] >= 0.0;
     let step = step(&table);
-    // With planes within ±90° of nadir nothing lies above the horizon.
+    // Planes within ±90° of nadir contain no direction above the horizon.
     let below =
         photometry == Photometry::B && table.vertical[0] >= -90.0 && table.vertical[table.vertical.len() - 1] <= 90.0;
     let lowest = if below { 90.0 } else { 0.0 };
@@ -92,8 +93,8 @@ pub(super) fn convert(
     Ok((grid, symmetry))
 }
 
-/// The planes as the file lists them. The latitudes of type B are its horizontal angles, those of type A its vertical ones;
-/// horizontal angles from 0 on stand for both sides.
+/// Returns the planes as the file lists them. Horizontal angles are the latitudes of type B, vertical angles those of
+/// type A. Horizontal angles that start at 0 or above represent both sides.
 fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, StatedGridError> {
     let is_lateral = table.horizontal[0] >= 0.0;
     let azimuths = |angles: &[f64], is_mirrored: bool| {
@@ -116,7 +117,7 @@ fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, 
     table.stated(directions.with_outside(Outside::Dark), polar)
 }
 
-/// V and H of a direction in degrees. Where all planes meet the angle of the plane is 0.
+/// Returns V and H of a direction in degrees. The angle of the plane is 0 at the poles, where all planes meet.
 fn native_angles(photometry: Photometry, direction: Direction) -> (f64, f64) {
     let [x, y, z] = direction.xyz();
     let azimuth = |y: f64, x: f64| if libm::hypot(x, y) < 1e-12 { 0.0 } else { libm::atan2(y, x) };
@@ -127,7 +128,7 @@ fn native_angles(photometry: Photometry, direction: Direction) -> (f64, f64) {
     (vertical.to_degrees(), horizontal.to_degrees())
 }
 
-/// The coarsest step that is no coarser than the stated angles.
+/// Returns the coarsest candidate step that is no coarser than the stated angles.
 fn step(table: &Ordered) -> f64 {
     let spacing = |angles: &[f64]| angles.array_windows().map(|[a, b]| b - a).fold(f64::MAX, f64::min);
     let finest = spacing(&table.vertical).min(spacing(&table.horizontal));
@@ -135,7 +136,7 @@ fn step(table: &Ordered) -> f64 {
 }
 
 impl Ordered {
-    /// Bilinear in the stated angles; 0 outside them. A single plane holds for its own angle only.
+    /// Interpolates bilinearly in the stated angles; 0 outside them. A single plane is valid at its own angle only.
     fn at(&self, vertical: f64, horizontal: f64) -> f32 {
         let (Some(v), Some(h)) = (locate(&self.vertical, vertical), locate(&self.horizontal, horizontal)) else {
             return 0.0;
@@ -148,7 +149,7 @@ impl Ordered {
     }
 }
 
-/// The entries around `angle`; `None` outside the stated angles.
+/// Returns the entries around `angle`; `None` outside the stated angles.
 fn locate(angles: &[f64], angle: f64) -> Option<Bracket> {
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if angle < first - ROUNDING || angle > last + ROUNDING {

@@ -9,7 +9,7 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{Brief, Source, Token, Tokens, listed, snippet};
 
-/// The stream of numbers after the TILT line.
+/// Reader of the numbers after the TILT line.
 pub(super) struct Numbers<'a> {
     source: &'a Source,
     tokens: Tokens<'a>,
@@ -20,7 +20,7 @@ impl<'a> Numbers<'a> {
         Self { source, tokens: Tokens::new(source.text(), at) }
     }
 
-    /// More numbers than this cannot follow: each takes a byte and one to separate it.
+    /// Returns an upper bound on the remaining numbers: each takes a byte and a separator.
     fn most(&self) -> usize {
         (self.source.text().len() - self.tokens.offset()).div_ceil(2)
     }
@@ -34,7 +34,7 @@ impl<'a> Numbers<'a> {
         self.placed(expected).map(|(value, _)| value)
     }
 
-    /// A number and its place.
+    /// Returns a number and its byte offset.
     #[inline]
     fn placed(&mut self, expected: &str) -> Result<(f64, usize), FormatError> {
         if let Some(number) = self.tokens.plain_number() {
@@ -44,7 +44,7 @@ impl<'a> Numbers<'a> {
         Ok((self.source.number(token, expected)?, token.offset))
     }
 
-    /// A whole number in `low..=high`; `3.0` is one.
+    /// Returns a whole number in `low..=high`; `3.0` is accepted.
     fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
         let token = self.token(expected)?;
         let value = self.source.number(token, expected)?;
@@ -56,12 +56,13 @@ impl<'a> Numbers<'a> {
         Err(self.source.malformed(token.offset, message))
     }
 
-    /// A count of things that follow, each at least one token.
+    /// Returns the number of items that follow, each at least one token.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
-    /// The block of TILT=INCLUDE: how the whole luminaire dims when it is installed at an angle, not part of its shape.
+    /// Reads the block of TILT=INCLUDE: the dimming of the whole luminaire when installed at an angle, which does not
+    /// change its shape.
     pub(super) fn tilt(&mut self, report: &mut ParseReport) -> Result<(), FormatError> {
         let geometry = self.whole("the lamp-to-luminaire geometry", 1, 3)?;
         let n = self.count("the number of tilt angles")?;
@@ -115,7 +116,7 @@ impl<'a> Numbers<'a> {
         Ok(header)
     }
 
-    /// The angles and intensities, every multiplier applied; as many numbers as announced must follow.
+    /// Reads the angles and intensities and applies every multiplier. The count of numbers must match the header.
     pub(super) fn distribution(
         &self,
         header: &Header,
@@ -157,7 +158,7 @@ impl<'a> Numbers<'a> {
             );
         }
         let mut numbers = Self { source: self.source, tokens: self.tokens.clone() };
-        // A file that is too short says so, whatever else is wrong with it.
+        // A truncated file is reported as such before any other error.
         let stated = numbers.stated(v, h, factor).map_err(|error| ends().unwrap_or(error))?;
         let values = stated.intensities.values();
         let negative = values.iter().filter(|&&intensity| intensity < 0.0).count();
@@ -175,7 +176,7 @@ impl<'a> Numbers<'a> {
         Ok(stated)
     }
 
-    /// So many vertical and horizontal angles, and the intensities at them times `factor`.
+    /// Reads `v` vertical and `h` horizontal angles, and the intensities at them times `factor`.
     fn stated(&mut self, v: usize, h: usize, factor: f64) -> Result<Stated, FormatError> {
         let vertical = self.angles(v, "a vertical angle")?;
         let horizontal = self.angles(h, "a horizontal angle")?;

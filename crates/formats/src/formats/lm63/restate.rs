@@ -1,4 +1,4 @@
-//! A luminaire as LM-63 with the planes, keywords, multipliers and header of the file that it came from.
+//! Writes a luminaire as LM-63 with the planes, keywords, multipliers and header of its source file.
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::restated::{Restatement, unfit};
@@ -9,7 +9,7 @@ use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{Frame, Unit};
 use std::fmt::Write as _;
 
-/// Revisions and the first lines that name them; the first revision had none.
+/// Revisions and the first lines that name them; the first revision has none.
 const REVISIONS: [(Revision, &str); 5] = [
     (Revision::Lm63_1986, ""),
     (Revision::Lm63_1991, "IESNA91\n"),
@@ -17,11 +17,11 @@ const REVISIONS: [(Revision, &str); 5] = [
     (Revision::Lm63_2002, "IESNA:LM-63-2002\n"),
     (Revision::Lm63_2019, "IES:LM-63-2019\n"),
 ];
-/// Keywords that the revisions from 2002 on ask for.
+/// Keywords required by the revisions from 2002 on.
 const REQUIRED: [&str; 4] = ["TEST", "TESTLAB", "ISSUEDATE", "MANUFAC"];
 
-/// Writes the planes of a grid of type A, B or C. `names_unit`: the unit stands in `[_INTENSITYUNITS]`, for files whose
-/// keywords do not tell it.
+/// Writes the planes of a grid of type A, B or C. If `names_unit` is true, `[_INTENSITYUNITS]` states the unit, because
+/// the keywords do not.
 pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>, FormatError> {
     let directions = grid.directions;
     let azimuths = directions.azimuths().map_or(&[0.0][..], |azimuths| &azimuths.angles);
@@ -42,11 +42,11 @@ pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>,
     let is_of = |(revision, _): &&(Revision, &str)| grid.dialect.starts_with(revision.name());
     let (revision, tag) = *REVISIONS.iter().find(is_of).unwrap_or(&REVISIONS[3]);
     let mut text = tag.to_owned();
-    // The reader keeps keywords before the line of the tilt, and the header behind it.
+    // The reader keeps keywords before the TILT line and the header after it.
     let head = grid.metadata.iter().position(|(key, _)| key == "tilt");
     let keywords = head.map_or(&[][..], |end| &grid.metadata[..end]);
     for (key, value) in keywords {
-        // Provenance is text of a file, too: it cannot begin lines of its own.
+        // Metadata may contain arbitrary text: control characters must not start new lines.
         let mut lines = value.split('\n').map(|line| line.replace(char::is_control, " "));
         let (key, first) = (key.replace(char::is_control, " "), lines.next().unwrap_or_default());
         let _ = if key == "LABEL" { writeln!(text, "{first}") } else { writeln!(text, "[{key}] {first}") };
@@ -88,14 +88,14 @@ pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>,
     Ok(text.replace('\n', "\r\n").into_bytes())
 }
 
-/// Product of the multipliers, in the order in which the reader multiplies them.
+/// Returns the product of the multipliers, in the order in which the reader multiplies them.
 fn factor(grid: &Restatement<'_>, revision: Revision) -> f64 {
     let of = |key: &str| grid.number(key).unwrap_or(1.0);
     let factor = of("candela_multiplier") * of("ballast_factor");
     if revision.field_12_multiplies() { factor * of(revision.field_12_name()) } else { factor }
 }
 
-/// The line of the tilt and, where the file holds them, its factors; a list that its reader shortened is left out.
+/// Writes the TILT line and its factors, if the file has them. A list that the reader shortened is left out.
 fn tilt(grid: &Restatement<'_>, text: &mut String) {
     let tilt = grid.kept("tilt").unwrap_or("NONE");
     let parts = ["tilt_geometry", "tilt_angles", "tilt_factors"].map(|key| grid.kept(key));

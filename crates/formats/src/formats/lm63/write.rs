@@ -1,4 +1,4 @@
-//! A luminaire as LM-63-2002, type C: absolute intensities, their unit in the keywords where it is not candela.
+//! Writes a luminaire as LM-63-2002, type C: absolute intensities; the keywords name a unit other than candela.
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::planes::{CPlanes, ascii, plain};
@@ -7,10 +7,10 @@ use super::lines::{LONGEST, list};
 use crate::domain::Unit;
 use std::fmt::Write as _;
 
-/// Writes intensities in `unit`. `notes` become `[OTHER]`, whatever their length.
+/// Writes intensities in `unit`. `notes` become `[OTHER]` keywords of any length.
 ///
-/// Photometry is absolute (−1 lumens); `cd/klm` is relative to a lamp of 1000 lm. Units that are not photometric are named
-/// in `[_INTENSITYUNITS]`: a program that does not look there takes the numbers for candela.
+/// Photometry is absolute (−1 lumens); `cd/klm` is relative to a lamp of 1000 lm. Units that are not photometric are
+/// named in `[_INTENSITYUNITS]`. A program that ignores this keyword takes the numbers for candela.
 pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<u8>, FormatError> {
     planes.check(NAME)?;
     let (lumens, name) = match unit {
@@ -34,11 +34,11 @@ pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<
     for note in notes {
         keyword(&mut text, "OTHER", note);
     }
-    // Numbers that fixed decimals can show: intensities of 1 to a million are written as they are.
+    // Scaled to suit fixed decimals; intensities with a peak of 1 to a million are unscaled.
     let peak = planes.peak();
     let multiplier =
         if peak == 0.0 || (1.0..1e6).contains(&peak) { 1.0 } else { libm::exp10(libm::floor(libm::log10(peak)) - 3.0) };
-    // The plane of 360° is that of 0°.
+    // The plane of 360° equals that of 0°.
     let closing = (planes.c.len() > 1).then_some(360.0);
     let c: Vec<f64> = planes.c.iter().copied().chain(closing).collect();
     let _ = writeln!(text, "TILT=NONE");
@@ -53,11 +53,11 @@ pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<
     Ok(text.replace('\n', "\r\n").into_bytes())
 }
 
-/// A keyword's text, continued in lines of `[MORE]` at its blanks.
+/// Writes the text of a keyword, broken at blanks into `[MORE]` lines.
 fn keyword(text: &mut String, key: &str, value: &str) {
     let mut line = format!("[{key}]");
     for word in ascii(value, usize::MAX).split_whitespace() {
-        // A word longer than a line is cut.
+        // A word longer than a line is truncated.
         let word = &word[..word.len().min(LONGEST - "[OTHER] ".len())];
         if line.len() + 1 + word.len() > LONGEST {
             let _ = writeln!(text, "{line}");

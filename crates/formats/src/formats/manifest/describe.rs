@@ -1,10 +1,10 @@
-//! Axes → their manifest, which reads back as the same axes.
+//! Conversion of axes to a manifest, which reads back as the same axes.
 
 use crate::domain::{Axis, DirectionGrid, Measurement, WavelengthGrid};
 use serde_json::{Value, json};
 
-/// The manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and `axes`, and
-/// `cosine_included` where there could be one.
+/// Returns the manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and
+/// `axes`. Quantities that may include the cosine also get `cosine_included`.
 pub fn manifest_of(measurement: &Measurement) -> Value {
     let axes: Vec<Value> = measurement.tensor.axes().iter().map(describe).collect();
     let mut manifest = json!({
@@ -34,7 +34,7 @@ fn describe(axis: &Axis) -> Value {
     }
 }
 
-/// A grid of directions; what is as it would be without being said is left out.
+/// Describes a grid of directions; fields with default values are left out.
 fn directions(grid: &DirectionGrid) -> Value {
     let polar = grid.polar();
     let mut axis = json!({"kind": "directions", "frame": grid.frame(), "polar": polar, "outside": grid.outside()});

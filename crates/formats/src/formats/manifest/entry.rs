@@ -1,4 +1,4 @@
-//! One axis of a manifest: a short form or an object, checked against the array's length there.
+//! Parser of one axis of a manifest: a short form or an object, checked against the array's length on that axis.
 
 use super::fields::{named, text};
 use super::refusal::{over_limit, unfit};
@@ -17,7 +17,7 @@ pub(super) enum Entry {
 }
 
 impl Entry {
-    /// How many entries the axis has.
+    /// Returns the number of entries of the axis.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Axis(axis) => axis.len(),
@@ -35,7 +35,7 @@ pub(super) struct Angle {
     pub(super) extent: Option<AzimuthExtent>,
 }
 
-/// The order of axes in a grid of angles.
+/// Role of an axis in a grid of angles, in the required order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Role {
     Index,
@@ -65,7 +65,7 @@ impl Role {
 const KINDS: &str = "\"hemi:LEVEL\", \"lower:LEVEL\", \"sphere:LEVEL\", \"lambda:START:STEP:COUNT\", \"rgb\", \"index\", or \
                      an object with `kind` triangles, directions, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
 
-/// Reads axis number `axis` of a manifest for an array of `length` there.
+/// Parses axis number `axis` of a manifest for an array of `length` entries on that axis.
 pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let entry = described(axis, value, length, how)?;
     let what = match &entry {
@@ -79,7 +79,7 @@ pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretat
     Ok(entry)
 }
 
-/// What axis number `axis` of a manifest describes; `length` is that of an axis that does not say its own.
+/// Parses axis number `axis` of a manifest. `length` is the length of an axis that does not state its own.
 pub(super) fn described(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let unknown = |found: &str| unfit(format!("axis {axis}: found {}, expected {KINDS}", snippet(found)));
     let entry = match value {
@@ -132,7 +132,7 @@ fn triangles(axis: usize, domain: Domain, level: u64) -> Result<Axis, FormatErro
     Ok(Axis::Triangles(mesh))
 }
 
-/// `"lambda"` without numbers: the user names the wavelengths, and their number must be the array's.
+/// Resolves `"lambda"` without numbers: the user names the wavelengths, and their count must match the array's length.
 fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<Axis, FormatError> {
     let Some(range) = &how.wavelengths else {
         return Err(unfit(format!(
@@ -151,7 +151,7 @@ fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<
     Ok(Axis::Wavelength(grid))
 }
 
-/// An axis object and its position.
+/// Axis object and its position.
 struct Object<'a> {
     axis: usize,
     fields: &'a Map<String, Value>,
@@ -298,7 +298,7 @@ fn directions(object: &Object<'_>) -> Result<DirectionGrid, FormatError> {
     }
 }
 
-/// The two angles of `covers`, where there are any.
+/// Returns the two angles of `covers`, if present.
 fn covers(object: &Object<'_>) -> Result<Option<(f64, f64)>, FormatError> {
     if !object.has("covers") {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! Fields of a manifest by their keys: texts, names of closed lists, and those that say nothing about the numbers.
+//! Fields of a manifest: texts, names of closed lists, and metadata that do not affect the numbers.
 
 use super::refusal::unfit;
 use crate::domain::UnknownName;
@@ -9,7 +9,7 @@ use crate::formats::text::snippet;
 use serde_json::{Map, Value};
 use std::str::FromStr;
 
-/// The text under `key`, if there is one.
+/// Returns the text under `key`, if present.
 pub(super) fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Option<&'a str>, FormatError> {
     match fields.get(key) {
         None | Some(Value::Null) => Ok(None),
@@ -18,16 +18,16 @@ pub(super) fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Opti
     }
 }
 
-/// A name of a closed list; the refusal quotes no more than its beginning.
+/// Parses a name of a closed list; the refusal quotes only its beginning.
 pub(super) fn named<T: FromStr<Err = UnknownName>>(name: &str) -> Result<T, FormatError> {
     name.parse()
         .map_err(|error: UnknownName| unfit(UnknownName { found: error.found.chars().take(40).collect(), ..error }))
 }
 
-/// Fields that say what the numbers are.
+/// Fields that define the meaning of the numbers.
 const FIELDS: [&str; 6] = ["axes", "quantity", "value_unit", "unit", "sampling", "cosine_included"];
 
-/// The field that `key` is when one letter, its case or the marks between its words are put right.
+/// Returns the field that `key` misspells: by one letter, by case, or by the marks between words.
 ///
 /// Other keys are metadata: what was measured, and by whom.
 fn misspelt(key: &str) -> Option<&'static str> {
@@ -40,12 +40,12 @@ fn misspelt(key: &str) -> Option<&'static str> {
         a.len().max(b.len()) - after <= 1
     };
     let key = plain(key);
-    // Whatever else speaks of the cosine means this one.
+    // Any other key that mentions the cosine is taken for this one.
     let cosine = key.contains("cosin").then_some("cosine_included");
     cosine.or_else(|| FIELDS.into_iter().chain(instrument::KEYS).find(|field| differs_once(&key, &plain(field))))
 }
 
-/// The angles of the instrument, where they are stated.
+/// Returns the angles of the instrument, if stated.
 pub(super) fn instrument(fields: &Map<String, Value>) -> Result<Instrument, FormatError> {
     let [aperture, divergence] =
         instrument::KEYS.map(|key| match fields.get(key) {
@@ -57,7 +57,7 @@ pub(super) fn instrument(fields: &Map<String, Value>) -> Result<Instrument, Form
     Ok(Instrument::of([aperture?, divergence?]))
 }
 
-/// Keeps what does not matter here as metadata, and refuses what would change the meaning of the numbers.
+/// Keeps unknown fields as metadata; refuses those that would change the meaning of the numbers.
 pub(super) fn other_fields(fields: &Map<String, Value>, report: &mut ParseReport) -> Result<(), FormatError> {
     let is_known = |key: &str| FIELDS.contains(&key) || instrument::KEYS.contains(&key);
     for (key, value) in fields.iter().filter(|(key, _)| !is_known(key)) {

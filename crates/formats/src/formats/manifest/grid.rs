@@ -1,4 +1,4 @@
-//! Axes of angles → a grid: their order, their ranges, and what azimuths stand for.
+//! Assembly of angle axes into a grid: order, ranges, and extent of the azimuths.
 
 use super::entry::{Angle, Entry, Role};
 use super::refusal::unfit;
@@ -8,7 +8,7 @@ use crate::formats::azimuth::extended;
 use crate::formats::error::FormatError;
 use crate::formats::text::Brief;
 
-/// Puts angle axes together; they must come in the order of [`Role`].
+/// Combines angle axes into a grid; they must come in the order of [`Role`].
 pub(super) fn assemble(
     quantity: Quantity,
     entries: Vec<Entry>,
@@ -60,7 +60,7 @@ pub(super) fn assemble(
         )));
     }
     let isotropic = expected == (true, true) && phi_i.is_none();
-    // The inner azimuths first: closing them changes the stride of the outer ones.
+    // Inner azimuths first: closing them changes the stride of the outer ones.
     let mut kept = None;
     let (phi_o, listed_o) = azimuths(phi_o, isotropic, &mut lengths, (&mut values, &mut kept), report)?;
     let (phi_i, listed_i) = azimuths(phi_i, false, &mut lengths, (&mut values, &mut kept), report)?;
@@ -80,7 +80,7 @@ pub(super) fn assemble(
     Ok(grid)
 }
 
-/// Divides the values at each outgoing angle by its cosine; at 90 degrees they are masked.
+/// Divides the values at each outgoing angle by its cosine; values at 90 degrees are masked.
 pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -> Result<(), FormatError> {
     report.note(NoteKind::Assumed, "values hold the cosine, as the manifest says: divided by |cos theta_o|");
     let Some(outgoing) = &grid.outgoing else { return Ok(()) };
@@ -104,7 +104,7 @@ pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -
     Ok(())
 }
 
-/// Divides values `[…, theta, inner]` by |cos theta| and returns how many have none: they are masked.
+/// Divides values `[…, theta, inner]` by |cos theta|. Values with a cosine of 0 are masked; returns their number.
 fn divide(values: &mut [f32], theta: &[f64], inner: usize) -> usize {
     let mut grazing = 0;
     for (values, theta) in values.chunks_exact_mut(inner).zip(theta.iter().cycle()) {
@@ -140,7 +140,7 @@ fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result
     Ok(Angles { theta: values, covers, phi })
 }
 
-/// The azimuths of one side; and as they were listed, where the first was listed again as the last.
+/// Returns the azimuths of one side. If the last listed azimuth repeats the first, also returns the original list.
 fn azimuths(
     phi: Option<Angle>,
     mirror: bool,

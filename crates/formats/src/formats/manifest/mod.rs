@@ -22,7 +22,7 @@ use fields::{instrument, named, other_fields, text};
 use refusal::unfit;
 use serde_json::{Map, Value};
 
-/// The lengths of the axes that `manifest` describes, for data that are made to fit it.
+/// Returns the lengths of the axes in `manifest`, for data that are generated to fit it.
 pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
     let Some(axes) = manifest.get("axes").and_then(Value::as_array) else {
         return Err(unfit("no list `axes`, expected {\"quantity\": …, \"axes\": […]}"));
@@ -32,7 +32,7 @@ pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>
     axes.iter().enumerate().map(|(i, axis)| Ok(entry::described(i, axis, length, how)?.len())).collect()
 }
 
-/// Gives `samples` of `shape` (row-major) the axes, quantity and unit that the manifest and the user name.
+/// Attaches the axes, quantity and unit named by the manifest and the user to `samples` of `shape` (row-major).
 pub(super) fn interpret(
     manifest: &Value,
     shape: &[usize],
@@ -155,7 +155,7 @@ fn unit(
     }))
 }
 
-/// Whether the values hold `|cos theta_o|`.
+/// Returns true if the values include the factor `|cos theta_o|`.
 fn cosine_included(
     fields: &Map<String, Value>,
     quantity: Quantity,
@@ -177,7 +177,7 @@ fn cosine_included(
     }
 }
 
-/// Negative values are kept; how many there are is told.
+/// Reports the number of negative values, which are kept.
 fn count_negative(values: &[f32], report: &mut ParseReport) {
     let negative = values.iter().filter(|value| **value < 0.0).count();
     if negative > 0 {

@@ -1,4 +1,4 @@
-//! The name of measured BSDFs of MDL in the table of formats, and what they are.
+//! Entry of MDL measured BSDFs in the table of formats.
 
 use crate::formats::reader::Format;
 

@@ -1,4 +1,4 @@
-//! The blocks of a measured BSDF: one table of values for each side of the surface, behind lines of metadata.
+//! Blocks of a measured BSDF: one table of values per side of the surface, after lines of metadata.
 
 use super::about::NAME;
 use super::refusal::malformed;
@@ -8,10 +8,10 @@ use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// Key under which the reader keeps that data stand behind the line of the format's first programs, `MBSDF_DATA=`.
+/// Metadata key that records the data line `MBSDF_DATA=` of the format's first programs.
 pub(super) const SHORT_LINE: &str = "data_line";
 
-/// The line that every file begins with.
+/// First line of every file.
 pub(super) const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";
 const MAX_LINE: usize = 1 << 12;
 const MAX_LINES: usize = 1000;
@@ -31,7 +31,7 @@ impl Block {
     }
 }
 
-/// The reflection and the transmission of a file.
+/// Returns the reflection and the transmission block of a file.
 pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
     if !bytes.starts_with(b"NVIDIA ARC MBSDF") {
         let found = String::from_utf8_lossy(&bytes[..bytes.len().min(64)]).into_owned();
@@ -81,7 +81,7 @@ pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<B
     Ok((reflection, transmission))
 }
 
-/// A block from `at` on, and where it ends.
+/// Parses a block from byte `at` on; returns it and the offset of its end.
 fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
     let head = bytes.get(at..at + 12).ok_or_else(|| {
         malformed(

@@ -1,4 +1,4 @@
-//! Reflection and transmission of one file as one table over both sides, whatever the resolution of each.
+//! Combination of the reflection and transmission of one file into one table over both sides, at any resolutions.
 
 use super::super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside};
 use super::super::error::{FormatError, FormatErrorKind};
@@ -9,12 +9,14 @@ use crate::domain::Axis;
 use crate::domain::limits::MAX_SAMPLES;
 use crate::numeric::bracket::Bracket;
 
-/// The horizon of the transmitted side, told apart from that of the reflected side, both listed in a joined table.
+/// Polar angle in degrees of the transmitted side's horizon. The offset separates it from the reflected side's horizon
+/// at 90° in a joined table.
 pub(super) const BELOW_HORIZON: f64 = 90.000_001;
 
-/// Reflection above, transmission below. Incoming and azimuth angles are those of both, between which each side is linear as
-/// it was; scalar values are grey beside RGB. Outgoing angles are those of the reflection, the horizon twice, each time as
-/// the row nearest to it, and those of the transmission from 180°.
+/// Joins reflection (upper side) and transmission (lower side). Incoming angles and azimuths are the union of both
+/// lists, with each side interpolated linearly. Scalar values become grey beside RGB. The outgoing angles are those of
+/// the reflection, the horizon of each side, and those of the transmission from 180°. Each horizon row repeats the row
+/// nearest to it.
 pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatError> {
     let incoming = union(polar_angles(above.theta).collect(), polar_angles(below.theta).collect());
     let phi = union(azimuths(above.phi), azimuths(below.phi));
@@ -68,7 +70,8 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
     })
 }
 
-/// Both lists, increasing, each angle once. The same angle of both is the same number: it is one rounded quotient.
+/// Returns the union of both lists in increasing order. Equal angles are bitwise equal, because both are the same
+/// rounded quotient.
 fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
     a.append(&mut b);
     a.sort_by(f64::total_cmp);
@@ -77,7 +80,7 @@ fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
 }
 
 impl Block {
-    /// Linear in the incoming angle and the azimuth.
+    /// Interpolates linearly in the incoming angle and the azimuth.
     fn at(&self, theta: Bracket, row: usize, phi: Bracket, channel: usize) -> f32 {
         let (channels, channel) = if self.rgb { (3, channel) } else { (1, 0) };
         let value =

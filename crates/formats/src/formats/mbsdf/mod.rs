@@ -1,8 +1,9 @@
-//! NVIDIA MDL measured BSDFs (`.mbsdf`): isotropic, plane-symmetric tables of reflection and transmission, scalar or RGB.
+//! NVIDIA MDL measured BSDFs (`.mbsdf`): isotropic, plane-symmetric tables of reflection and transmission, scalar or
+//! RGB.
 //!
 //! A block holds f32 values in sr⁻¹, little-endian, `[theta_in, theta_out, phi, channel]`; the n polar angles are
-//! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL SDK,
-//! `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
+//! `i · 90°/n`, the m azimuths `j · 180°/(m − 1)` between the two directions, 180° where one mirrors the other (MDL
+//! SDK, `IBsdf_isotropic_data`). This is the convention of this crate, so that values are not moved.
 
 mod about;
 mod angles;
@@ -34,14 +35,14 @@ pub(super) const READER: Reader = Reader {
     options: &[],
     probe: |sample: &Sample<'_>| match sample.head.find("NVIDIA ARC MBSDF") {
         Some(0) => 100,
-        // Something was put before the signature.
+        // Extra bytes precede the signature.
         Some(1..=64) => 60,
         _ => 0,
     },
     read,
 };
 
-/// What of a file is read.
+/// Blocks of a file that are read.
 enum Part {
     One(Block),
     Both(Block, Block),
@@ -72,7 +73,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         (Some(quantity), ..) => {
             return Err(needs(&format!("quantity {quantity} was asked for, expected what the file holds: {sides}")));
         }
-        // Without a quantity one of the first three arms holds: a block exists.
+        // Without a quantity one of the first three arms applies, because a block exists.
         (None, None, None) => {
             return Err(needs("the file holds no measurement data, expected reflection or transmission"));
         }
@@ -116,7 +117,7 @@ fn count_negatives(values: &[f32], report: &mut ParseReport) {
     }
 }
 
-/// One side.
+/// Returns the grid of one side.
 fn grid(quantity: Quantity, block: Block) -> AngleGrid {
     let Block { theta: n, phi: m, rgb, mut values } = block;
     let incoming: Vec<f64> = polar_angles(n).collect();

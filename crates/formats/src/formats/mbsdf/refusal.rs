@@ -1,4 +1,4 @@
-//! Refusals of malformed measured BSDFs, at a byte.
+//! Refusal of a malformed measured BSDF at a byte offset.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind};

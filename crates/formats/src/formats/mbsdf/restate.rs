@@ -1,4 +1,4 @@
-//! A measured BSDF with the tables of the file that it came from, value by value.
+//! Writes a measured BSDF with the tables of its source file, value by value.
 
 use super::about::NAME;
 use super::angles::{azimuths, polar_angles};
@@ -8,8 +8,8 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
 use crate::formats::error::FormatError;
 use crate::formats::restated::unfit;
 
-/// Writes the tables of `tensor`, `[incoming, outgoing]` or `[incoming, outgoing, rgb]` on the angles of such a file, under
-/// the lines of `metadata`, as the reader keeps them. Masked values are 0.
+/// Writes the tables of `tensor`, `[incoming, outgoing]` or `[incoming, outgoing, rgb]` on the angles of a measured
+/// BSDF. `metadata` holds the header lines as the reader keeps them. Masked values become 0.
 pub fn restate_mbsdf(tensor: &Tensor, metadata: &[(String, String)]) -> Result<Vec<u8>, FormatError> {
     let axes = tensor.axes();
     let (elevations, directions, is_rgb) = match axes {
@@ -67,7 +67,7 @@ struct Side {
     rows: Vec<usize>,
 }
 
-/// The tables that make the polar angles of a grid; `None` where they are those of no such file.
+/// Returns the tables that form the polar angles of a grid; `None` if they are not those of a measured BSDF.
 fn sides(directions: &DirectionGrid, n: usize) -> Option<Vec<Side>> {
     let polar = directions.polar();
     let up: Vec<f64> = polar_angles(n).collect();
@@ -82,7 +82,7 @@ fn sides(directions: &DirectionGrid, n: usize) -> Option<Vec<Side>> {
     if polar == down {
         return Some(vec![side(false, (0..n).rev().collect())]);
     }
-    // Both, with the horizon of each between them.
+    // Both sides, with the horizon of each between them.
     let both = [&up[..], &[90.0, BELOW_HORIZON], &down].concat();
     (polar == both).then(|| vec![side(true, (0..n).collect()), side(false, (n + 2..2 * n + 2).rev().collect())])
 }

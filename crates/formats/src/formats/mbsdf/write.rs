@@ -9,24 +9,24 @@ use crate::domain::Direction;
 use crate::domain::limits::MAX_SAMPLES;
 use rayon::prelude::*;
 
-/// What is written, and how densely.
+/// Contents and resolution of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MbsdfGrid {
-    /// Polar angles of each direction, `i · 90°/n`.
+    /// Number of polar angles of each direction, `i · 90°/n`.
     pub theta: usize,
-    /// Azimuths between the directions, `j · 180°/(m − 1)`; one is a function without azimuth.
+    /// Number of azimuths between the directions, `j · 180°/(m − 1)`; 1 for a function without azimuth.
     pub phi: usize,
-    /// Three channels, linear sRGB; otherwise one.
+    /// True for three channels of linear sRGB, false for one channel.
     pub rgb: bool,
-    /// Whether light is reflected.
+    /// True to write the reflection table.
     pub reflection: bool,
-    /// Whether light is transmitted: then the function is asked for `wo` below the surface.
+    /// True to write the transmission table; `wo` is then evaluated below the surface.
     pub transmission: bool,
     /// Lines of metadata, `key="value"`.
     pub metadata: Vec<String>,
 }
 
-/// Writes `function`, which is isotropic and symmetric about the plane of incidence, in sr⁻¹ without the cosine.
+/// Writes `function` in sr⁻¹ without the cosine. It must be isotropic and symmetric about the plane of incidence.
 pub fn write_mbsdf(grid: &MbsdfGrid, function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
     let sides: Vec<(bool, &str)> =
         [(grid.reflection, true, "MBSDF_DATA_REFLECTION="), (grid.transmission, false, "MBSDF_DATA_TRANSMISSION=")]
@@ -87,7 +87,7 @@ pub fn write_mbsdf(grid: &MbsdfGrid, function: &dyn DirectionalFunction) -> Resu
                     for (value, &found) in values.iter_mut().zip(&found) {
                         counts.0 += usize::from(found.is_nan());
                         counts.1 += usize::from(found < 0.0);
-                        // NaN becomes 0, too.
+                        // NaN becomes 0 as well.
                         *value = found.max(0.0) as f32;
                     }
                 }

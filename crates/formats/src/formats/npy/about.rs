@@ -1,4 +1,4 @@
-//! The name of arrays in the table of formats, what they are, and how each begins.
+//! Entry of `NumPy` arrays in the table of formats, and their signature.
 
 use crate::formats::reader::Format;
 
@@ -12,5 +12,5 @@ pub(super) const ABOUT: Format = Format {
     writes: true,
 };
 
-/// The first bytes of every array.
+/// First bytes of every array file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";

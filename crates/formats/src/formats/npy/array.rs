@@ -1,4 +1,4 @@
-//! The samples of an array in row-major order, whatever their type and order in the file.
+//! Samples of an array in row-major order, for any element type and storage order.
 
 use super::about::{MAGIC, NAME};
 use super::element::Element;
@@ -66,7 +66,7 @@ pub(super) fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array
     Ok(Array { shape, samples })
 }
 
-/// The samples in row-major order; or the number of the first in the file that is infinite.
+/// Decodes samples in row-major order. The error is the number of the first infinite sample in file order.
 fn decode(body: &[u8], shape: &[usize], element: Element, fortran_order: bool) -> Result<Vec<f32>, usize> {
     let Element { size, big_endian, convert, .. } = element;
     let count = body.len() / size;
@@ -83,12 +83,12 @@ fn decode(body: &[u8], shape: &[usize], element: Element, fortran_order: bool) -
     Err(samples.iter().take_while(|sample| !sample.is_infinite()).count())
 }
 
-/// From first axis fastest to last axis fastest; `read(at, piece)` writes samples as they come in the file, from number
-/// `at` on.
+/// Reorders samples from first axis fastest to last axis fastest. `read(at, piece)` fills `piece` with the samples from
+/// number `at` on, in file order.
 fn to_row_major(shape: &[usize], ordered: &mut [f32], mut read: impl FnMut(usize, &mut [f32])) {
     let [first, middle @ .., last] = shape else { return };
     let (outer, inner) = (ordered.len() / first, ordered.len() / last);
-    // The tables of the first and the last axis, one for each place on the axes between them.
+    // Transposes one table of first and last axis for each position on the axes between them.
     let mut index = vec![0; middle.len()];
     loop {
         let source = index.iter().zip(middle).rev().fold(0, |at, (i, length)| at * length + i) * first;

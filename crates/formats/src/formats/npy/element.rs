@@ -1,4 +1,4 @@
-//! The number types of arrays: their names, their sizes, and how their bytes become samples.
+//! Number types of arrays: names, sizes, and conversion of bytes to samples.
 
 /// A number type of an array.
 #[derive(Clone, Copy)]
@@ -10,7 +10,7 @@ pub(super) struct Element {
     pub(super) value: Value,
 }
 
-/// Half precision: sign, 5 bits of exponent, 10 bits of mantissa (IEEE 754 binary16), exact in f64.
+/// Converts half precision: sign, 5 bits of exponent, 10 bits of mantissa (IEEE 754 binary16), exact in f64.
 fn half(bits: u64) -> f64 {
     let fraction = bits & 0x3FF;
     let mantissa = fraction as f64;
@@ -36,11 +36,11 @@ macro_rules! whole {
     };
 }
 
-/// Samples from bytes in either order, and the number that the bytes of one of them are.
+/// Converts bytes in either byte order to samples; `Value` converts the bytes of one number.
 type Convert = fn(&[u8], bool, &mut [f32]);
 type Value = fn(&[u8], bool) -> f64;
 
-/// Writes a sample for each number of `N` bytes. Every NaN becomes the one that masks a sample.
+/// Writes a sample for each number of `N` bytes. Every NaN becomes the canonical one that masks a sample.
 fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], sample: impl Fn([u8; N]) -> f32) {
     let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
     let (words, _) = body.as_chunks::<N>();
@@ -54,7 +54,7 @@ fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], s
     }
 }
 
-/// The number that starts `bytes`.
+/// Returns the number at the start of `bytes`.
 fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]) -> f64) -> f64 {
     let mut word = bytes.first_chunk::<N>().copied().unwrap_or([0; N]);
     if big_endian {
@@ -63,7 +63,7 @@ fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]
     value(word)
 }
 
-/// Name, bytes, and how they are read.
+/// Names, sizes in bytes and conversions of the number types.
 #[allow(clippy::cast_lossless, reason = "one row for each width, of which the widest are rounded")]
 pub(super) const ELEMENTS: &[(&str, usize, Convert, Value)] = &[
     (

@@ -1,4 +1,4 @@
-//! The header of an array: where it lies, and the Python dictionary that it is.
+//! Header of an array: its position, and its Python dictionary.
 
 use super::about::{MAGIC, NAME};
 use super::element::{ELEMENTS, Element, element};
@@ -9,7 +9,7 @@ use crate::formats::text::snippet;
 /// Longest header that is read, in bytes; longer ones are refused. `NumPy` writes about 120.
 const MAX_HEADER: usize = 1 << 16;
 
-/// The header's text and where the data start.
+/// Returns the text of the header and the byte offset of the data.
 pub(super) fn header_of(bytes: &[u8]) -> Result<(&str, usize), FormatError> {
     let at = MAGIC.len();
     let (length, start) = match bytes.get(at..) {
@@ -91,7 +91,7 @@ pub(super) fn parse_header(header: &str, data_at: usize) -> Result<Header, Forma
     Ok(Header { element, fortran_order, shape })
 }
 
-/// A cursor over a literal; blanks are skipped before each item.
+/// Cursor over a literal; blanks are skipped before each item.
 struct Literal<'a> {
     text: &'a str,
     at: usize,
@@ -162,7 +162,7 @@ impl<'a> Literal<'a> {
                 return Err(self.malformed(format!("found {}, expected the length of an axis", snippet(rest))));
             };
             self.at += digits.len();
-            // Python 2 wrote long integers with an L.
+            // Python 2 writes long integers with an L.
             if self.text[self.at..].starts_with('L') {
                 self.at += 1;
             }

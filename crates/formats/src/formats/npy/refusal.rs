@@ -1,4 +1,4 @@
-//! Refusals of malformed arrays, at a byte.
+//! Refusal of a malformed array at a byte offset.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind};

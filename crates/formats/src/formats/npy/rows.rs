@@ -1,4 +1,4 @@
-//! Two-dimensional arrays row by row: what their header says, and the numbers of a row's bytes.
+//! Row-wise access to two-dimensional arrays: dimensions from the header, and numbers from a row's bytes.
 
 use super::about::{MAGIC, NAME};
 use super::element::Element;
@@ -6,7 +6,7 @@ use super::header::{Header, header_of, parse_header};
 use super::refusal::malformed;
 use crate::formats::error::{FormatError, FormatErrorKind};
 
-/// The rows of a two-dimensional array, of which only the header was read.
+/// Layout of the rows of a two-dimensional array, from its header alone.
 #[derive(Clone, Copy)]
 pub struct ArrayRows {
     element: Element,
@@ -16,10 +16,10 @@ pub struct ArrayRows {
 }
 
 impl ArrayRows {
-    /// Most bytes of a file that hold its header.
+    /// Number of bytes at the start of a file that always contain its header.
     pub const HEAD: usize = (1 << 16) + 16;
 
-    /// Returns true where bytes begin as an array does.
+    /// Returns true if `head` starts with the signature of an array.
     pub fn is_array(head: &[u8]) -> bool {
         head.starts_with(MAGIC)
     }
@@ -41,27 +41,27 @@ impl ArrayRows {
         }
     }
 
-    /// The number of rows.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// The number of numbers in a row.
+    /// Returns the number of values in a row.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Offset of the first row, in bytes.
+    /// Returns the byte offset of the first row.
     pub fn data_at(&self) -> usize {
         self.data_at
     }
 
-    /// Bytes of a number.
+    /// Returns the size of a value in bytes.
     pub fn size(&self) -> usize {
         self.element.size
     }
 
-    /// The numbers of the bytes of some rows, appended to `numbers`; bytes of a last number that is not whole are left out.
+    /// Decodes the bytes of some rows and appends the values to `numbers`. An incomplete last value is ignored.
     pub fn numbers(&self, bytes: &[u8], numbers: &mut Vec<f64>) {
         let Element { size, big_endian, value, .. } = self.element;
         numbers.extend(bytes.chunks_exact(size).map(|bytes| value(bytes, big_endian)));

@@ -16,7 +16,7 @@ pub fn write_npy(shape: &[usize], samples: &[f32]) -> Vec<u8> {
     bytes
 }
 
-/// The bytes of such a file in front of its samples: 128 for any shape of two axes.
+/// Returns the header of such a file, up to its samples: 128 bytes for any shape of two axes.
 pub fn npy_header(shape: &[usize]) -> Vec<u8> {
     let lengths = match shape {
         [only] => format!("({only},)"),

@@ -11,13 +11,14 @@ use crate::formats::normalization::Normalization;
 use crate::formats::spectral_table::rows;
 use crate::formats::text::{Brief, Source};
 
-/// Whether lower-case text calls the values a volume scattering function; to name the option of that name does not.
+/// Returns true if lower-case text describes the values as a volume scattering function. A line that only names the
+/// option `normalization` does not count.
 pub(super) fn says_volume(prose: &str) -> bool {
     let words = |text: &str| text.split(|c: char| !c.is_alphanumeric()).any(|word| word == "vsf");
     prose.contains("volume scattering") || prose.lines().any(|line| !line.contains("normalization") && words(line))
 }
 
-/// Two columns or more; and whether the header speaks of a volume scattering function.
+/// Reads a table of two columns or more. Also returns true if the header mentions a volume scattering function.
 pub(super) fn read(
     source: &Source,
     how: &Interpretation,
@@ -77,7 +78,7 @@ pub(super) fn read(
     );
     let (mut places, mut values): (Vec<f64>, Vec<f64>) =
         table.wavelengths.iter().zip(&table.values).map(|(&(x, _), &value)| (x, f64::from(value))).unzip();
-    // Angles increase and cosines decrease, whatever the file counts in.
+    // Sorted by increasing angle or decreasing cosine.
     if cosines != falling {
         places.reverse();
         values.reverse();

@@ -1,21 +1,20 @@
-//! A phase function as a table over the scattering angle: its values between the entries, its integrals, its form as a
-//! function of two directions.
+//! Phase function as a table over the scattering angle: interpolation, integrals, and evaluation at two directions.
 
 use crate::domain::Direction;
 use crate::formats::acquisition::DirectionalFunction;
 use std::f64::consts::PI;
 
-/// Below this angle a volume scattering function follows power laws between its entries (Petzold's tables do).
+/// Angle in degrees below which a volume scattering function is interpolated by power laws, as in Petzold's tables.
 const POWER_LAW_BELOW: f64 = 10.0;
 
-/// What the table is linear in between its entries.
+/// Variable in which the table is linear between its entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Between {
-    /// The scattering angle.
+    /// Linear in the scattering angle.
     Angles,
-    /// Its cosine.
+    /// Linear in the cosine of the scattering angle.
     Cosines,
-    /// The scattering angle, and below 10 degrees both logarithms.
+    /// Linear in the scattering angle; below 10 degrees linear in the logarithms of angle and value.
     PowerLaws,
 }
 
@@ -25,38 +24,38 @@ pub(super) struct Curve {
     pub(super) angles: Vec<f64>,
     pub(super) values: Vec<f64>,
     pub(super) between: Between,
-    /// How far beyond the first and last entry their values hold.
+    /// Extrapolation range in degrees: the values of the first and last entry extend this far beyond them.
     pub(super) held: f64,
-    /// True where the angles are those of the file.
+    /// True if the angles are those of the file.
     pub(super) is_listed: bool,
-    /// The cosines of the angles, where it is linear in them.
+    /// Cosines of the angles, if the table is linear in them.
     pub(super) cosines: Vec<f64>,
 }
 
-/// Where an angle is in a table.
+/// Position of an angle in a table.
 #[derive(Clone, Copy)]
 enum Place {
     Outside,
-    /// Where the value of this entry holds.
+    /// At this entry, or in the range where its value is extrapolated.
     At(usize),
     /// Between this entry and the next.
     Behind(usize),
 }
 
 impl Curve {
-    /// A table that holds nothing beyond its ends.
+    /// Creates a table over angles without extrapolation.
     pub(super) fn over_angles(angles: Vec<f64>, values: Vec<f64>, is_volume: bool) -> Self {
         let between = if is_volume { Between::PowerLaws } else { Between::Angles };
         Self { angles, values, between, held: 0.0, is_listed: true, cosines: Vec::new() }
     }
 
-    /// The same over decreasing cosines.
+    /// Creates a table over decreasing cosines without extrapolation.
     pub(super) fn over_cosines(cosines: Vec<f64>, values: Vec<f64>) -> Self {
         let angles = cosines.iter().map(|&cosine| libm::acos(cosine).to_degrees()).collect();
         Self { angles, values, between: Between::Cosines, held: 0.0, is_listed: true, cosines }
     }
 
-    /// Where a scattering angle in degrees is in the table.
+    /// Returns the position of a scattering angle in degrees.
     fn place(&self, angle: f64) -> Place {
         let last = self.angles.len() - 1;
         let (low, high) = (self.angles[0], self.angles[last]);
@@ -69,7 +68,7 @@ impl Curve {
         if angle >= high {
             return Place::At(last);
         }
-        // Most tables have even steps.
+        // Guess for even steps, which most tables have.
         let guess = ((angle - low) / (high - low) * last as f64) as usize;
         let is_there = guess < last && self.angles[guess] <= angle && angle < self.angles[guess + 1];
         Place::Behind(if is_there {
@@ -79,7 +78,7 @@ impl Curve {
         })
     }
 
-    /// The value at an angle; NaN outside the table and beside missing entries.
+    /// Returns the value at an angle; NaN outside the table and beside missing entries.
     fn at(&self, place: Place, angle: f64) -> f64 {
         match place {
             Place::Outside => f64::NAN,
@@ -88,7 +87,7 @@ impl Curve {
         }
     }
 
-    /// The value between entries `i` and `i + 1`.
+    /// Interpolates between entries `i` and `i + 1`.
     fn inside(&self, i: usize, angle: f64) -> f64 {
         let (x0, x1, y0, y1) = (self.angles[i], self.angles[i + 1], self.values[i], self.values[i + 1]);
         if self.is_power_law([x0, x1], [y0, y1]) {
@@ -103,13 +102,13 @@ impl Curve {
         y0 + t * (y1 - y0)
     }
 
-    /// Whether values between two entries are no line.
+    /// Returns true if the values between two entries follow a power law instead of a line.
     fn is_power_law(&self, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> bool {
         self.between == Between::PowerLaws && x1 <= POWER_LAW_BELOW && x0 > 0.0 && y0 > 0.0 && y1 > 0.0
     }
 
-    /// `2π ∫ p sin ψ dψ` and `2π ∫ p cos ψ sin ψ dψ` from the first to the last angle that the table covers, and the
-    /// first of them up to the second entry.
+    /// Returns `2π ∫ p sin ψ dψ` and `2π ∫ p cos ψ sin ψ dψ` over the covered angles, and the part of the first
+    /// integral up to the second entry.
     pub(super) fn integrals(&self) -> Integrals {
         let mut all = Integrals::default();
         let last = self.angles.len() - 1;
@@ -140,9 +139,9 @@ impl Curve {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Integrals {
     pub(super) total: f64,
-    /// Weighted by the cosine of the scattering angle.
+    /// Integral weighted by the cosine of the scattering angle.
     pub(super) cosine: f64,
-    /// Up to the second entry of the table.
+    /// Integral up to the second entry of the table.
     pub(super) first: f64,
 }
 
@@ -153,18 +152,18 @@ const RULE: [(f64, f64); 4] = [
     (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
 ];
-/// Pieces of a power law to which the rule is applied.
+/// Number of pieces of a power law that are integrated separately by the rule.
 const PIECES: usize = 4;
-/// Half widths in radians below which sines are short polynomials.
+/// Half width in radians below which Taylor polynomials replace the sines.
 const SHORT: f64 = 0.25;
 
-/// `∫ cos x dx` and `∫ x sin x dx` over `-half..half`.
+/// Returns `∫ cos x dx` and `∫ x sin x dx` over `-half..half`.
 fn around_zero(half: f64) -> [f64; 2] {
     if half > SHORT {
         let (sin, cos) = libm::sincos(half);
         return [2.0 * sin, 2.0 * (sin - half * cos)];
     }
-    // Taylor's series: the difference of the second would cancel.
+    // Taylor series, because the second integral would suffer cancellation.
     let x = half * half;
     let series = |terms: [f64; 6]| terms.iter().rev().fold(0.0, |sum, term| sum * x + term);
     [
@@ -174,14 +173,14 @@ fn around_zero(half: f64) -> [f64; 2] {
 }
 
 impl Integrals {
-    /// Adds what is linear between two cosines, exactly.
+    /// Adds the exact integrals of a function linear in the cosine.
     fn add_line_of_cosines(&mut self, [c0, c1]: [f64; 2], [y0, y1]: [f64; 2]) {
         let part = 2.0 * PI * (c0 - c1);
         self.total += part * 0.5 * (y0 + y1);
         self.cosine += part / 6.0 * (y0 * (2.0 * c0 + c1) + y1 * (c0 + 2.0 * c1));
     }
 
-    /// Adds what is linear between two angles in degrees, exactly.
+    /// Adds the exact integrals of a function linear in the angle in degrees.
     fn add_line(&mut self, [from, to]: [f64; 2], [y0, y1]: [f64; 2]) {
         let half = (0.5 * (to - from)).to_radians();
         if half <= 0.0 {
@@ -191,13 +190,13 @@ impl Integrals {
         let (mean, slope) = (0.5 * (y0 + y1), 0.5 * (y1 - y0) / half);
         let [even, odd] = around_zero(half);
         self.total += 2.0 * PI * (mean * sin * even + slope * cos * odd);
-        // cos ψ sin ψ is half the sine of twice the angle.
+        // cos ψ sin ψ = ½ sin 2ψ.
         let [even, odd] = around_zero(2.0 * half);
         let (sin_2, cos_2) = (2.0 * sin * cos, cos * cos - sin * sin);
         self.cosine += 0.5 * PI * (mean * sin_2 * even + 0.5 * slope * cos_2 * odd);
     }
 
-    /// Adds `value` from one angle in degrees to another.
+    /// Adds the integrals of `value` between two angles in degrees, by quadrature.
     fn add(&mut self, [from, to]: [f64; 2], value: impl Fn(f64) -> f64) {
         let half = 0.5 * (to - from) / PIECES as f64;
         for piece in 0..PIECES {
@@ -213,13 +212,13 @@ impl Integrals {
     }
 }
 
-/// One table for each wavelength, all over the same angles.
+/// Tables of all wavelengths over the same angles.
 #[derive(Clone, Debug)]
 pub(super) struct Curves(pub(super) Vec<Curve>);
 
 impl DirectionalFunction for Curves {
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
-        // wi points back to where the light comes from: it goes on straight where wo = -wi.
+        // wi points back to the source: light is unscattered at wo = −wi.
         let cosine = (-wi.dot(wo)).clamp(-1.0, 1.0);
         let angle = libm::acos(cosine).to_degrees();
         let place = self.0.first().map_or(Place::Outside, |curve| curve.place(angle));

@@ -1,4 +1,4 @@
-//! Phase functions as bare lists: values over even steps of the cosine on one line, Legendre moments one a line.
+//! Phase functions as bare lists: values at evenly spaced cosines on one line, or Legendre moments, one per line.
 
 use super::about::NAME;
 use super::function::Curve;
@@ -11,14 +11,14 @@ use crate::formats::spectral_table::pairs::are_pairs;
 use crate::formats::text::{Brief, Source, Token, Tokens, number};
 use std::f64::consts::PI;
 
-/// Values of a list that is one, and moments of a function.
+/// Lower bound on the values of a list and on the moments of a function.
 const FEWEST: usize = 3;
-/// Moments whose polynomials are summed here at every angle.
+/// Upper bound on the moments, whose polynomials are summed at every angle.
 const MAX_MOMENTS: usize = 1 << 12;
-/// Angles of the table that moments become, for each moment.
+/// Number of angles per moment in the table computed from moments.
 const ANGLES_PER_MOMENT: usize = 8;
 
-/// Lines with content, without their comments.
+/// Returns the non-empty lines without their comments.
 fn contents(text: &str) -> impl Iterator<Item = &str> {
     text.lines().map(|line| line.split('#').next().unwrap_or_default().trim()).filter(|line| !line.is_empty())
 }
@@ -27,23 +27,24 @@ fn numbers(line: &str) -> Option<Vec<f64>> {
     Tokens::new(line, 0).map(|token| number(token.text)).collect()
 }
 
-/// Whether the text is one line of at least three numbers, or begins one that is longer than the head of a file.
+/// Returns true if the text is a single line of at least three numbers, which may extend beyond the head.
 pub(super) fn is_line(head: &str) -> bool {
     let mut lines = contents(head);
     let (first, more) = (lines.next().unwrap_or_default(), lines.next().is_some());
     let words: Vec<Token<'_>> = Tokens::new(first, 0).collect();
-    // The last word may be cut.
+    // The head may cut the last word.
     let whole = &words[..words.len().saturating_sub(1)];
     !more && words.len() >= FEWEST && whole.iter().all(|word| number(word.text).is_some())
 }
 
-/// Whether one line of numbers is a spectrum all the same, by itself or by the lower-case text around it.
+/// Returns true if one line of numbers is a spectrum nevertheless: by its pairs, or by the lower-case text around it.
 pub(super) fn is_spectral(head: &str, prose: &str) -> bool {
     let source = Source::decode(head.as_bytes(), NAME);
     are_pairs(table_lines(&source)) || ["wavelength", "lambda", "nm"].iter().any(|word| prose.contains(word))
 }
 
-/// Whether the text is one number a line, the first of them 1, none larger than 2m + 1.
+/// Returns true if the text has one number per line, the first equal to 1, and no m-th moment larger than 2m + 1 in
+/// magnitude.
 pub(super) fn is_moments(head: &str) -> bool {
     let mut count = 0_usize;
     for line in contents(head) {
@@ -57,7 +58,8 @@ pub(super) fn is_moments(head: &str) -> bool {
     count >= FEWEST
 }
 
-/// Whether the first numbers of rows are cosines, or angles from 0 to 180 degrees, which no wavelengths are.
+/// Returns true if the first numbers of the rows are cosines, or angles from 0 to 180 degrees. Wavelengths have neither
+/// range.
 pub(super) fn is_angular(head: &str) -> bool {
     let firsts: Vec<f64> = contents(head)
         .filter_map(|line| number(line.split([',', ';', '\t', ' ']).find(|cell| !cell.is_empty())?))
@@ -66,7 +68,7 @@ pub(super) fn is_angular(head: &str) -> bool {
     firsts.len() >= FEWEST && (((-1.0..0.0).contains(&low) && high <= 1.0) || (low == 0.0 && high == 180.0))
 }
 
-/// The curve of a list, and what it was; `None` where the text is a table.
+/// Returns the curve of a list and a description of its form; `None` if the text is a table.
 pub(super) fn read(
     source: &Source,
     how: &Interpretation,
@@ -116,7 +118,7 @@ fn over_limit(found: usize, what: &str, most: usize) -> FormatError {
     FormatError::new(FormatErrorKind::OverLimit, NAME, format!("{found} {what}, expected at most {most}"))
 }
 
-/// Values at cosines in even steps from -1 to 1.
+/// Returns the curve of values at evenly spaced cosines from -1 to 1.
 fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> {
     let n = values.len();
     if n > MAX_WAVELENGTHS {
@@ -128,13 +130,13 @@ fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> 
     Ok(Curve::over_cosines(cosines, values.iter().rev().copied().collect()))
 }
 
-/// The sum of Legendre polynomials, as a table fine enough for the last of them.
+/// Returns the sum of Legendre polynomials as a table fine enough for the highest order.
 fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, FormatError> {
     let n = moments.len();
     if n > MAX_MOMENTS {
         return Err(over_limit(n, "moments", MAX_MOMENTS));
     }
-    // A function that is nowhere negative has |k_m| <= 1.
+    // A non-negative function has |k_m| <= 1.
     let factored = moments.iter().any(|k| k.abs() > 1.0 + 1e-9);
     report.note(
         NoteKind::Assumed,
@@ -156,7 +158,7 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     Ok(curve)
 }
 
-/// `Σ c_m P_m(x)` (Bonnet's recurrence).
+/// Returns `Σ c_m P_m(x)` (Bonnet's recurrence).
 fn series(coefficients: &[f64], x: f64) -> f64 {
     let (mut before, mut polynomial, mut sum) = (0.0, 1.0, 0.0);
     for (m, c) in coefficients.iter().enumerate() {

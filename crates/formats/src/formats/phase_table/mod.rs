@@ -1,14 +1,14 @@
 //! Tabulated phase functions: angle (or its cosine) and value, a list over the cosine, Legendre moments, and volume
-//! scattering functions; each becomes a function of two directions that integrates to 1 over the sphere.
+//! scattering functions. Each becomes a function of two directions that integrates to 1 over the sphere.
 //!
-//! * Two columns or more: the scattering angle in degrees, 0 = forward, or its cosine, +1 = forward, where all numbers
-//!   of the first column lie in -1..1 and some are negative; then values, of which the first column counts.
-//! * One line of numbers: values at cosines in even steps from -1 to 1 (the plug-in `tabphase` of Mitsuba 3).
-//! * One number a line, the first of them 1: moments k of `p(mu) = Σ (2m+1) k_m P_m(mu) / 4π`, with or without the
+//! * Two columns or more: the scattering angle in degrees (0 = forward), then values, of which the first column is
+//!   used. If all numbers of the first column lie in -1..1 and some are negative, they are cosines (+1 = forward).
+//! * One line of numbers: values at evenly spaced cosines from -1 to 1 (the plug-in `tabphase` of Mitsuba 3).
+//! * One number per line, the first equal to 1: moments k of `p(mu) = Σ (2m+1) k_m P_m(mu) / 4π`, with or without the
 //!   factor 2m+1 (libRadtran, DISORT).
 //!
-//! What the values integrate to tells their normalisation: 1, 4π, or, as asked, anything (a volume scattering function
-//! in m⁻¹ sr⁻¹ integrates to the scattering coefficient b).
+//! The integral of the values determines their normalisation: 1 or 4π. On request it is arbitrary: a volume scattering
+//! function in m⁻¹ sr⁻¹ integrates to the scattering coefficient b.
 
 mod about;
 mod columns;
@@ -37,7 +37,7 @@ use refusal::needs;
 
 pub(super) const READER: Reader = Reader { about: ABOUT, options: &["column", "normalization"], probe, read };
 
-/// Words of a header that only phase functions have.
+/// Header words that occur in phase functions only.
 const WORDS: [&str; 7] =
     ["phase function", "phasefunction", "scattering angle", "scattering_angle", "legendre", "tabphase", "cos_theta"];
 fn probe(sample: &Sample<'_>) -> u8 {
@@ -45,7 +45,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
         return 0;
     }
     let table = layouts::probe(&sample.head);
-    // Before the name of a quantity or the probe of a spectral table, which says 30.
+    // Ranks above a bare quantity name and above the probe of a spectral table, which returns 30.
     if sample.quantity == Some(Quantity::Phase) && (table > 0 || lists::is_line(&sample.head)) {
         return 48;
     }
@@ -61,7 +61,7 @@ fn probe(sample: &Sample<'_>) -> u8 {
     if (said && table > 0) || (table >= 30 && lists::is_angular(&sample.head)) {
         return 40;
     }
-    // A single row is no spectrum, unless it is a row of pairs or its remarks speak of wavelengths.
+    // A single row is not a spectrum unless it consists of pairs or its comments mention wavelengths.
     if lists::is_line(&sample.head) && (said || !lists::is_spectral(&sample.head, &prose)) {
         return 35;
     }

@@ -1,4 +1,4 @@
-//! Tables over the scattering angle → functions of two directions that integrate to 1 over the sphere.
+//! Conversion of tables over the scattering angle to functions of two directions that integrate to 1 over the sphere.
 
 use super::about::NAME;
 use super::function::{Curve, Curves};
@@ -12,25 +12,26 @@ use crate::formats::text::Brief;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Numbers of tables over angles and wavelengths at most.
+/// Upper bound on the values of a table over angles and wavelengths.
 const MAX_VALUES: usize = 1 << 22;
-/// How far the integral may be from 1 or 4π to be taken for it.
+/// Relative tolerance within which an integral is recognised as 1 or 4π.
 const TOLERANCE: f64 = 0.05;
-/// Degrees at either end of a table over which its last values hold.
+/// Upper bound in degrees on the gap at either end of a table that is filled with the last value.
 const HELD: f64 = 10.0;
-/// The finest spacings, in degrees, for which levels are chosen: those of a megasample.
+/// Lower bounds in degrees on the spacings from which outgoing and incoming levels are chosen; they give about a
+/// million samples. Lowering them makes larger tensors.
 const OUTGOING_SPACING: f64 = 4.5;
 const INCOMING_SPACING: f64 = 9.0;
-/// Shares of the light within the first step of a table above which it is no peak that the table resolves.
+/// Share of the light within the first step of a table above which the forward peak counts as unresolved.
 const UNRESOLVED: f64 = 0.2;
 
-/// A function of two directions from normalised tables over the same angles, one for each entry of `spectral`.
+/// Builds a function of two directions from normalised tables over the same angles, one for each entry of `spectral`.
 pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut ParseReport) -> Modelled {
     let numbers = curves.iter().map(|curve| curve.values.len()).sum();
     let missing = curves.iter().flat_map(|curve| &curve.values).filter(|v| v.is_nan()).count();
     let steps = curves.iter().take(1).flat_map(|curve| curve.angles.array_windows().map(|[a, b]| b - a));
     let finest = steps.fold(180.0, f64::min);
-    // A function of one angle does not need all the pairs of directions that its table could tell apart.
+    // A function of the scattering angle alone does not need the full directional resolution of its table.
     let spacing = finest.max(OUTGOING_SPACING);
     let steps = (180.0 / finest.max(INCOMING_SPACING)).round().max(2.0) as usize;
     let even = |count: usize, length: f64| (0..count).map(|i| length * i as f64 / count as f64).collect::<Vec<f64>>();
@@ -58,12 +59,12 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
     }
 }
 
-/// The lists over the scattering angle under light from `+z`; `None` where a file holds no lists.
+/// Returns the lists over the scattering angle as a grid for light from `+z`; `None` if the file has no list.
 fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     let first = curves.first().filter(|curve| curve.is_listed)?;
     let (nearest, farthest) = (first.angles[0], first.angles[first.angles.len() - 1]);
     let is_over_cosines = !first.cosines.is_empty();
-    // Cosines have angles of no decimals: of nine, two lists of the same cosines have the same.
+    // Arc cosines have no short decimals; rounding to nine makes equal cosines give equal angles.
     let polar = |&angle: &f64| if is_over_cosines { rounded(180.0 - angle) } else { decimal(180.0 - angle) };
     let polar = first.angles.iter().rev().map(polar).collect();
     let covers = if first.held > 0.0 { (0.0, 180.0) } else { (decimal(180.0 - farthest), decimal(180.0 - nearest)) };
@@ -75,7 +76,8 @@ fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     Some(StatedGrid { tensor, factor: 1.0, repeated: Repeated::default() })
 }
 
-/// A function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in degrees.
+/// Builds a function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in
+/// degrees.
 pub(in crate::formats) fn tabulated(
     angles: &[f64],
     values: &[f32],
@@ -96,7 +98,7 @@ pub(in crate::formats) fn tabulated(
     let mut curves = Vec::with_capacity(width);
     for band in 0..width {
         let values = values.iter().skip(band).step_by(width).map(|&value| f64::from(value)).collect();
-        // The notes on the first wavelength stand for all.
+        // Notes are kept for the first wavelength only.
         let mut others = ParseReport::default();
         let report = if band == 0 { &mut *report } else { &mut others };
         let mut curve = held(Curve::over_angles(angles.to_vec(), values, is_volume), report);
@@ -110,11 +112,11 @@ pub(in crate::formats) fn tabulated(
     Ok(modelled(curves, spectral, report))
 }
 
-/// The values at the ends hold to 0 and 180 degrees where that is not far.
+/// Extends the end values to 0 and 180 degrees if the gaps are small.
 pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     let (first, last) = (curve.angles[0], curve.angles[curve.angles.len() - 1]);
     let gap = first.max(180.0 - last);
-    // Cosines go through acos, whose last bits are no gap.
+    // Rounding of acos is not a gap.
     if gap > 1e-6 && gap <= HELD {
         report.note(
             NoteKind::Filled,
@@ -129,7 +131,8 @@ pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     curve
 }
 
-/// Divides the values by what they integrate to, which must be what was said, or 1 or 4π if nothing was.
+/// Divides the values by their integral. The integral must match the stated normalisation, or 1 or 4π if none is
+/// stated.
 pub(super) fn normalise(
     curve: &mut Curve,
     said: Option<Normalization>,
@@ -224,14 +227,14 @@ pub(super) fn normalise(
     Ok(())
 }
 
-/// The decimal number of nine places that `angle` differs from by rounding alone; `angle` itself where there is none. Decimals
-/// are coded in a tenth of the bytes.
+/// Returns the nine-place decimal that `angle` differs from by rounding only, else `angle`. Decimals are coded in a
+/// tenth of the bytes.
 pub(super) fn decimal(angle: f64) -> f64 {
     let nearest = rounded(angle);
     if (nearest - angle).abs() < 1e-12 { nearest } else { angle }
 }
 
-/// To nine decimals.
+/// Rounds to nine decimals.
 fn rounded(angle: f64) -> f64 {
     libm::round(angle * 1e9) / 1e9
 }

@@ -1,4 +1,4 @@
-//! Refusals of phase tables about which the user must say more.
+//! Refusal of a phase table for which the user must give an option.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind};

@@ -31,7 +31,7 @@ fn with(text: &str, normalization: Option<Normalization>) -> Result<Acquisition,
     read_any(text.as_bytes(), &Interpretation { normalization, ..Interpretation::default() })
 }
 
-/// The function at a scattering angle, whatever the incoming direction.
+/// Returns the function at a scattering angle, which is the same for any incoming direction.
 fn at(acquisition: &Acquisition, degrees: f64) -> f64 {
     let Samples::Function(modelled) = &acquisition.samples else { panic!("expected a function") };
     let wi = Direction::from_degrees(0.0, 0.0);

@@ -1,5 +1,4 @@
-//! Rows of directions and values → axes where there are none of directions, a grid where they make one, else samples at
-//! their own directions.
+//! Conversion of rows to samples: on axes without directions, on a grid of directions, or scattered.
 
 use super::about::NAME;
 use super::columns::Columns;
@@ -18,12 +17,13 @@ use crate::formats::phase_table;
 use crate::formats::stated::divide_by_pi;
 use crate::formats::text::Brief;
 
-/// Directions of the long form: it should repeat each of them for all its wavelengths before the next.
+/// Upper bound on the direction changes of the long form, in which all wavelengths of a direction should follow each
+/// other.
 const MAX_DIRECTIONS: usize = 1 << 26;
-/// Largest theta in degrees, and longest wavelength in nm, that were likely stated in another unit.
+/// Largest theta in degrees, and longest wavelength in nm, that suggest another unit: radians or micrometres.
 const LIKELY_RADIANS: f64 = 1.6;
 const LIKELY_MICROMETRES: f64 = 30.0;
-/// A grid has at most this many places for each direction measured, else the directions are scattered.
+/// Upper bound on the grid positions per measured direction. Sparser directions are treated as scattered.
 const SPARSEST: usize = 4;
 
 fn malformed(message: impl Into<String>) -> FormatError {
@@ -34,7 +34,7 @@ fn over_limit(message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::OverLimit, NAME, message)
 }
 
-/// What the samples of a file lie on.
+/// Returns the samples of a file in the form that its directions allow.
 pub(super) fn samples(
     mut rows: Rows,
     columns: &Columns,
@@ -72,7 +72,7 @@ pub(super) fn samples(
     on_directions(rows, columns, header, spectral, report)
 }
 
-/// Samples at directions: a grid where these make one, else scattered.
+/// Returns samples on directions: a grid if the directions form one, else scattered.
 pub(super) fn on_directions(
     mut rows: Rows,
     columns: &Columns,
@@ -82,7 +82,7 @@ pub(super) fn on_directions(
 ) -> Result<Samples, FormatError> {
     let directions = Directions::of(&mut rows, columns, header);
     let width = spectral.as_ref().map_or(1, Axis::len);
-    // In the long form a direction may come once for each wavelength: it counts once.
+    // In the long form a direction may occur once per wavelength; it counts once.
     let measured = rows.values.len().div_ceil(width);
     match directions.lattice(measured.saturating_mul(SPARSEST).min(MAX_SAMPLES / width)) {
         Some(lattice) => {
@@ -92,7 +92,7 @@ pub(super) fn on_directions(
     }
 }
 
-/// A grid of values, and one of their uncertainties where these are stated.
+/// Returns the grid of values, with the grid of their uncertainties if those are stated.
 fn on_lattice(
     rows: &mut Rows,
     lattice: Lattice,
@@ -107,7 +107,7 @@ fn on_lattice(
     let sigma = std::mem::take(&mut rows.sigma);
     let mut values = grid(rows, lattice.clone(), isotropic, spectral.clone(), header, report)?;
     rows.values = sigma;
-    // Notes on the directions were made with the values.
+    // Notes on the directions were already made with the values.
     let sigma = grid(rows, lattice, isotropic, spectral, header, &mut ParseReport::default())?;
     values.sigma = Some(Box::new(sigma));
     Ok(values)
@@ -120,7 +120,7 @@ fn skip_sigma(columns: &Columns, report: &mut ParseReport) {
     }
 }
 
-/// What they are, for people.
+/// Describes the kind of samples for people.
 pub(super) fn kind(samples: &Samples) -> &'static str {
     match samples {
         Samples::OnAxes { .. } => "spectra",
@@ -130,7 +130,7 @@ pub(super) fn kind(samples: &Samples) -> &'static str {
     }
 }
 
-/// Refuses tables of which most would be missing, or too large.
+/// Refuses tables that are mostly missing or too large.
 fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<(), FormatError> {
     let found = rows.values.len();
     if count.checked_mul(width).is_some_and(|n| n <= MAX_SAMPLES && n / 8 <= found) {
@@ -141,7 +141,7 @@ fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<()
     )))
 }
 
-/// The axis of wavelengths; in the long form the numbers of wavelengths become their ranks.
+/// Returns the wavelength axis. In the long form the wavelength numbers are replaced by their ranks.
 fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Option<Axis>, FormatError> {
     let wavelengths = if columns.is_wide() {
         columns.wavelengths.clone()
@@ -156,7 +156,7 @@ fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Optio
     Ok(Some(Axis::Wavelength(grid)))
 }
 
-/// Warns of numbers that another unit would explain.
+/// Warns of numbers that suggest another unit.
 fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: &mut ParseReport) {
     let largest = |k: usize| rows.directions.iter().map(|direction| direction[k]).fold(0.0, f64::max);
     let is_degrees = |k: usize| columns.angles[k].is_some_and(|angle| !angle.radians);
@@ -175,7 +175,7 @@ fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: 
     }
 }
 
-/// A spectrum, or one in each row of the wide form.
+/// Returns a spectrum, or one per row of the wide form.
 fn without_directions(
     rows: Rows,
     columns: &Columns,
@@ -202,7 +202,7 @@ fn without_directions(
     Ok(Samples::OnAxes { tensor, sampling: Sampling::default() })
 }
 
-/// A phase function over the scattering angle, for each wavelength.
+/// Returns a phase function over the scattering angle for each wavelength.
 fn scattering_angles(
     rows: &mut Rows,
     spectral: Option<Axis>,
@@ -220,7 +220,7 @@ fn scattering_angles(
 }
 
 fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
-    // 32 bits, so that several values are looked at together: there are at most 2^28.
+    // 32-bit counters vectorise; there are at most 2^28 values.
     let (mut missing, mut negative) = (0_u32, 0_u32);
     for value in values {
         missing += u32::from(value.is_nan());
@@ -248,7 +248,7 @@ fn grid(
     let before = lattice.has_poles() && values.iter().any(|value| value.is_nan());
     let before = before.then(|| values.clone());
     let filled = fill_poles(&mut values, &lattice, width);
-    // The numbers of the file, if they do not stay all there is.
+    // Original values, kept if some are filled below.
     let mut kept = before.filter(|_| filled > 0);
     if filled > 0 {
         report.note_unfolding(
@@ -259,7 +259,7 @@ fn grid(
     count_missing(&values, "places of the grid", report);
     let [theta_i, phi_i, theta_o, phi_o] = lattice.angles;
     let [_, _, n_theta_o, n_phi_o] = lattice.shape;
-    // The inner azimuths first: closing them changes the stride of the outer ones.
+    // Inner azimuths first: closing them changes the stride of the outer ones.
     let mut listed = [None, None];
     let mut azimuths = |k: usize, phi: Vec<f64>, inner: usize| -> Result<Option<Azimuths>, FormatError> {
         if phi.is_empty() {
@@ -307,8 +307,8 @@ fn grid(
     Ok(grid)
 }
 
-/// At theta 0 and 180 all azimuths are one direction, of which instruments take one sample: the others are the mean of
-/// those there are.
+/// Fills the azimuths at theta 0 and 180, which are all one direction. Instruments take one sample there; missing
+/// values become the mean of the measured ones.
 fn fill_poles(values: &mut [f32], lattice: &Lattice, width: usize) -> usize {
     let (mut filled, shape) = (0, lattice.shape);
     for (theta, phi) in [(0, 1), (2, 3)] {
@@ -330,7 +330,7 @@ fn fill_poles(values: &mut [f32], lattice: &Lattice, width: usize) -> usize {
     filled
 }
 
-/// `[phi, inner]` at a pole.
+/// Fills a pole row `[phi, inner]` and returns the number of filled values.
 fn fill_row(pole: &mut [f32], inner: usize) -> usize {
     let mut filled = 0;
     for i in 0..inner {

@@ -1,4 +1,4 @@
-//! The row of column names: which cell of a row is an angle, a wavelength, a value, or nothing that is read here.
+//! Row of column names: the role of each cell of a row as angle, wavelength, value, or ignored.
 
 use super::header::Header;
 use super::problems::Problems;
@@ -9,36 +9,37 @@ use crate::formats::normalization::Normalization;
 use crate::formats::number::decimal;
 use crate::formats::text::{Brief, snippet};
 
-/// The angles in the order of a row's direction.
+/// Angles in the order of a row's direction.
 pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
 
-/// What a cell of a row is.
+/// Role of a cell in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     /// One of [`ANGLES`].
     Angle(usize),
-    /// The wavelength of the row (long form).
+    /// Wavelength of the row (long form).
     Wavelength,
-    /// The value at the wavelength of this number in increasing order (wide form), or the value of the row.
+    /// Value at the wavelength with this rank (wide form), or the single value of the row.
     Value(usize),
-    /// The standard uncertainty of the value of this number.
+    /// Standard uncertainty of the value with this number.
     Sigma(usize),
     /// Not read.
     Ignored,
 }
 
-/// How an angle as written becomes one of the surface frame, and what it may be.
+/// Conversion of a written angle to the surface frame, and its allowed range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Angle {
     pub(super) radians: bool,
-    /// In degrees, as written.
+    /// Allowed range in degrees, as written.
     pub(super) range: (f64, f64),
-    /// Gamma, from nadir: theta = 180° − gamma.
+    /// True for gamma, measured from nadir: theta = 180° − gamma.
     pub(super) from_nadir: bool,
 }
 
 impl Angle {
-    /// Degrees of the surface frame; `None` out of range. Radians are rounded to 0.0001°, which their digits hold.
+    /// Converts to degrees of the surface frame; `None` if out of range. Radians are rounded to 0.0001°, within the
+    /// precision of their digits.
     pub(super) fn degrees(self, written: f64) -> Option<f64> {
         const ROUNDING: f64 = 1e-3;
         let (low, high) = self.range;
@@ -52,29 +53,29 @@ impl Angle {
         if !(low..=high).contains(&degrees) {
             return None;
         }
-        // No negative zero: angles are compared by their bits.
+        // Avoids negative zero: angles are compared by their bits.
         Some(if self.from_nadir { 180.0 - degrees } else { degrees + 0.0 })
     }
 }
 
-/// What the columns are.
+/// Interpretation of the columns.
 #[derive(Debug)]
 pub(super) struct Columns {
     pub(super) cells: Vec<Cell>,
-    /// The names as written, for messages.
+    /// Names as written, for messages.
     pub(super) names: Vec<String>,
-    /// Which of [`ANGLES`] there are.
+    /// The columns that are present, in the order of [`ANGLES`].
     pub(super) angles: [Option<Angle>; 4],
     /// Wavelengths of the wide form in nm, increasing; empty in the long form.
     pub(super) wavelengths: Vec<f64>,
-    /// Whether each row has a wavelength of its own.
+    /// True if each row states its wavelength.
     pub(super) has_wavelength: bool,
-    /// Whether there are columns of standard uncertainties.
+    /// True if there are columns of standard uncertainties.
     pub(super) has_sigma: bool,
 }
 
 impl Columns {
-    /// Values in a row.
+    /// Returns the number of values in a row.
     pub(super) fn width(&self) -> usize {
         self.wavelengths.len().max(1)
     }
@@ -84,13 +85,13 @@ impl Columns {
     }
 }
 
-/// Where the row of names is.
+/// Position and text of the row of names.
 pub(super) struct Row<'a> {
     pub(super) text: &'a str,
     pub(super) line: usize,
 }
 
-/// Reads the names; `None` (and at least one problem) where they make no table of the quantity.
+/// Reads the names. Returns `None` after reporting at least one problem if they do not form a table of the quantity.
 pub(super) fn read(
     row: &Row<'_>,
     header: &Header,
@@ -198,7 +199,7 @@ pub(super) fn read(
     good.then_some(columns)
 }
 
-/// Names of a text that something else than `,` separates are a problem, one instead of one for each column they lack.
+/// Reports a separator other than `,` as a single problem, instead of one problem per missing column.
 fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
     let names = row.text.trim_end_matches(',').trim();
     let known = [(';', "`;`"), ('\t', "tabs"), (' ', "blanks")];
@@ -208,7 +209,7 @@ fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
     None
 }
 
-/// The columns of uncertainties: each belongs to one of values.
+/// Assigns each column of uncertainties to its column of values.
 fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize>, refuse: &mut impl FnMut(String)) {
     if let Some(i) = alone {
         if columns.is_wide() {
@@ -235,7 +236,7 @@ fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize
     }
 }
 
-/// One form of values: `value`, or one column for each wavelength, which are sorted.
+/// Checks that values have one form, `value` or one column per wavelength, and sorts the latter.
 fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool, refuse: &mut impl FnMut(String)) {
     if wide.len() > MAX_WAVELENGTHS {
         refuse(format!("{} columns of wavelengths, expected at most {MAX_WAVELENGTHS}", wide.len()));
@@ -258,7 +259,7 @@ fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool,
     }
 }
 
-/// Which angle a column is, and whether it belongs to the luminaire's frame, if that is told by its name.
+/// Returns the angle of a column, and true or false if its name determines a luminaire frame.
 fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     let outgoing = quantity == Quantity::Edf;
     match name {
@@ -270,7 +271,7 @@ fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
         "c" if outgoing => Some((3, Some(true))),
         "theta" if outgoing => Some((2, Some(false))),
         "phi" if outgoing => Some((3, Some(false))),
-        // The scattering angle: nothing else counts where wi has no columns.
+        // The scattering angle; it stands alone if there are no columns of wi.
         "theta" if quantity == Quantity::Phase => Some((2, None)),
         "theta" if quantity == Quantity::Reflectance => Some((0, None)),
         "phi" if quantity == Quantity::Reflectance => Some((1, None)),
@@ -278,7 +279,7 @@ fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     }
 }
 
-/// The wavelength of a column such as `v550` or `v550.5`.
+/// Returns the wavelength of a column such as `v550` or `v550.5`.
 fn band(name: &str, letter: u8) -> Option<f64> {
     let rest = name.as_bytes().strip_prefix(&[letter])?;
     let starts = rest.first().is_some_and(|byte| byte.is_ascii_digit() || *byte == b'.');
@@ -298,7 +299,7 @@ fn angle(k: usize, from_nadir: bool, header: &Header) -> Angle {
     Angle { radians: header.radians, range, from_nadir }
 }
 
-/// Each quantity has its directions, and no azimuth stands without its theta.
+/// Checks that the directions fit the quantity and that every azimuth has its theta.
 fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(String)) {
     let quantity = header.quantity;
     let [theta_i, phi_i, theta_o, phi_o] = columns.angles.map(|angle| angle.is_some());

@@ -1,30 +1,30 @@
-//! The directions of rows: the lattice that they make, or nearly so, or else the distinct ones among them.
+//! Directions of the rows: the lattice that they form completely or nearly, or else the distinct directions.
 
 use super::columns::Columns;
 use super::header::Header;
 use super::rows::{Numbered, Rows};
 use std::collections::HashMap;
 
-/// `[theta_i, phi_i, theta_o, phi_o]` of each direction of the rows, in degrees, and which of them there are.
+/// Directions `[theta_i, phi_i, theta_o, phi_o]` of the rows in degrees, and a flag for each angle that has a column.
 pub(super) struct Directions {
     pub(super) written: Vec<[f64; 4]>,
     pub(super) present: [bool; 4],
     pub(super) isotropic: bool,
 }
 
-/// Directions of all pairings of some angles.
+/// Directions that combine every angle of one axis with every angle of the others.
 #[derive(Clone)]
 pub(super) struct Lattice {
-    /// Increasing `[theta_i, phi_i, theta_o, phi_o]`; empty where there is no such column.
+    /// Increasing `[theta_i, phi_i, theta_o, phi_o]`; empty for an angle without a column.
     pub(super) angles: [Vec<f64>; 4],
-    /// How many there are of each, at least one.
+    /// Number of angles on each axis, at least 1.
     pub(super) shape: [usize; 4],
-    /// Where each direction of the rows is in a table of that shape.
+    /// Index of each row's direction in a row-major table of that shape.
     pub(super) places: Vec<usize>,
 }
 
 impl Lattice {
-    /// Returns true where all azimuths of an angle are one direction.
+    /// Returns true if the lattice contains a pole with several azimuths, which are all one direction.
     pub(super) fn has_poles(&self) -> bool {
         let is_pole = |&angle: &f64| angle == 0.0 || angle == 180.0;
         [(0, 1), (2, 3)].iter().any(|&(theta, phi)| self.shape[phi] > 1 && self.angles[theta].iter().any(is_pole))
@@ -32,16 +32,16 @@ impl Lattice {
 }
 
 impl Directions {
-    /// Takes the directions out of `rows`.
+    /// Moves the directions out of `rows`.
     pub(super) fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
         let mut present = columns.angles.map(|angle| angle.is_some());
         let mut written = std::mem::take(&mut rows.directions);
         let isotropic = header.isotropic || header.quantity.directions() == 2 && !present[1];
         if isotropic && present[1] {
             for direction in &mut written {
-                // Without a column of phi_o there is nothing that it would be relative to.
+                // Without a phi_o column there is no relative azimuth.
                 if present[3] {
-                    // The difference of two decimals, without the last bits of the subtraction.
+                    // Rounded, because the difference of two decimals has rounding errors.
                     let relative = ((direction[3] - direction[1]) * 1e9).round() / 1e9;
                     direction[3] = relative.rem_euclid(360.0);
                 }
@@ -49,12 +49,12 @@ impl Directions {
             }
             present[1] = false;
         }
-        // Zeros of either sign are one angle.
+        // Removes the sign of negative zeros, so that both zeros are one angle.
         written.as_flattened_mut().iter_mut().for_each(|angle| *angle += 0.0);
         Self { written, present, isotropic }
     }
 
-    /// The lattice that the directions make, or nearly so, if it has at most `most` places; `None` where they are scattered.
+    /// Returns the lattice of the directions if it has at most `most` positions; `None` if they are scattered.
     pub(super) fn lattice(&self, most: usize) -> Option<Lattice> {
         let mut numbered: [Numbered; 4] = Default::default();
         let mut numbers: Vec<[u32; 4]> = Vec::with_capacity(self.written.len());
@@ -90,7 +90,7 @@ impl Directions {
         Some(Lattice { angles, shape, places })
     }
 
-    /// The distinct directions in the order they come in, and the number of that of each row.
+    /// Returns the distinct directions in order of appearance, and the index of each row's direction.
     pub(super) fn distinct(self) -> (Vec<[f64; 4]>, Vec<usize>) {
         if self.are_distinct() {
             let places = (0..self.written.len()).collect();
@@ -108,8 +108,8 @@ impl Directions {
         (distinct, places)
     }
 
-    /// Whether no direction comes twice; seldom it says no where it should say yes. Sums are sorted in less time than
-    /// directions are looked up.
+    /// Returns true if no direction occurs twice. A hash collision can rarely give a false negative. Sorting hashes is
+    /// faster than looking directions up.
     fn are_distinct(&self) -> bool {
         const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
         let folded = |sum: u64, angle: &f64| {
@@ -122,7 +122,7 @@ impl Directions {
     }
 }
 
-/// Distinct values in increasing order, and the rank of each value given.
+/// Returns the distinct values in increasing order, and the rank of each given value.
 pub(super) fn ranked(values: impl Iterator<Item = f64>) -> (Vec<f64>, Vec<u32>) {
     let values: Vec<f64> = values.collect();
     let mut sorted = values.clone();

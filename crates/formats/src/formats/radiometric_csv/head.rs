@@ -1,4 +1,4 @@
-//! The lines of a radiometric-csv file before its numbers: `# key: value`, remarks, and the row of column names.
+//! Lines of a radiometric-csv file before its numbers: `# key: value`, remarks, and the row of column names.
 
 use super::about::NAME;
 use super::header::Field;
@@ -7,11 +7,12 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, unmarked, unmarked_utf16};
 use std::borrow::Cow;
 
-/// The lines of the header, and the characters of each, beyond which nothing is a header.
+/// Upper bounds on the number of header lines and on the characters of each; anything longer is not a header.
 const MAX_HEADER_LINES: usize = 1000;
 const MAX_HEADER_LINE: usize = 1 << 16;
 
-/// The bytes as ASCII-compatible text with line feeds: UTF-16 is decoded, byte order and end-of-file marks are cut.
+/// Returns the bytes as ASCII-compatible text with line feeds. UTF-16 is decoded; byte order marks and end-of-file
+/// marks are removed.
 pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u8]> {
     let marked = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
     let utf16 = marked || unmarked_utf16(bytes).is_some();
@@ -35,14 +36,14 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
     text
 }
 
-/// The lines before the numbers.
+/// Contents of the lines before the numbers.
 pub(super) struct Head {
     pub(super) fields: Vec<Field>,
     /// The row of column names.
     pub(super) names: String,
-    /// How many lines there are with it.
+    /// Number of lines, including the row of names.
     pub(super) lines: usize,
-    /// Where the next line starts.
+    /// Byte offset of the first line of numbers.
     pub(super) end: usize,
 }
 
@@ -80,9 +81,9 @@ impl Head {
             }
             let comment = decoded(comment.trim_ascii_start(), report);
             match comment.split_once(':') {
-                // More than one word before the colon is prose.
+                // Several words before the colon are prose.
                 Some((key, value)) if !key.trim().is_empty() && !key.trim().contains(char::is_whitespace) => {
-                    // Spreadsheets end every line with as many separators as the longest has.
+                    // Spreadsheets pad every line with separators to the length of the longest.
                     let value = value.trim().trim_end_matches([',', ';']).trim_end().chars().take(4096).collect();
                     fields.push(Field { key: key.trim().to_lowercase(), value, line: lines });
                 }

@@ -1,4 +1,4 @@
-//! The `# key: value` lines of a radiometric-csv file: what the numbers are, stated in full.
+//! Header of a radiometric-csv file: the `# key: value` lines that define the numbers.
 
 use super::about::NAME;
 use super::problems::Problems;
@@ -14,40 +14,40 @@ use crate::formats::text::snippet;
 
 /// One `# key: value` line.
 pub(super) struct Field {
-    /// Lower case.
+    /// Key in lower case.
     pub(super) key: String,
     pub(super) value: String,
     pub(super) line: usize,
 }
 
-/// What the header says, checked.
+/// Checked contents of the header.
 #[allow(clippy::struct_excessive_bools, reason = "each is a yes or no of the file")]
 pub(super) struct Header {
     pub(super) quantity: Quantity,
     pub(super) unit: Unit,
-    /// Values are reflectance factors, π times the BRDF.
+    /// True for reflectance factors, which are π times the BRDF.
     pub(super) is_factor: bool,
-    /// Whether angles are in radians.
+    /// True if angles are in radians.
     pub(super) radians: bool,
     pub(super) wavelength_unit: WavelengthUnit,
-    /// Whether nobody said so.
+    /// True if the unit is not stated and was assumed.
     pub(super) wavelength_unit_assumed: bool,
-    /// Whether values are `f · |cos theta_o|`.
+    /// True if values are `f · |cos theta_o|`.
     pub(super) cosine_included: bool,
     pub(super) isotropic: bool,
-    /// Whether angles are C and gamma of a luminaire; `None` if the file does not say.
+    /// True if angles are C and gamma of a luminaire; `None` if the file does not state it.
     pub(super) luminaire: Option<bool>,
-    /// What incoming and outgoing azimuths stand for, where it is stated.
+    /// Extent of the incoming and outgoing azimuths, if stated.
     pub(super) extents: [Option<AzimuthExtent>; 2],
-    /// The range of theta that the incoming and outgoing samples stand for, degrees, where it is stated.
+    /// Range of theta in degrees that the incoming and outgoing samples represent, if stated.
     pub(super) covers: [Option<(f64, f64)>; 2],
-    /// What a phase function over the scattering angle integrates to, where it is known.
+    /// Integral over the sphere of a phase function over the scattering angle, if known.
     pub(super) normalization: Option<Normalization>,
     pub(super) instrument: Instrument,
 }
 
 impl Header {
-    /// A header that states a BRDF in 1/sr over angles in degrees, and no more.
+    /// Returns a header for a BRDF in 1/sr over angles in degrees, without further statements.
     pub(super) fn of_brdf(isotropic: bool) -> Self {
         Self {
             quantity: Quantity::Brdf,
@@ -66,20 +66,20 @@ impl Header {
         }
     }
 
-    /// The unit of what was read: a phase function over the scattering angle is normalised.
+    /// Returns the unit of the samples. A phase function over the scattering angle is normalised to 1/sr.
     pub(super) fn unit_of(&self, samples: &Samples) -> Unit {
         if matches!(samples, Samples::Function(_)) { Unit::PerSteradian } else { self.unit }
     }
 }
 
-/// Looks keys up and keeps account of the problems.
+/// Lookup of keys that records problems.
 struct Fields<'a> {
     fields: &'a [Field],
     problems: &'a mut Problems,
 }
 
 impl Fields<'_> {
-    /// The value of `key` as `parse` reads it; a problem where it cannot be read.
+    /// Returns the value of `key` parsed by `parse`; adds a problem if it is unreadable or stated twice.
     fn value<T>(&mut self, key: &str, expected: &str, parse: impl Fn(&str) -> Option<T>) -> Option<T> {
         let mut found = self.fields.iter().filter(|field| field.key == key);
         let field = found.next()?;
@@ -116,14 +116,14 @@ const KNOWN: &[&str] = &[
     "radiometric-arrow",
 ];
 
-/// Reads the header; `None` (and at least one problem) where it does not say what it must.
+/// Reads the header. Returns `None` after adding at least one problem if required keys are missing or wrong.
 pub(super) fn read(
     fields: &[Field],
     how: &Interpretation,
     report: &mut ParseReport,
     problems: &mut Problems,
 ) -> Result<Option<Header>, FormatError> {
-    // Keys that are not lines of a text have line 0, and what they lack is missing nowhere in particular.
+    // Keys without text lines have line 0; a missing key then has no position.
     let first = fields.first().map_or(1, |field| field.line.min(1));
     let mut header = Fields { fields, problems };
     header.value(NAME, "1 (the version of the format)", |v| (v == "1").then_some(()));
@@ -208,7 +208,7 @@ pub(super) fn read(
     }))
 }
 
-/// `low high`, with or without a comma.
+/// Parses `low high`, with or without a comma.
 fn range(text: &str) -> Option<(f64, f64)> {
     let mut numbers = text.split([' ', ',']).filter(|part| !part.is_empty()).map(crate::formats::text::number);
     match (numbers.next(), numbers.next(), numbers.next()) {
@@ -217,7 +217,7 @@ fn range(text: &str) -> Option<(f64, f64)> {
     }
 }
 
-/// The unit of a volume scattering function, which becomes a phase function in 1/sr.
+/// Unit of a volume scattering function, which is converted to a phase function in 1/sr.
 const VOLUME: &str = "1/m/sr";
 
 fn unit(

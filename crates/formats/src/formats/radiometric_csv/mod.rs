@@ -1,12 +1,13 @@
-//! `radiometric-csv`: measurements as text that says what they are, long (one value a row) or wide (one spectrum a row).
+//! `radiometric-csv`: self-describing text of measurements, long (one value per row) or wide (one spectrum per row).
 //!
-//! `# key: value` lines, one row of column names, rows of numbers; UTF-8, `,` between cells, `.` in numbers; lines with
-//! `##` are remarks. Required: `quantity`, `value_unit`; `angle_unit` where there are angles; `cosine_included` for a
-//! BSDF, whose values are divided by `|cos theta_o|` if it is true. Columns in any order: `theta_i`, `phi_i`, `theta_o`,
-//! `phi_o` (emission: `theta`, `phi`, or `gamma`, `c` from nadir; a phase function may have `theta` alone, the scattering
-//! angle), then `wavelength` and `value`, or one `v550` for each wavelength. A blank cell, or `nan`, is a missing value.
-//! `sigma`, or one `s550` for each `v550`, are standard uncertainties (k = 1) of the values. Directions that form a grid
-//! are read as one.
+//! A file has `# key: value` lines, one row of column names, then rows of numbers. It is UTF-8 with `,` between cells
+//! and `.` in numbers; lines with `##` are remarks. Required keys: `quantity` and `value_unit`; `angle_unit` if there
+//! are angles; `cosine_included` for a BSDF, whose values are divided by `|cos theta_o|` if it is true.
+//!
+//! Columns come in any order. The angles are `theta_i`, `phi_i`, `theta_o`, `phi_o`; for emission `theta`, `phi`, or
+//! `gamma`, `c` from nadir. A phase function may have `theta` alone, the scattering angle. Values are `wavelength` and
+//! `value`, or one `v550` for each wavelength. A blank cell, or `nan`, is a missing value. `sigma`, or one `s550` for
+//! each `v550`, are standard uncertainties (k = 1) of the values. Directions that form a grid are read as a grid.
 
 mod about;
 pub(super) mod arrow;
@@ -38,7 +39,7 @@ use rows::Rows;
 pub(super) const READER: Reader =
     Reader { about: ABOUT, options: &["wavelength_unit", "normalization", FACTOR], probe, read };
 
-/// Lines before the one that names the format, for comments.
+/// Number of lines, including comments, searched for the one that names the format.
 const LOOKED_AT: usize = 20;
 
 fn probe(sample: &Sample<'_>) -> u8 {
@@ -82,8 +83,9 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Samples at pairs of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees, values row-major `[pair, spectral]`, as
-/// they are read from a table of this format: a grid where the directions make one, repeated ones averaged.
+/// Converts samples at direction pairs, `[theta_i, phi_i, theta_o, phi_o]` in degrees, with values row-major
+/// `[pair, spectral]`. The result is as for a file of this format: a grid if the directions form one, with repeated
+/// ones averaged.
 pub(super) fn of_pairs(
     pairs: Vec<[f64; 4]>,
     isotropic: bool,

@@ -1,13 +1,13 @@
-//! Values in the order of the rows → values at their places; what was measured several times is averaged.
+//! Reordering of values from row order to grid order; repeated measurements are averaged.
 
 use super::rows::Rows;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use std::collections::HashMap;
 
-/// Values at their places; one that comes twice is averaged.
+/// Values in grid order; repeated ones are averaged.
 pub(super) struct Places {
     values: Vec<f32>,
-    /// Sum and count where there are several.
+    /// Sum and count for positions with several values.
     repeated: HashMap<usize, (f64, u32)>,
 }
 
@@ -42,7 +42,8 @@ impl Places {
     }
 }
 
-/// Takes every value to its place; `places` are the numbers of rows of `width` values, one for each direction of `rows`.
+/// Moves every value to its position. `places` has the index of each direction of `rows` in a table with `width` values
+/// per row.
 pub(super) fn placed(
     rows: &mut Rows,
     places: &[usize],
@@ -57,14 +58,16 @@ pub(super) fn placed(
     }
 }
 
-/// The same of the uncertainties, if there are any: that of an average is at most the average of them.
+/// Moves the uncertainties to their positions, if there are any. The uncertainty of an average is at most the average
+/// of the uncertainties, which is stored.
 pub(super) fn placed_sigma(rows: &mut Rows, places: &[usize], count: usize, width: usize) -> Option<Vec<f32>> {
     let sigma = std::mem::take(&mut rows.sigma);
     let put = |sigma: Vec<f32>| put(rows, &sigma, places, count, width).finish(&mut ParseReport::default());
     (!sigma.is_empty()).then(|| ordered(rows, sigma, places, count, width).unwrap_or_else(put))
 }
 
-/// The values at their places, if they come in that order, each place at most once: most files are so. Else as given.
+/// Returns the values directly if they are already in order without repetition, as in most files; else returns them
+/// unchanged as an error.
 fn ordered(
     rows: &Rows,
     mut values: Vec<f32>,
@@ -90,7 +93,7 @@ fn ordered(
     Ok(placed)
 }
 
-/// `values`, one for each of `rows`, at their places.
+/// Stores `values`, one for each of `rows`, at their positions.
 fn put(rows: &Rows, values: &[f32], places: &[usize], count: usize, width: usize) -> Places {
     let mut target = Places::new(count * width);
     if rows.lengths.is_empty() {

@@ -1,13 +1,13 @@
-//! What is wrong with a file: the first problems with their places, and how many there are in all.
+//! Problems of a file: the first ones with their positions, and the total number.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind, Position};
 use std::fmt::Write as _;
 
-/// Problems that are listed; of the others only the number is told.
+/// Upper bound on the problems that are listed; the others are only counted.
 const LISTED: usize = 20;
 
-/// The problems found so far.
+/// Problems found so far.
 #[derive(Debug, Default)]
 pub(super) struct Problems {
     listed: Vec<(Option<Position>, String)>,
@@ -15,7 +15,7 @@ pub(super) struct Problems {
 }
 
 impl Problems {
-    /// Adds a problem at a line and column, both from 1; line 0 is no place in a text.
+    /// Adds a problem at a line and column, both from 1. Line 0 means no position.
     pub(super) fn add(&mut self, line: usize, column: usize, message: impl FnOnce() -> String) {
         self.count += 1;
         if self.listed.len() < LISTED {
@@ -23,7 +23,7 @@ impl Problems {
         }
     }
 
-    /// Adds the problems of a later part, whose line 1 is line `before + 1` of the whole.
+    /// Adds the problems of a later part, whose line 1 is line `before + 1` of the file.
     pub(super) fn append(&mut self, part: Self, before: usize) {
         self.count += part.count;
         let room = LISTED - self.listed.len();
@@ -33,7 +33,7 @@ impl Problems {
         }));
     }
 
-    /// One refusal of them all, if there are any: where the first is, then each.
+    /// Combines all problems into one refusal at the position of the first; `None` if there are none.
     pub(super) fn into_error(self) -> Option<FormatError> {
         let mut listed = self.listed.into_iter();
         let (first, mut message) = listed.next()?;

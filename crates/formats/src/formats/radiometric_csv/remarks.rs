@@ -1,10 +1,10 @@
-//! Notes on what the header of radiometric data left open, and what was done to the values as it says.
+//! Notes on defaults assumed for missing header keys, and on changes made to the values.
 
 use super::columns::Columns;
 use super::header::Header;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 
-/// What was assumed and changed.
+/// Adds notes on assumptions and changes to the report.
 pub(super) fn remarks(header: &Header, columns: &Columns, grazing: usize, report: &mut ParseReport) {
     if header.wavelength_unit_assumed && (columns.is_wide() || columns.has_wavelength) {
         report.note(NoteKind::Assumed, "`wavelength_unit` is not stated, taken as nm");

@@ -1,4 +1,4 @@
-//! Rows of numbers in one pass over the bytes, piece by piece in parallel; every bad cell is a problem with its place.
+//! Single-pass parser of rows of numbers, in parallel pieces. Every bad cell becomes a problem with its position.
 
 use super::columns::{Cell, Columns};
 use super::problems::Problems;
@@ -8,45 +8,45 @@ use crate::formats::text::snippet;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Bytes that one task reads.
+/// Size in bytes of the piece that one task reads. Raising it costs memory and parallelism.
 const PIECE: usize = 1 << 20;
-/// Pieces whose numbers wait to be joined: their memory is used again for the next ones. The same for any number of
-/// threads, as what is said of a file with too many values counts those of whole pieces.
+/// Number of pieces parsed before they are joined and their memory is reused. It does not depend on the thread count,
+/// so that the value count in a message about too many values is reproducible.
 const WAITING: usize = 16;
-/// Characters of a cell that a message may quote.
+/// Upper bound on the characters of a cell quoted in a message.
 const QUOTED: usize = 60;
 
-/// All rows of a file.
+/// Rows of a file.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// `[theta_i, phi_i, theta_o, phi_o]` in degrees, 0 where there is no such column: one for each row of the wide form,
-    /// one for each run of rows of one direction in the long form.
+    /// Directions `[theta_i, phi_i, theta_o, phi_o]` in degrees, 0 for absent columns. The wide form has one per row,
+    /// the long form one per run of rows with equal direction.
     pub(super) directions: Vec<[f64; 4]>,
-    /// Values of each direction; empty in the wide form, where each has the width of a row.
+    /// Number of values of each direction; empty in the wide form, where it is the width of a row.
     pub(super) lengths: Vec<u32>,
-    /// For each value the number of its wavelength in `wavelengths`; empty in the wide form and without wavelengths.
+    /// Index of each value's wavelength in `wavelengths`; empty in the wide form and without wavelengths.
     pub(super) lambdas: Vec<u32>,
-    /// The wavelengths of the long form as written, in the order they came up.
+    /// Wavelengths of the long form as written, in order of appearance.
     pub(super) wavelengths: Numbered,
-    /// Row-major; NaN = missing.
+    /// Values in row-major order; NaN = missing.
     pub(super) values: Vec<f32>,
-    /// Standard uncertainties of the values; empty where there are no columns of them.
+    /// Standard uncertainties of the values; empty without such columns.
     pub(super) sigma: Vec<f32>,
-    /// How many values were divided by a cosine of 0 and are missing therefore.
+    /// Number of values that were divided by a cosine of 0 and are therefore missing.
     pub(super) grazing: usize,
 }
 
-/// Distinct numbers and their order of appearance.
+/// Distinct numbers in order of appearance.
 #[derive(Debug, Default)]
 pub(super) struct Numbered {
     pub(super) values: Vec<f64>,
     known: HashMap<u64, u32>,
-    /// Where the next number is looked for first: rows follow each other in order.
+    /// Index at which the next lookup starts, because rows follow each other in order.
     guess: usize,
 }
 
 impl Numbered {
-    /// The number of `value`, new or known.
+    /// Returns the index of `value`, adding it if it is new.
     pub(super) fn number(&mut self, value: f64) -> u32 {
         for guess in [self.guess, self.guess + 1, 0] {
             if self.values.get(guess) == Some(&value) {
@@ -64,7 +64,7 @@ impl Numbered {
     }
 }
 
-/// Reads all rows of `body`, whose first line is line `before + 1` of the file.
+/// Parses the rows of `body`, whose first line is line `before + 1` of the file.
 pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, problems: &mut Problems) -> Rows {
     let mut pieces = Vec::with_capacity(body.len() / PIECE + 1);
     let mut start = 0;
@@ -79,7 +79,7 @@ pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, 
     for (done, together) in pieces.chunks(WAITING).enumerate() {
         let read: Vec<Piece> = together.par_iter().map(|text| Piece::read(text, columns, cosine)).collect();
         if done == 0 {
-            // As many numbers in the other pieces: they have as many bytes.
+            // Reserves for the other pieces in proportion to their bytes.
             let found: usize = read.iter().map(|piece| piece.rows.values.len()).sum();
             all.values.reserve((found / together.len() * pieces.len()).min(MAX_SAMPLES));
         }
@@ -89,7 +89,7 @@ pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, 
             all.append(&piece.rows);
         }
         if all.values.len() > MAX_SAMPLES {
-            // Too many, whatever follows.
+            // The limit is exceeded whatever follows.
             break;
         }
     }
@@ -108,14 +108,14 @@ impl Rows {
     }
 }
 
-/// A part of the body.
+/// Parsed piece of the body.
 struct Piece {
     rows: Rows,
     lines: usize,
     problems: Problems,
 }
 
-/// Where a cell of the row before lies, and the angle that it is.
+/// Text position of an angle cell in the previous row, and its value in degrees.
 #[derive(Clone, Copy, Default)]
 struct Known {
     start: usize,
@@ -123,17 +123,17 @@ struct Known {
     degrees: f64,
 }
 
-/// Reads one piece.
+/// Parser of one piece.
 struct Parser<'a> {
     text: &'a [u8],
     columns: &'a Columns,
     cosine: bool,
     rows: Rows,
     problems: Problems,
-    /// The line, from 1 in this piece, and where it starts.
+    /// Current line, from 1 within the piece, and the byte offset of its start.
     line: usize,
     line_start: usize,
-    /// The cells of angles of the last row.
+    /// Angle cells of the previous row.
     last: [Known; 4],
 }
 
@@ -162,7 +162,7 @@ impl Piece {
     }
 }
 
-/// Whether a cell, or the blanks behind it, may start here.
+/// Returns true if the byte can follow a number: a separator, a blank, or the end of the text.
 fn ends_number(next: Option<&u8>) -> bool {
     matches!(next, None | Some(b',' | b'\n' | b'\r' | b' ' | b'\t'))
 }
@@ -174,7 +174,7 @@ fn too_many(columns: usize) -> String {
 }
 
 impl Parser<'_> {
-    /// The first place from `at` on that is no blank.
+    /// Returns the first offset from `at` on that is not a blank.
     #[inline]
     fn blanks(&self, mut at: usize) -> usize {
         while matches!(self.text.get(at), Some(b' ' | b'\t')) {
@@ -183,12 +183,12 @@ impl Parser<'_> {
         at
     }
 
-    /// The line feed from `at` on, or the end.
+    /// Returns the offset of the next line feed from `at` on, or the end of the text.
     fn line_end(&self, at: usize) -> usize {
         memchr::memchr(b'\n', &self.text[at..]).map_or(self.text.len(), |i| at + i)
     }
 
-    /// Where the cell that starts at `at` ends.
+    /// Returns the offset of the end of the cell that starts at `at`.
     #[inline]
     fn cell_end(&self, mut at: usize) -> usize {
         while !matches!(self.text.get(at), None | Some(b',' | b'\n' | b'\r')) {
@@ -202,7 +202,7 @@ impl Parser<'_> {
         self.problems.add(self.line, before.chars().count() + 1, message);
     }
 
-    /// A cell that is not what it should be.
+    /// Adds a problem for a cell with an unexpected content and returns the end of the cell.
     fn refuse(&mut self, start: usize, column: usize, expected: &str) -> usize {
         let end = self.cell_end(start);
         let found = String::from_utf8_lossy(&self.text[start..end.min(start + QUOTED)]).trim_end().to_owned();
@@ -211,7 +211,7 @@ impl Parser<'_> {
         end
     }
 
-    /// Reads the row that starts at `self.line_start`; where its line ends.
+    /// Parses the row that starts at `self.line_start` and returns the offset of its line end.
     fn row(&mut self) -> usize {
         let columns = self.columns;
         let width = columns.width();
@@ -314,8 +314,8 @@ impl Parser<'_> {
         self.line_end(at)
     }
 
-    /// Where the next cell starts, or the row ends, if the cell at `at` is a finite number, or the angle of the row before,
-    /// and nothing else; its value is kept.
+    /// Parses the cell at `at` on the fast path: a finite number, or a repetition of the previous row's angle, and
+    /// nothing else. Stores its value and returns the offset of the next cell or row end; `None` for any other cell.
     #[inline]
     fn plain_cell(&mut self, cell: Cell, at: usize, base: usize, is_last: bool) -> Option<usize> {
         let end = match cell {
@@ -340,14 +340,14 @@ impl Parser<'_> {
         }
     }
 
-    /// The angle that a whole cell is.
+    /// Returns the angle if it fills the whole cell.
     fn angle(&self, start: usize, k: usize) -> Option<f64> {
         let (written, end) = decimal(self.text, start)?;
         let whole = matches!(self.text.get(self.blanks(end)), None | Some(b',' | b'\n' | b'\r'));
         self.columns.angles[k].filter(|_| whole)?.degrees(written)
     }
 
-    /// Files the values from `base` on under their direction and wavelength.
+    /// Assigns direction and wavelength to the values from `base` on.
     fn keep(&mut self, base: usize, same: bool, lambda: Option<f64>) {
         let direction = self.last.map(|known| known.degrees);
         let rows = &mut self.rows;

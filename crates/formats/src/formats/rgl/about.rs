@@ -1,4 +1,4 @@
-//! The name of RGL materials in the table of formats, and what they are.
+//! Entry of RGL materials in the table of formats.
 
 use crate::formats::reader::Format;
 

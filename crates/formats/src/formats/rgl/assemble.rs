@@ -1,4 +1,4 @@
-//! The fields of a tensor file, each checked → the model that they make, and the axis of its values.
+//! Conversion of the checked fields of a tensor file to the material model and its spectral axis.
 
 use super::about::NAME;
 use super::container::{Field, Fields};
@@ -13,10 +13,10 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::turned::turn;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// How far angles in f32 may be off, in radians.
+/// Tolerance in radians for angles stored in f32.
 const TOLERANCE: f64 = 1e-4;
 
-/// Everything that evaluation needs, each shape checked before its numbers are read; and the axis of the values.
+/// Builds the model and the axis of its values. Each shape is checked before its numbers are read.
 pub(super) fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Model, Axis), FormatError> {
     let theta = angles(fields.require("theta_i")?)?;
     let phi = angles(fields.require("phi_i")?)?;
@@ -75,7 +75,7 @@ pub(super) fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Mo
     Ok((model, spectral))
 }
 
-/// Angles in radians: finite and increasing.
+/// Reads a list of angles in radians, which must be finite and increasing.
 fn angles(field: &Field<'_>) -> Result<Vec<f64>, FormatError> {
     field.check("f32", 1)?;
     let angles: Vec<f64> = field.floats().map(f64::from).collect();
@@ -96,7 +96,7 @@ fn check_elevations(field: &Field<'_>, theta: &[f64]) -> Result<(), FormatError>
     Err(malformed(field.at + 4 * i, message))
 }
 
-/// The symmetry that the stored azimuths imply.
+/// Returns the symmetry implied by the range of the stored azimuths.
 fn reduction(field: &Field<'_>, phi: &[f64], report: &mut ParseReport) -> Result<Reduction, FormatError> {
     let (first, last) = (phi[0], phi[phi.len() - 1]);
     let degrees = |radians: f64| libm::round(radians.to_degrees() * 100.0) / 100.0;
@@ -142,7 +142,7 @@ fn check_nodes(field: &Field<'_>, least: usize) -> Result<(), FormatError> {
     Err(malformed(field.entry, message))
 }
 
-/// The numbers of a checked field that must be 0 or more.
+/// Returns the numbers of a checked field, which must be 0 or more.
 fn densities(field: &Field<'_>) -> Result<Vec<f32>, FormatError> {
     if let Some((i, value)) = field.floats().enumerate().find(|(_, v)| !(0.0..=LARGEST).contains(v)) {
         let message = format!("`{}`: number {i} is {value:e}, expected 0 to {LARGEST:e}", field.name);
@@ -169,8 +169,8 @@ fn jacobian(field: &Field<'_>) -> Result<bool, FormatError> {
     }
 }
 
-/// `[slice, channel, node]` to `[slice, node, channel]`: one query needs all channels of a few nodes. And how many are
-/// missing.
+/// Transposes `[slice, channel, node]` to `[slice, node, channel]`, because a query needs all channels of a few nodes.
+/// Also returns the number of missing values.
 fn channels_last(
     field: &Field<'_>,
     nodes: usize,
@@ -183,7 +183,7 @@ fn channels_last(
     let slice = nodes * channels;
     for (words, target) in words.chunks_exact(slice).zip(values.chunks_exact_mut(slice)) {
         turn((target, channels), nodes, channels, |channel, node, piece| {
-            // Sums of 32 bits, so that several numbers are looked at together; a piece has fewer than 2^28.
+            // 32-bit counters vectorise; a piece has fewer than 2^28 numbers.
             let (mut missing_here, mut negative_here, mut over_here) = (0_u32, 0_u32, 0_u32);
             for (to, &word) in piece.iter_mut().zip(&words[channel * nodes + node..]) {
                 let value = f32::from_le_bytes(word);

@@ -1,8 +1,8 @@
-//! The tensor-file container: named arrays behind a table of their types, shapes and places, all little-endian.
+//! Tensor-file container: named arrays behind a table of their types, shapes and offsets, all little-endian.
 //!
-//! `tensor_file\0`, version 1.0 as two bytes, u32 number of fields; for each field u16 length of its name, the name, u16
-//! number of dimensions, u8 type, u64 offset from the beginning of the file, one u64 a dimension. Arrays are row-major,
-//! at any offset.
+//! Layout: `tensor_file\0`, version 1.0 as two bytes, u32 number of fields. Each field has u16 length of its name, the
+//! name, u16 number of dimensions, u8 type, u64 offset from the beginning of the file, and one u64 per dimension.
+//! Arrays are row-major, at any offset.
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::super::text::snippet;
@@ -10,13 +10,13 @@ use super::about::NAME;
 use super::refusal::{malformed, over_limit};
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
 
-/// The first bytes of every tensor file.
+/// First bytes of every tensor file.
 pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 
 const MAX_FIELDS: u32 = 64;
 const MAX_NAME: u16 = 256;
 
-/// The types of numbers by their code, with their sizes in bytes; 0 is invalid.
+/// Number types by their code, with their sizes in bytes; code 0 is invalid.
 const TYPES: [(&str, usize); 12] = [
     ("invalid", 0),
     ("u8", 1),
@@ -32,27 +32,27 @@ const TYPES: [(&str, usize); 12] = [
     ("f64", 8),
 ];
 
-/// One array whose place in the file was checked.
+/// Array whose position in the file was checked.
 pub(super) struct Field<'a> {
     pub(super) name: &'a str,
-    /// Where its entry in the table starts.
+    /// Byte offset of its entry in the table.
     pub(super) entry: usize,
     pub(super) shape: Vec<usize>,
-    /// Where its data start.
+    /// Byte offset of its data.
     pub(super) at: usize,
     kind: &'static str,
     data: &'a [u8],
 }
 
-/// All fields of a file.
+/// Fields of a file.
 pub(super) struct Fields<'a> {
     fields: Vec<Field<'a>>,
-    /// Where the table ends.
+    /// Byte offset of the end of the table.
     end: usize,
 }
 
 impl<'a> Fields<'a> {
-    /// Reads the table; every array lies within `bytes`, and nothing is allocated for them.
+    /// Reads the table and checks that every array lies within `bytes`. Array data are not copied.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, FormatError> {
         let mut cursor = Cursor { bytes, at: 0 };
         let magic = cursor.take::<12>("the signature")?;
@@ -81,29 +81,29 @@ impl<'a> Fields<'a> {
         Ok(Self { fields, end: cursor.at })
     }
 
-    /// The field `name`, if there is one.
+    /// Returns the field `name`, if present.
     pub(super) fn get(&self, name: &str) -> Option<&Field<'a>> {
         self.fields.iter().find(|field| field.name == name)
     }
 
-    /// The field `name`.
+    /// Returns the field `name`, or a refusal if it is missing.
     pub(super) fn require(&self, name: &str) -> Result<&Field<'a>, FormatError> {
         self.get(name).ok_or_else(|| self.missing(name))
     }
 
-    /// What is said where the field `name` is missing.
+    /// Returns the refusal for a missing field `name`.
     pub(super) fn missing(&self, name: &str) -> FormatError {
         malformed(self.end, format!("the table of fields ends without `{name}`, expected it"))
     }
 
-    /// All names, in the order of the file.
+    /// Returns all names in file order.
     pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
         self.fields.iter().map(|field| field.name)
     }
 }
 
 impl<'a> Field<'a> {
-    /// Refuses a field that is no f32 array of `rank` dimensions with something in it, before anything is allocated.
+    /// Refuses a field that is not a non-empty array of type `kind` with `rank` dimensions.
     pub(super) fn check(&self, kind: &str, rank: usize) -> Result<(), FormatError> {
         let Self { name, entry, shape, .. } = self;
         if self.kind != kind || shape.len() != rank {
@@ -127,7 +127,7 @@ impl<'a> Field<'a> {
         Ok(())
     }
 
-    /// Refuses a field whose shape is not `expected`.
+    /// Refuses a field of another shape than `expected`.
     pub(super) fn check_shape(&self, expected: &[usize], why: &str) -> Result<(), FormatError> {
         if self.shape == expected {
             return Ok(());
@@ -136,7 +136,7 @@ impl<'a> Field<'a> {
         Err(malformed(self.entry, format!("`{name}` has the shape {shape:?}, expected {expected:?} ({why})")))
     }
 
-    /// The data of an array of bytes.
+    /// Returns the data of an array of bytes.
     pub(super) fn bytes(&self) -> Result<&'a [u8], FormatError> {
         if self.kind == "u8" && self.shape.len() == 1 {
             return Ok(self.data);
@@ -145,12 +145,12 @@ impl<'a> Field<'a> {
         Err(malformed(*entry, format!("`{name}` is an array of {kind} with the shape {shape:?}, expected u8 in a row")))
     }
 
-    /// The numbers of a checked f32 array, in order.
+    /// Returns the numbers of a checked f32 array, in order.
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         self.words().iter().map(|bytes| f32::from_le_bytes(*bytes))
     }
 
-    /// Their bytes.
+    /// Returns the raw bytes of the numbers of a checked f32 array.
     pub(super) fn words(&self) -> &'a [[u8; 4]] {
         self.data.as_chunks().0
     }
@@ -208,12 +208,12 @@ impl<'a> Cursor<'a> {
             );
             malformed(entry, message)
         })?;
-        // Each length fits where all of them fit the file, unless one of them is 0.
+        // Conversion only saturates for an empty array, because the total size fits the file.
         let shape = lengths.iter().map(|&n| usize::try_from(n).unwrap_or(usize::MAX)).collect();
         Ok(Field { name, entry, shape, at: offset as usize, kind, data })
     }
 
-    /// The bytes of an array, if they lie within the file.
+    /// Returns the bytes of an array, if they lie within the file.
     fn data(&self, lengths: &[u64], size: usize, offset: u64) -> Option<&'a [u8]> {
         let count = lengths.iter().try_fold(size as u64, |product, &n| product.checked_mul(n))?;
         let end = offset.checked_add(count)?;

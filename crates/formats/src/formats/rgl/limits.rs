@@ -1,6 +1,6 @@
-//! Limits of what a tensor file of a material holds, when it is read and when it is written.
+//! Limits on the contents of a tensor file, for reading and writing.
 
-/// Larger numbers are no measurement.
+/// Upper bound on values; larger numbers cannot be measurements.
 pub(super) const LARGEST: f32 = 1e12;
-/// The longest description.
+/// Upper bound on the length of the description, in bytes.
 pub(super) const MAX_TEXT: usize = 1 << 16;

@@ -1,8 +1,9 @@
-//! Tensor files (`.bsdf`) of the RGL material database (EPFL): BRDFs in the adaptive parameterisation, isotropic or not,
-//! spectral or RGB.
+//! Tensor files (`.bsdf`) of the RGL material database (EPFL): BRDFs in the adaptive parameterisation, isotropic or
+//! anisotropic, spectral or RGB.
 //!
-//! The file is a function (Dupuy & Jakob 2018), not a grid of directions: it is read as one, and evaluated where a
-//! projection needs it. Its numbers, times D / 4σ where `jacobian` is 1, are f · cos θo; what is evaluated is f.
+//! The file defines a function (Dupuy & Jakob 2018), not a grid of directions. It is read as a function and evaluated
+//! at the directions that a projection needs. Its numbers, times D / 4σ if `jacobian` is 1, are f · cos θo; evaluation
+//! returns f.
 
 mod about;
 mod assemble;
@@ -39,9 +40,9 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// The spacing assumed where the values say nothing about it, and the limits of what is believed, in degrees.
+/// Spacing of outgoing directions in degrees: lower bound, default if the values do not determine it, and upper bound.
 const SPACING: (f64, f64, f64) = (0.2, 5.0, 45.0);
-/// The fields that are read; others are named in the report.
+/// Fields that are read; others are listed in the report.
 const KNOWN: [&str; 11] = [
     "description",
     "phi_i",
@@ -103,7 +104,7 @@ fn describe(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(), FormatE
 
 fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled {
     let degrees = |radians: &f64| radians.to_degrees();
-    // π/2 in f32 is a little more than a right angle.
+    // π/2 rounded to f32 slightly exceeds a right angle.
     let theta: Vec<f64> = model.theta.iter().map(|t| degrees(t).min(90.0)).collect();
     if let Some(&last) = theta.last().filter(|&&last| last < 90.0) {
         let message = format!("incident elevations from {}° on are held to 90°", libm::round(last * 100.0) / 100.0);

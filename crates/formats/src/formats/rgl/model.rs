@@ -1,6 +1,7 @@
-//! The function that a file of this format is: f(wi, wo, channel) by its own warps and interpolation.
+//! Evaluation of the function in a tensor file: f(wi, wo, channel) by its warps and interpolation.
 //!
-//! Dupuy & Jakob 2018, section 4; the conventions of Mitsuba 3 (`measured`), whose `eval` is this times the cosine of `wo`.
+//! Dupuy & Jakob 2018, section 4, with the conventions of Mitsuba 3 (`measured`). Mitsuba's `eval` is this function
+//! times the cosine of `wo`.
 
 use super::super::acquisition::DirectionalFunction;
 use super::warp::{Map, Warp, azimuth_to_unit, between, cell, elevation_to_unit, unit_to_azimuth, unit_to_elevation};
@@ -8,48 +9,48 @@ use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub, unit};
 use std::f64::consts::PI;
 
-/// The symmetry of an anisotropic sample: how often the stored incident azimuths are repeated in a turn.
+/// Symmetry of an anisotropic sample: repetition of the stored incident azimuths over a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reduction {
-    /// A full turn is stored.
+    /// No symmetry; a full turn is stored.
     None,
-    /// Half a turn is stored, −180° to 0°: the sample looks the same turned by 180°.
+    /// Half a turn is stored, −180° to 0°: the sample is symmetric under rotation by 180°.
     Half,
-    /// A quarter is stored, −180° to −90°: the sample is its own mirror image along both axes.
+    /// A quarter turn is stored, −180° to −90°: the sample is mirror-symmetric along both axes.
     Quarter,
 }
 
-/// The contents of a file, ready for evaluation.
+/// Contents of a file, prepared for evaluation.
 #[derive(Debug)]
 pub(super) struct Model {
-    /// Incident azimuths and elevations of the slices, radians, increasing.
+    /// Incident azimuths and elevations of the slices in radians, increasing.
     pub(super) phi: Vec<f64>,
     pub(super) theta: Vec<f64>,
-    /// Whether microfacet azimuths are relative to the incident one.
+    /// True if microfacet azimuths are relative to the incident azimuth.
     pub(super) isotropic: bool,
     pub(super) reduction: Reduction,
-    /// D and σ, where the values are to be multiplied by D / 4σ.
+    /// Microfacet maps D and σ, if values must be multiplied by D / 4σ.
     pub(super) microfacets: Option<(Map, Map)>,
-    /// The density of visible normals, one slice for each `[phi, theta]`.
+    /// Density of visible normals, one slice for each `[phi, theta]`.
     pub(super) visible: Warp,
-    /// Nodes along a side of the square of values.
+    /// Number of nodes along a side of the square of values.
     pub(super) side: usize,
     pub(super) channels: usize,
     /// `[phi, theta, row, column, channel]`; NaN = missing.
     pub(super) values: Vec<f32>,
-    /// How many are missing.
+    /// Number of missing values.
     pub(super) missing: usize,
 }
 
-/// The slices around an incident direction with their weights; those of weight 0 left out.
+/// Slices around an incident direction with their weights; weights of 0 are left out.
 struct Slices {
     entries: [(usize, f64); 4],
     count: usize,
 }
 
 impl DirectionalFunction for Model {
-    /// f in sr⁻¹, without the cosine. 0 where a direction lies below the surface or `wo` in it; `wi` in it is the limit
-    /// from above.
+    /// Writes f in sr⁻¹ without the cosine. The result is 0 if a direction is below the surface or `wo` is at the
+    /// horizon. A `wi` at the horizon gives the limit from above.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
         debug_assert_eq!(values.len(), self.channels, "one value a channel");
         let (wi, wo) = self.reduced(wi.xyz(), wo.xyz());
@@ -71,7 +72,7 @@ impl DirectionalFunction for Model {
             let u_i = [elevation_to_unit(theta_i), azimuth_to_unit(phi_i)];
             normals.at(u_m) / (4.0 * area.at(u_i))
         });
-        // D or σ of 0 say nothing about the surface there.
+        // D or σ of 0 leaves the value undefined.
         let factor = if factor.is_finite() { factor / wo[2] } else { f64::NAN };
         for value in values {
             *value *= factor;
@@ -80,8 +81,8 @@ impl DirectionalFunction for Model {
 }
 
 impl Model {
-    /// The mean distance in degrees between the outgoing directions of neighbouring nodes of the values: the geometric mean
-    /// over up to 16 × 16 places in up to 64 slices, which lie densest where the lobe is.
+    /// Returns the mean distance in degrees between the outgoing directions of neighbouring nodes. It is the geometric
+    /// mean over up to 16 × 16 positions in up to 64 slices; nodes are densest at the lobe.
     pub(super) fn spacing(&self) -> Option<f64> {
         const SLICES: usize = 64;
         const PLACES: usize = 16;
@@ -110,7 +111,7 @@ impl Model {
         (count > 0).then(|| (libm::exp(sum / count as f64) / (self.side - 1) as f64).to_degrees())
     }
 
-    /// The directions with `wi` in the azimuths that are stored.
+    /// Returns both directions rotated or mirrored so that the azimuth of `wi` is among the stored ones.
     fn reduced(&self, mut wi: Vector, mut wo: Vector) -> (Vector, Vector) {
         let (x, y) = match self.reduction {
             Reduction::None => return (wi, wo),
@@ -140,7 +141,7 @@ impl Model {
         slices
     }
 
-    /// The values at a place of the unit square, bilinear in it and linear between slices.
+    /// Interpolates at a point of the unit square: bilinear within a slice, linear between slices.
     fn interpolate(&self, slices: &Slices, [x, y]: [f64; 2], sums: &mut [f64]) {
         let ((i, a), (j, b)) = (cell(x, self.side), cell(y, self.side));
         sums.fill(0.0);
@@ -166,7 +167,7 @@ impl Slices {
     }
 }
 
-/// Elevation, precise near the normal, and azimuth −π..=π, in radians.
+/// Returns the elevation, precise near the normal, and the azimuth −π..=π, in radians.
 fn angles(d: Vector) -> (f64, f64) {
     let chord = norm(sub(d, [0.0, 0.0, 1.0]));
     (2.0 * libm::asin((0.5 * chord).min(1.0)), libm::atan2(d[1], d[0]))

@@ -1,4 +1,4 @@
-//! Refusals of tensor files, at a byte.
+//! Refusals of tensor files at a byte offset.
 
 use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind};

@@ -39,7 +39,7 @@ impl File {
         self.0.retain(|field| field.0 != name);
     }
 
-    /// The same for `azimuths` incident azimuths.
+    /// Builds the same file with `azimuths` incident azimuths.
     fn turned(azimuths: &[f32]) -> Self {
         let mut file = Self::plain();
         let n = azimuths.len();
@@ -92,7 +92,7 @@ fn at(modelled: &Modelled, wi: (f64, f64), wo: (f64, f64)) -> Vec<f64> {
     values
 }
 
-/// What makes a file wrong.
+/// Edit that makes a file invalid.
 type Change = fn(&mut File);
 
 fn refusal(file: &File) -> FormatError {

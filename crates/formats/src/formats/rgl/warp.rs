@@ -1,43 +1,44 @@
-//! The maths of the adaptive parameterisation: angles to the unit square, bilinear maps, marginal–conditional warps.
+//! Mathematics of the adaptive parameterisation: angles to the unit square, bilinear maps, marginal–conditional warps.
 //!
-//! Dupuy & Jakob 2018, *An Adaptive Parameterization for Efficient Material Acquisition and Rendering*, section 4. A point
-//! of the unit square is `[column, row]`, each 0..=1; a map holds its values at nodes, those on the rim included.
+//! Dupuy & Jakob 2018, *An Adaptive Parameterization for Efficient Material Acquisition and Rendering*, section 4. A
+//! point of the unit square is `[column, row]`, each 0..=1. A map holds values at nodes, including those on the
+//! boundary.
 
 use crate::numeric::bracket::Bracket;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Entries of a list of slices and their weights; those of weight 0 are left out.
+/// Indices of slices with their weights; weights of 0 are left out.
 pub(super) type Weighted<'a> = &'a [(usize, f64)];
 
-/// Weights nearer to 0 than this are rounding of an angle that lies on a node.
+/// Threshold below which a weight is rounding error of an angle on a node.
 const SNAP: f64 = 1e-9;
 
-/// The elevation (radians) to 0..=1: dense around the normal.
+/// Maps an elevation (radians) to 0..=1, densely around the normal.
 pub(super) fn elevation_to_unit(theta: f64) -> f64 {
     (theta / FRAC_PI_2).sqrt()
 }
 
-/// 0..=1 to the elevation in radians.
+/// Maps 0..=1 to an elevation in radians.
 pub(super) fn unit_to_elevation(u: f64) -> f64 {
     u * u * FRAC_PI_2
 }
 
-/// The azimuth (radians, −π..=π) to 0..=1.
+/// Maps an azimuth (radians, −π..=π) to 0..=1.
 pub(super) fn azimuth_to_unit(phi: f64) -> f64 {
     (phi + PI) / TAU
 }
 
-/// 0..=1 to the azimuth in radians.
+/// Maps 0..=1 to an azimuth in radians.
 pub(super) fn unit_to_azimuth(u: f64) -> f64 {
     (2.0 * u - 1.0) * PI
 }
 
-/// The nodes around `x` and their linear weights; held beyond the ends.
+/// Returns the nodes around `x` and their linear weights, clamped at the ends.
 pub(super) fn between(nodes: &[f64], x: f64) -> [(usize, f64); 2] {
     Bracket::held(nodes, x).snapped(SNAP).weights()
 }
 
-/// The cell of `u` (0..=1) between `nodes` nodes, and where it lies within.
+/// Returns the cell that contains `u` (0..=1) among `nodes` nodes, and the position within it.
 pub(super) fn cell(u: f64, nodes: usize) -> (usize, f64) {
     let scaled = u.clamp(0.0, 1.0) * (nodes - 1) as f64;
     let i = (scaled as usize).min(nodes - 2);
@@ -48,7 +49,7 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
     a + t * (b - a)
 }
 
-/// A bilinear function on the unit square.
+/// Bilinear function on the unit square.
 #[derive(Debug)]
 pub(super) struct Map {
     columns: usize,
@@ -57,7 +58,7 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// `values` row by row; at least two of each.
+    /// Creates a map from `values` row by row, with at least two rows and columns.
     pub(super) fn new(rows: usize, columns: usize, values: Vec<f32>) -> Self {
         debug_assert!(rows >= 2 && columns >= 2 && values.len() == rows * columns, "checked by the reader");
         Self { columns, rows, values }
@@ -70,23 +71,24 @@ impl Map {
     }
 }
 
-/// The warp between the unit square with a bilinear density and the uniform one, for each slice; between slices densities
-/// and their sums are mixed linearly with the same weights. Sums count cells as 1 wide and 1 high.
+/// Warp between the unit square with a bilinear density and the uniform square, for each slice. Between slices,
+/// densities and their sums are interpolated linearly with the same weights. Sums treat cells as 1 wide and 1 high.
 #[derive(Debug)]
 pub(super) struct Warp {
     columns: usize,
     rows: usize,
     density: Vec<f32>,
-    /// The sums along each row up to each node.
+    /// Cumulative sums along each row up to each node.
     conditional: Vec<f64>,
-    /// The sums over whole rows up to each row.
+    /// Cumulative sums over whole rows up to each row.
     marginal: Vec<f64>,
-    /// What a slice is divided by to be normalised.
+    /// Normalisation of each slice: the sum of its density.
     total: Vec<f64>,
 }
 
 impl Warp {
-    /// `density` slice by slice, row by row, nowhere negative; the first slice without any density is the error.
+    /// Creates a warp from a non-negative `density`, slice by slice and row by row. The error is the number of the
+    /// first slice with zero total density.
     pub(super) fn new(rows: usize, columns: usize, density: Vec<f32>) -> Result<Self, usize> {
         debug_assert!(rows >= 2 && columns >= 2, "checked by the reader");
         let mut conditional = Vec::with_capacity(density.len());
@@ -116,7 +118,7 @@ impl Warp {
         Ok(Self { columns, rows, density, conditional, marginal, total })
     }
 
-    /// Where the uniform square has the point that lies at `u` under the density; `None` where the row of `u` has none.
+    /// Maps a point under the density to the uniform square; `None` if the density of its row is 0.
     pub(super) fn invert(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let ((i, a), (j, b)) = (cell(x, self.columns), cell(y, self.rows));
         let rows = self.rows_at(slices, j);
@@ -133,7 +135,8 @@ impl Warp {
         Some([column, rows.before + b * mix(rows.mass[0], rows.mass[1], 0.5 * b)])
     }
 
-    /// The point under the density that lies at `s` of the uniform square, and the density there (it integrates to 1).
+    /// Maps a point of the uniform square to the point under the density. Also returns the density there, normalised to
+    /// integrate to 1.
     pub(super) fn warp(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
         let j = search(self.rows - 1, |j| self.rows_at(slices, j).before <= y);
         let rows = self.rows_at(slices, j);
@@ -160,7 +163,7 @@ impl Warp {
         }
     }
 
-    /// The mix over slices of a normalised number at a node.
+    /// Interpolates a normalised quantity at a node between slices.
     fn sum(&self, slices: Weighted<'_>, j: usize, i: usize, of: fn(&Self, usize) -> f64) -> f64 {
         slices.iter().map(|&(s, w)| w * of(self, (s * self.rows + j) * self.columns + i) / self.total[s]).sum()
     }
@@ -176,13 +179,13 @@ impl Warp {
 
 /// Two neighbouring rows of nodes.
 struct Rows {
-    /// The part of the whole that lies before the first.
+    /// Fraction of the total before the first row.
     before: f64,
-    /// The sums along them.
+    /// Sums along the two rows.
     mass: [f64; 2],
 }
 
-/// The last of `0..cells` that is `before`; the first if none is.
+/// Returns the last of `0..cells` for which `before` is true; 0 if it is never true.
 fn search(cells: usize, before: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, cells);
     while high - low > 1 {
@@ -192,8 +195,8 @@ fn search(cells: usize, before: impl Fn(usize) -> bool) -> usize {
     low
 }
 
-/// Where (0..=1) the integral of the linear density between `ends` reaches `area`, in the form that also holds where they
-/// are equal.
+/// Returns the position (0..=1) at which the integral of the linear density between `ends` reaches `area`. The formula
+/// is stable for equal ends.
 fn solve(area: f64, [start, end]: [f64; 2]) -> f64 {
     if start + end <= 0.0 || area <= 0.0 {
         return 0.0;

@@ -1,7 +1,8 @@
-//! A BRDF as a tensor file that the readers of RGL materials accept, without any fitting.
+//! Writes a BRDF as a tensor file that the readers of RGL materials accept, without any fitting.
 //!
-//! `ndf` is 4 and `sigma` 1 everywhere, so that the numbers are f · cos θo under any reader, `jacobian` or not. The density
-//! that plays the visible normals' part is half uniform and half the lobe's own light, so that narrow lobes have nodes.
+//! `ndf` is 4 and `sigma` 1 everywhere, so that the numbers are f · cos θo under any reader, whatever it does with
+//! `jacobian`. The density that replaces the visible normals is half uniform and half the lobe's own light, so that
+//! narrow lobes have nodes.
 
 use super::super::acquisition::{DirectionalFunction, Written, lifted};
 use super::super::error::{FormatError, FormatErrorKind};
@@ -14,32 +15,34 @@ use crate::domain::vector::{Vector, dot, scale, sub, unit};
 use crate::domain::{Direction, WavelengthGrid};
 use rayon::prelude::*;
 
-/// Where a function is sampled for a file.
+/// Sampling of a function for a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RglGrid {
     /// Incident elevations in degrees, 0..=90, strictly increasing.
     pub theta_i: Vec<f64>,
-    /// Incident azimuths in degrees from −180 to 180, both among them, strictly increasing; empty for an isotropic function,
+    /// Incident azimuths in degrees, strictly increasing, including both −180 and 180. Empty for an isotropic function,
     /// which is evaluated at azimuth 0.
     pub phi_i: Vec<f64>,
     /// Wavelengths in nm; `None` for the three channels of RGB.
     pub wavelengths: Option<WavelengthGrid>,
-    /// Nodes along a side of the square of values for each incident direction, at least 2; 32 to 128 are usual.
+    /// Nodes along a side of the square of values for each incident direction, at least 2; usually 32 to 128. More
+    /// nodes reduce the interpolation error.
     pub side: usize,
-    /// A text that readers show.
+    /// Description shown by readers.
     pub description: String,
 }
 
-/// Nodes along a side of the density.
+/// Number of nodes along a side of the density.
 const DENSITY_SIDE: usize = 64;
-/// The part of the density that is uniform.
+/// Fraction of the density that is uniform.
 const UNIFORM: f64 = 0.5;
-/// How far below the horizon f · cos is continued, as the cosine: interpolation at the horizon needs its neighbours.
+/// Depth below the horizon, as a cosine, down to which f · cos is continued; interpolation at the horizon needs nodes
+/// beyond it.
 const BELOW: f64 = 0.15;
 
-/// Writes `function`, which has as many channels as `grid`.
+/// Writes `function`, which has the channels of `grid`.
 ///
-/// Between nodes readers interpolate; the more nodes, the nearer to the function.
+/// Readers interpolate between nodes; more nodes reproduce the function more closely.
 pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
     let channels = grid.wavelengths.as_ref().map_or(3, WavelengthGrid::len);
     check(grid, channels)?;
@@ -63,7 +66,7 @@ pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<W
     file.later(if grid.wavelengths.is_some() { "spectra" } else { "rgb" }, &[p, t, channels, n, n]);
     file.add("jacobian", 1, &[1], Some(vec![1]));
     let Laid { mut bytes, mut rooms } = file.lay();
-    // The three large fields are written where they will stay.
+    // The three large fields are written in place.
     let mut rest = &mut bytes[..];
     let mut before = 0;
     let mut next = || {
@@ -137,13 +140,13 @@ struct Sampler<'a> {
     channels: usize,
 }
 
-/// Room for the f32 of one incident direction, little-endian.
+/// Output buffers for the f32 of one incident direction, little-endian.
 struct Slice<'a> {
-    /// `[row, column]`.
+    /// Density `[row, column]`.
     density: &'a mut [u8],
-    /// `[row, column]`.
+    /// Luminance `[row, column]`.
     luminance: &'a mut [u8],
-    /// `[channel, row, column]`.
+    /// Values `[channel, row, column]`.
     values: &'a mut [u8],
 }
 
@@ -152,9 +155,9 @@ fn put(room: &mut [u8], at: usize, value: f32) {
 }
 
 impl Sampler<'_> {
-    /// Fills one slice; how many numbers were missing, and how many negative.
+    /// Fills one slice; returns the numbers of missing and of negative values.
     fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<(usize, usize), FormatError> {
-        // Isotropic functions are stored relative to the incident azimuth, which is 0 then.
+        // Isotropic functions are stored relative to the incident azimuth, which is 0 here.
         let wi = Direction::from_degrees(theta, phi);
         let mut values = vec![0.0; self.channels];
         let density = self.density(wi, &mut values);
@@ -179,14 +182,14 @@ impl Sampler<'_> {
                 }
                 put(slice.values, channel * nodes + node, value);
             }
-            // Sampling by luminance after the warp: what the density does not account for; never 0 everywhere.
+            // Importance of the light not captured by the density; offset so that it is never 0 everywhere.
             let rest = mean(&values).max(0.0) * weight / density.max(1e-6);
             put(slice.luminance, node, (rest + 1e-6) as f32);
         }
         Ok((filled, clipped))
     }
 
-    /// The density of outgoing light over the square, one part uniform.
+    /// Returns the density of outgoing light over the square, including the uniform part.
     fn density(&self, wi: Direction, values: &mut [f64]) -> Vec<f32> {
         let d = DENSITY_SIDE;
         let light: Vec<f64> = (0..d * d)
@@ -202,13 +205,13 @@ impl Sampler<'_> {
             .collect();
         let total = light.iter().sum::<f64>() / light.len() as f64;
         let scale = if total > 0.0 && total.is_finite() { (1.0 - UNIFORM) / total } else { 0.0 };
-        // Values that are not finite are refused with their node later.
+        // Non-finite values are refused later, with their node.
         let density = |value: f64| if value.is_finite() { UNIFORM + value * scale } else { UNIFORM };
         light.into_iter().map(|value| density(value) as f32).collect()
     }
 
-    /// f · cos θo for a unit `wo`, continued below the horizon with the slope that it has there, f at least 0: readers take it
-    /// as it is. How many were missing, and how many negative.
+    /// Writes f · cos θo for a unit `wo`. Below the horizon it continues with the slope at the horizon. Negative f
+    /// becomes 0, because readers use the values unchecked. Returns the numbers of missing and of negative values.
     fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> (usize, usize) {
         self.function.evaluate(wi, lifted(wo), values);
         let cosine = wo[2].max(-BELOW);
@@ -226,7 +229,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// The outgoing direction whose microfacet lies at `u`, and its solid angle per area of the square, up to a factor.
+/// Returns the outgoing direction whose microfacet lies at `u`, and its solid angle per area of the square, up to a
+/// factor.
 fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
     let theta = unit_to_elevation(u[0]);
     let m = Direction::from_radians(theta, unit_to_azimuth(u[1])).xyz();
@@ -234,16 +238,16 @@ fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
     (unit(sub(scale(m, 2.0 * cosine), wi)), u[0] * libm::sin(theta) * cosine.max(0.0))
 }
 
-/// A field: its name, type and shape, and its data unless they come later.
+/// Field: name, type code, shape, and its data unless they are written later.
 type Entry = (&'static str, u8, Vec<usize>, Option<Vec<u8>>);
 
-/// A tensor file in the making.
+/// Tensor file under construction.
 #[derive(Default)]
 struct Tensors {
     fields: Vec<Entry>,
 }
 
-/// A file with room for the f32 that come later: where each field starts and how many bytes it takes, in order.
+/// File with reserved space for the f32 that are written later: offset and byte length of each field, in order.
 struct Laid {
     bytes: Vec<u8>,
     rooms: std::vec::IntoIter<(usize, usize)>,
@@ -259,12 +263,12 @@ impl Tensors {
         self.add(name, 10, shape, Some(values.iter().flat_map(|v| v.to_le_bytes()).collect()));
     }
 
-    /// A field of f32 that is filled later.
+    /// Adds a field of f32 that is filled later.
     fn later(&mut self, name: &'static str, shape: &[usize]) {
         self.add(name, 10, shape, None);
     }
 
-    /// The table, then the arrays at multiples of 8 bytes.
+    /// Writes the table, then the arrays at multiples of 8 bytes.
     fn lay(self) -> Laid {
         let entry = |(name, _, shape, _): &Entry| 13 + name.len() + 8 * shape.len();
         let size =
@@ -317,7 +321,7 @@ mod tests {
         }
     }
 
-    /// What makes a grid wrong.
+    /// Edit that makes a grid invalid.
     type Change = fn(&mut RglGrid);
 
     #[derive(Debug)]

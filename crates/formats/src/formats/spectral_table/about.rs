@@ -1,4 +1,4 @@
-//! The name of spectral tables in the table of formats, and what they are.
+//! Entry of spectral tables in the table of formats.
 
 use crate::formats::reader::Format;
 

@@ -1,9 +1,9 @@
-//! Cells of a line of text: what separates them, the numbers in them, and the spellings of a missing value.
+//! Cells of a line of text: separators, numbers, and the spellings of a missing value.
 
 use crate::domain::limits::MAX_ENTRIES;
 use crate::formats::text::{Token, number};
 
-/// What separates the cells of a row.
+/// Separator between the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::formats) enum Delimiter {
     Tab,
@@ -13,7 +13,7 @@ pub(in crate::formats) enum Delimiter {
 }
 
 impl Delimiter {
-    /// In the order tried.
+    /// All delimiters in the order in which they are tried.
     pub(in crate::formats) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
 
     pub(in crate::formats) fn dialect(self) -> &'static str {
@@ -25,7 +25,7 @@ impl Delimiter {
         }
     }
 
-    /// The separating byte; one of several for blanks.
+    /// Returns the separating byte; a blank may be repeated.
     pub(in crate::formats) fn byte(self) -> u8 {
         match self {
             Self::Tab => b'\t',
@@ -35,7 +35,7 @@ impl Delimiter {
         }
     }
 
-    /// The cells of `line`, without the blanks around them.
+    /// Splits `line` into cells and trims the blanks around them.
     pub(in crate::formats) fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
         let separates = |c: char| match self {
             Self::Tab => c == '\t',
@@ -53,18 +53,18 @@ impl Delimiter {
                 let offset = start + cell.len() - cell.trim_start().len();
                 Token { text: cell.trim(), offset }
             })
-            // A delimiter at the end opens one more, empty cell.
+            // A trailing delimiter adds an empty cell.
             .chain(
                 (self != Self::Blank && line.text.ends_with(separates))
                     .then(|| Token { text: "", offset: line.offset + line.text.len() }),
             )
             .filter(|cell| self != Self::Blank || !cell.text.is_empty())
-            // One more than a row may have with its wavelength: enough to refuse it.
+            // One cell more than a row may have, so that longer rows are refused.
             .take(MAX_ENTRIES + 2)
             .collect()
     }
 
-    /// The number in a cell; a comma is the decimal mark wherever it does not separate cells.
+    /// Parses the number in a cell. A comma is a decimal mark unless it separates cells.
     pub(in crate::formats) fn number(self, cell: &str) -> Option<f64> {
         number(cell).or_else(|| {
             let decimal_comma = self != Self::Comma && !cell.contains('.') && cell.matches(',').count() == 1;
@@ -72,12 +72,12 @@ impl Delimiter {
         })
     }
 
-    /// How many cells `line` has if it is a row of numbers (missing values allowed after the first).
+    /// Returns the number of cells if `line` is a row of numbers (missing values allowed after the first).
     pub(in crate::formats) fn numeric_cells(self, line: Token<'_>) -> Option<usize> {
         let cells = self.cells(line);
         let numeric = self.number(cells.first()?.text).is_some()
             && cells.iter().all(|cell| {
-                // Between blanks a dash may stand for "to": `380 - 780`.
+                // Between blanks a dash may mean "to": `380 - 780`.
                 let is_dash = self == Self::Blank && cell.text == "-";
                 self.number(cell.text).is_some() || (is_missing(cell.text) && !is_dash)
             });
@@ -104,13 +104,13 @@ const MISSING: [&str; 15] = [
     "#n/a",
 ];
 
-/// Returns true for a cell that holds no value: blank, NaN or dashes.
+/// Returns true for a cell without a value: blank, NaN or dashes.
 pub(in crate::formats) fn is_missing(cell: &str) -> bool {
     cell.is_empty() || MISSING.iter().any(|spelling| cell.eq_ignore_ascii_case(spelling))
 }
 
-/// The end of a missing value, `nan` or dashes, that starts at `at`, or `at` itself where the cell is blank; `None` for
-/// any other cell. Only the spellings that whole columns have: [`is_missing`] knows the others.
+/// Returns the end of a missing value (`nan` or dashes) at `at`, or `at` itself for a blank cell; `None` for any other
+/// cell. Covers only the spellings that fill whole columns; [`is_missing`] covers the others.
 #[inline]
 pub(in crate::formats) fn missing_end(text: &[u8], at: usize) -> Option<usize> {
     match text.get(at..)? {
@@ -121,12 +121,12 @@ pub(in crate::formats) fn missing_end(text: &[u8], at: usize) -> Option<usize> {
     }
 }
 
-/// Returns true for a line with letters; rows of numbers have none but that of an exponent.
+/// Returns true for a line with letters other than the `e` of an exponent.
 pub(in crate::formats) fn has_words(line: &str) -> bool {
     line.bytes().any(|byte| byte.is_ascii_alphabetic() && !matches!(byte, b'e' | b'E'))
 }
 
-/// A cell without the quotes around it, cut to a length that a name may have.
+/// Returns a cell without its quotes, truncated to the maximum length of a name.
 pub(in crate::formats) fn unquoted(cell: &str) -> String {
     cell.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(cell).trim().chars().take(256).collect()
 }

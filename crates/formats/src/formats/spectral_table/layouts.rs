@@ -1,4 +1,4 @@
-//! Layouts of tables: which of them a text has, and the table that it becomes.
+//! Layouts of spectral tables: recognition, and choice of the parser.
 
 use super::about::NAME;
 use super::cells::Delimiter;
@@ -13,18 +13,18 @@ use crate::formats::error::FormatError;
 use crate::formats::reader::HEAD_BYTES;
 use crate::formats::text::{Source, Token};
 
-/// How much the beginning of a file looks like a table: rows of numbers, or one column of them.
+/// Returns the confidence that the head of a file is a table: rows of numbers, or one column of them.
 pub(in crate::formats) fn probe(head: &str) -> u8 {
-    // Any format name does: no message of this source is shown.
+    // The format name is irrelevant, because no message of this source is shown.
     let source = Source::decode(head.as_bytes(), NAME);
     let data = library::data_offset(&source);
     let mut lines: Vec<Token<'_>> =
         contents(&source).skip_while(|line| line.offset < data).take(MAX_PREAMBLE + 1).collect();
     if lines.len() > 1 && head.len() >= HEAD_BYTES / 2 {
-        // The last line may be cut.
+        // The head may cut the last line.
         lines.pop();
     }
-    // A spectral library's file without rows is one that was cut.
+    // A spectral library's file without rows was cut.
     if data > 0
         || delimiter(&lines).is_some()
         || are_pairs(lines.iter().copied())
@@ -37,12 +37,12 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
     if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
 }
 
-/// Whether the beginning of a file has a row of wavelengths, with a spectrum in each row beneath.
+/// Returns true if the head of a file has a row of wavelengths with a spectrum in each row beneath.
 pub(in crate::formats) fn holds_wide(head: &str) -> bool {
     is_wide(contents(&Source::decode(head.as_bytes(), NAME)))
 }
 
-/// The table of a text in whichever of the layouts it has.
+/// Reads the table of a text in whichever layout it has.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
     if let Some(table) = pairs::read(source, report) {
         return Ok(table);

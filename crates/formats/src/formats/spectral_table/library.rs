@@ -1,39 +1,39 @@
-//! Files of the ASTER and ECOSTRESS spectral libraries: labelled lines such as `X Units: Wavelength (micrometers)`, then
-//! pairs of numbers.
+//! Files of the ASTER and ECOSTRESS spectral libraries: labelled lines such as `X Units: Wavelength (micrometers)`,
+//! then pairs of numbers.
 
 use crate::domain::Quantity;
 use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::text::{Source, Token, number};
 
-/// Lines in which the labels are looked for: files have 20 to 30 of them.
+/// Number of lines searched for labels; files have 20 to 30 of them.
 const LOOKED_AT: usize = 200;
-/// Characters of a value that are kept.
+/// Number of characters kept of a value.
 const LONGEST: usize = 4096;
-/// Labels behind the last of which the data begin.
+/// Labels after which the data begin.
 const LAST_LABELS: [&str; 5] = ["X Units", "Y Units", "First X Value", "Last X Value", "Number of X Values"];
 
-/// The labels of a library's file.
+/// Labels of a spectral library's file.
 pub(in crate::formats) struct Library {
-    /// Every label and its value, lines without a label joined to the one before.
+    /// Labels with their values; a line without a label continues the previous one.
     pub(super) fields: Vec<(String, String)>,
-    /// The value of `X Units`.
+    /// Value of `X Units`.
     pub(super) x_units: String,
-    /// The value of `Y Units`, lower case.
+    /// Value of `Y Units`, in lower case.
     y_units: String,
-    /// Where the first line that may be data begins.
+    /// Byte offset of the first line that can be data.
     pub(super) data: usize,
 }
 
-/// The label of a line and what follows it.
+/// Returns the label of a line and the text after it.
 fn labelled(line: Token<'_>) -> Option<(&str, &str)> {
     let (label, value) = line.text.split_once(':')?;
     let label = label.trim_end();
-    // A line of prose that goes on may hold a colon, too.
+    // A continued line of prose may contain a colon, too.
     let is_label = label.len() <= 40 && label.starts_with(|c: char| c.is_ascii_alphabetic()) && !label.contains(". ");
     is_label.then_some((label, value.trim()))
 }
 
-/// Where the data of a library's file begin; 0 in any other text.
+/// Returns the byte offset of the data in a spectral library's file; 0 for any other text.
 pub(super) fn data_offset(source: &Source) -> usize {
     let (mut data, mut found) = (0, [false; LAST_LABELS.len()]);
     let mut lines = source.lines();
@@ -47,7 +47,7 @@ pub(super) fn data_offset(source: &Source) -> usize {
     if found[0] && found[1] { data } else { 0 }
 }
 
-/// The labels of a text that has both `X Units` and `Y Units`.
+/// Returns the labels of a text that has both `X Units` and `Y Units`.
 pub(super) fn read(source: &Source) -> Option<Library> {
     let data = data_offset(source);
     if data == 0 {
@@ -73,19 +73,20 @@ pub(super) fn read(source: &Source) -> Option<Library> {
 }
 
 impl Library {
-    /// The quantity of the values: reflectances and transmittances are called so, emissivities and all else are spectra.
+    /// Returns the quantity of the values: reflectance for reflectances and transmittances, spectrum for emissivities
+    /// and all else.
     pub(super) fn quantity(&self) -> Quantity {
-        // "Reflectence", "Transmisson": the libraries' own spellings differ.
+        // The libraries also write "Reflectence" and "Transmisson".
         let is_factor = ["reflect", "transm"].iter().any(|stem| self.y_units.contains(stem));
         if is_factor { Quantity::Reflectance } else { Quantity::Spectrum }
     }
 
-    /// Returns true where `Y Units` says percent.
+    /// Returns true if `Y Units` states percent.
     pub(super) fn is_percent(&self) -> bool {
         self.y_units.contains("percent") || self.y_units.contains('%')
     }
 
-    /// Compares the number of rows with the one stated, and points at what a bidirectional reflectance may be.
+    /// Checks the stated number of rows, and warns of a possible bidirectional reflectance.
     pub(super) fn check(&self, rows: usize, report: &mut ParseReport) {
         let value = |label: &str| {
             let found = self.fields.iter().find(|(found, _)| found.eq_ignore_ascii_case(label));

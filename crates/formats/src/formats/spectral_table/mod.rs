@@ -1,7 +1,7 @@
-//! Spectral tables: wavelengths and one or more columns of values as text, from CSV to instrument exports.
+//! Spectral tables: text with wavelengths and one or more columns of values, from CSV to instrument exports.
 //!
-//! Gives `[lambda]`, or `[index, lambda]` for several columns; a missing value is masked, a negative one is kept.
-//! Reflectance factors (BRF, HCRF) are divided by π: a BRDF in 1/sr without its directions.
+//! The result is `[lambda]`, or `[index, lambda]` for several columns. A missing value is masked; a negative one is
+//! kept. Reflectance factors (BRF, HCRF) are divided by π, which gives a BRDF in 1/sr without its directions.
 
 mod about;
 pub(super) mod cells;
@@ -86,7 +86,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 
 const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];
 
-/// Refuses one row of figures with names of their own (CCT, CRI, illuminance): no spectrum has one wavelength and many columns.
+/// Refuses a single row of named figures (CCT, CRI, illuminance): a spectrum does not have one wavelength and many
+/// columns.
 fn refuse_summary(table: &Table, how: &Interpretation) -> Result<(), FormatError> {
     const FEWEST: usize = 2;
     let Some(first) = table.wavelength_name.as_deref().filter(|name| !wavelength_unit::names_wavelength(name)) else {
@@ -144,8 +145,8 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
     Ok(Spectrum)
 }
 
-/// Returns true where the columns, or the text around the table, are called reflectance factors; refuses a table of which
-/// only some columns are.
+/// Returns true if the columns or the text around the table name reflectance factors. Refuses a table in which only
+/// some columns are factors.
 fn holds_factors(table: &Table) -> Result<bool, FormatError> {
     let (factors, others): (Vec<&String>, Vec<&String>) = table.names.iter().partition(|name| names_factor(name));
     match (factors.first(), others.first()) {
@@ -176,7 +177,7 @@ fn unit(stated: StatedQuantity, how: &Interpretation) -> Result<Unit, FormatErro
     }
 }
 
-/// Converts the wavelengths to nm and both axes to increasing order.
+/// Converts the wavelengths to nm and sorts rows by increasing wavelength.
 fn wavelengths(
     table: &mut Table,
     how: &Interpretation,
@@ -218,8 +219,8 @@ fn wavelengths(
     WavelengthGrid::listed(nanometres).map_err(|e| FormatError::new(FormatErrorKind::Malformed, NAME, e.to_string()))
 }
 
-/// Reflectance and transmittance in percent become fractions; a spectrum that is relative anyhow stays as it is. Factors
-/// of shiny samples exceed 1.5: only the header tells percent.
+/// Converts reflectance and transmittance in percent to fractions; a relative spectrum is unchanged. Reflectance
+/// factors of glossy samples exceed 1.5, so that percent is taken from the header only.
 fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) {
     let in_percent = |name: &String| name.contains('%') || name.to_lowercase().contains("percent");
     let declared =
@@ -249,7 +250,7 @@ fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) 
     }
 }
 
-/// Counts what is missing and what is negative.
+/// Reports the numbers of missing and of negative values.
 fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(), FormatError> {
     let masked = table.values.iter().filter(|v| v.is_nan()).count();
     if masked == table.values.len() {

@@ -1,18 +1,18 @@
-//! Spectra with several pairs of wavelength and value on a line, as renderers read them (`.spd` of pbrt).
+//! Spectra with several pairs of wavelength and value per line, as renderers read them (`.spd` of pbrt).
 
 use super::lines::{contents, split_comment};
 use super::table::Table;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, Tokens, number};
 
-/// Wavelengths of such spectra, in nm.
+/// Plausible wavelengths of such spectra, in nm.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 
-/// A wavelength with its place, and the value there.
+/// Wavelength with its byte offset, and the value.
 type Pair = ((f64, usize), f32);
 
-/// The pairs on lines of an even number of numbers, at least four on the first: no table has wavelengths that increase
-/// along a line and on to the next one.
+/// Returns the pairs if every line has an even number of numbers, the first at least four, and wavelengths increase
+/// along and across lines. No other table does.
 fn pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Vec<Pair>> {
     let mut pairs: Vec<Pair> = Vec::new();
     for line in lines {
@@ -29,12 +29,12 @@ fn pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Vec<Pair>> {
     (!pairs.is_empty()).then_some(pairs)
 }
 
-/// Whether lines are pairs.
+/// Returns true if the lines consist of pairs.
 pub(in crate::formats) fn are_pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
     pairs(lines).is_some()
 }
 
-/// The table of a text of pairs; `None` where it is another.
+/// Returns the table of a text of pairs; `None` for any other text.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Option<Table> {
     let (wavelengths, values) = pairs(contents(source))?.into_iter().unzip();
     let mut prose = String::new();

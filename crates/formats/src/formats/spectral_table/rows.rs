@@ -1,4 +1,4 @@
-//! Lines of text → the rows of a table: delimiter, decimal mark, header and comments found from the content.
+//! Parser of tables with one row per wavelength. Delimiter, decimal mark, header and comments follow from the content.
 
 use super::about::NAME;
 use super::cells::{Delimiter, is_missing, missing_end, unquoted};
@@ -12,11 +12,12 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::number::decimal;
 use crate::formats::text::{Source, Token, snippet};
 
-/// Lines looked at for the delimiter, and before the first row of numbers.
+/// Upper bounds on the lines searched for the delimiter, and on those before the first row of numbers.
 const LOOKED_AT: usize = 20;
 pub(super) const MAX_PREAMBLE: usize = 1000;
 
-/// The first delimiter under which the first numeric lines have one count of at least 2 cells, and this count.
+/// Returns the first delimiter under which the first numeric lines have an equal number of at least 2 cells, and that
+/// number.
 pub(super) fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     Delimiter::ALL.into_iter().find_map(|delimiter| {
         let width = |line: &Token<'_>| delimiter.numeric_cells(*line);
@@ -81,11 +82,11 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
 
 struct Parser<'a> {
     delimiter: Delimiter,
-    /// Cells of a row.
+    /// Number of cells in a row.
     width: usize,
     source: &'a Source,
     library: Option<Library>,
-    /// Lines before the first row: text, and whether it was a comment.
+    /// Lines before the first row: text, and true for a comment.
     preamble: Vec<(Token<'a>, bool)>,
     prose: String,
     heading: String,
@@ -98,7 +99,7 @@ impl<'a> Parser<'a> {
         if comment.trim().is_empty() {
             return;
         }
-        // A comment inside the data says nothing about the columns.
+        // A comment within the data does not describe the columns.
         if self.table.is_none() && self.preamble.len() < MAX_PREAMBLE {
             report.metadata.push(("comment".to_owned(), comment.trim().chars().take(4096).collect()));
             if content.text.trim().is_empty() {
@@ -113,7 +114,7 @@ impl<'a> Parser<'a> {
     fn content(&mut self, line: Token<'a>, report: &mut ParseReport) -> Result<(), FormatError> {
         let cells = self.delimiter.cells(line);
         if self.table.is_none() {
-            // A row begins the data even if it holds something that is no number: that is an error, not a header.
+            // A row begins the data even with a non-numeric cell: that is an error, not a header.
             let is_row = cells.len() == self.width && self.delimiter.number(cells[0].text).is_some();
             if !is_row || self.library.as_ref().is_some_and(|library| line.offset < library.data) {
                 if self.preamble.len() < MAX_PREAMBLE {
@@ -157,7 +158,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Refuses more values than a table may have, all of them before `offset`.
+    /// Refuses more values than a table may have; `offset` follows the last of them.
     fn check_limit(&self, offset: usize) -> Result<(), FormatError> {
         if self.table.as_ref().is_none_or(|table| table.values.len() <= MAX_SAMPLES) {
             return Ok(());
@@ -166,7 +167,7 @@ impl<'a> Parser<'a> {
         Err(self.source.error(FormatErrorKind::OverLimit, offset, message))
     }
 
-    /// Begins the table: the last line before it is its header if it has as many cells.
+    /// Starts the table. The last line before it is the header if its cell count matches.
     fn start(&mut self, report: &mut ParseReport) -> Result<Table, FormatError> {
         let width = self.width;
         if width - 1 > MAX_ENTRIES {
@@ -210,7 +211,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Refuses rows whose decimal commas cannot be told from those between cells: half as many names as cells.
+    /// Refuses rows whose decimal commas cannot be distinguished from separators: half as many names as cells.
     fn refuse_decimal_commas(&self) -> Result<(), FormatError> {
         let Some((line, _)) = self.preamble.last().filter(|_| self.delimiter == Delimiter::Comma) else {
             return Ok(());
@@ -229,7 +230,7 @@ impl<'a> Parser<'a> {
         Err(self.source.malformed(line.offset, message))
     }
 
-    /// The names of the columns: the last line before the data if it has as many cells, with the units beneath them.
+    /// Returns the column names: the last line before the data with a matching cell count, with the units beneath it.
     fn header(&mut self) -> Option<Vec<String>> {
         let cells = |line: Token<'_>| -> Option<Vec<String>> {
             let cells = self.delimiter.cells(line);
@@ -265,8 +266,8 @@ impl<'a> Parser<'a> {
 }
 
 impl Table {
-    /// Takes rows of plain finite numbers in one pass from `at` on; where the first line starts that is another, or that
-    /// is one too many.
+    /// Parses rows of plain finite numbers in one pass from `at` on. Returns the offset of the first line that is not
+    /// such a row or exceeds the limit.
     fn push_plain(&mut self, text: &[u8], mut at: usize, delimiter: Delimiter) -> usize {
         while self.values.len() <= MAX_SAMPLES {
             let first = self.values.len();
@@ -280,7 +281,8 @@ impl Table {
         at
     }
 
-    /// Appends the values of the row that starts at `at`: its wavelength with its place, and where the next line starts.
+    /// Parses the row at `at` and appends its values. Returns its wavelength with the byte offset, and the offset of
+    /// the next line.
     #[inline]
     fn plain_row(&mut self, text: &[u8], at: usize, delimiter: Delimiter) -> Option<((f64, usize), usize)> {
         let separator = delimiter.byte();
@@ -306,7 +308,7 @@ impl Table {
             let (value, next) = if let Some(found) = decimal(text, at) {
                 found
             } else {
-                // Without a delimiter a cell cannot be blank.
+                // Between blanks a cell cannot be empty.
                 let end = missing_end(text, at).filter(|&end| end > at || delimiter != Delimiter::Blank)?;
                 (f64::NAN, end)
             };
@@ -327,7 +329,7 @@ impl Table {
         Some(((wavelength, place), end + mark))
     }
 
-    /// A delimiter at the end of every row makes a nameless column without a value.
+    /// Removes the nameless empty column that a delimiter at the end of every row creates.
     fn drop_empty_columns(&mut self, report: &mut ParseReport) {
         let columns = self.names.len();
         let nameless = self.names[columns - 1].is_empty() || self.wavelength_name.is_none();
@@ -340,7 +342,7 @@ impl Table {
     }
 }
 
-/// Returns true for a cell of a row of units such as `[nm]`, `(%)` or `counts`, blank cells among them.
+/// Returns true for a cell of a row of units such as `[nm]`, `(%)` or `counts`, or a blank cell.
 fn is_unit(cell: &str) -> bool {
     const BARE: [&str; 12] = ["nm", "um", "µm", "cm-1", "%", "a.u.", "counts", "w", "w/nm", "mw/nm", "sr-1", "1/sr"];
     let bracketed = |open, close| cell.starts_with(open) && cell.ends_with(close);

@@ -1,4 +1,4 @@
-//! Lists of one wavelength a line with its unit behind the number (`380nm` and a value), as LI-COR and `UPRtek` instruments
+//! Lists of one wavelength per line with its unit attached (`380nm` and a value), as LI-COR and `UPRtek` instruments
 //! save them, with named figures before and after.
 
 use super::cells::{Delimiter, is_missing, unquoted};
@@ -9,19 +9,19 @@ use crate::formats::acquisition::{NoteKind, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
 
-/// Lines that follow each other and make a list.
+/// Lower bound on the consecutive lines that form a list.
 const FEWEST: usize = 3;
-/// Named figures that are kept as metadata.
+/// Upper bound on the named figures kept as metadata.
 const MAX_FIGURES: usize = 1000;
 
-/// The wavelength of a cell such as `380nm`, in nm.
+/// Returns the wavelength of a cell such as `380nm`, in nm.
 fn wavelength(cell: &str) -> Option<f64> {
     let digits = cell.get(..cell.len().checked_sub(2)?)?;
     cell.get(digits.len()..)?.eq_ignore_ascii_case("nm").then_some(())?;
     number(&digits.trim_end().replace(',', ".")).filter(|nm| (1.0..=1e6).contains(nm))
 }
 
-/// Returns true for a line that begins with a number and `n`; looks at its first characters only, as it is asked of
+/// Returns true for a line that begins with a number and `n`. Checks its first characters only, because it runs on
 /// every line of other tables.
 fn may_begin(line: &str) -> bool {
     const LONGEST: usize = 24;
@@ -31,7 +31,7 @@ fn may_begin(line: &str) -> bool {
         && matches!(head.iter().take(LONGEST).find(|byte| !is_part(byte)), Some(b'n' | b'N'))
 }
 
-/// The cells of a line of the list: a wavelength, then at least one value or missing value.
+/// Returns the cells of a list line: a wavelength, then at least one value or missing value.
 fn row(delimiter: Delimiter, line: Token<'_>) -> Option<(f64, Vec<Token<'_>>)> {
     may_begin(line.text).then_some(())?;
     let cells = delimiter.cells(line);
@@ -40,7 +40,7 @@ fn row(delimiter: Delimiter, line: Token<'_>) -> Option<(f64, Vec<Token<'_>>)> {
     (cells.len() > 1 && cells[1..].iter().all(is_value)).then_some((nm, cells))
 }
 
-/// The delimiter of the list, and how many cells its lines have.
+/// Returns the delimiter of the list, and the number of cells per line.
 fn form(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     Delimiter::ALL.into_iter().find_map(|delimiter| {
         let (mut width, mut count) = (0, 0);
@@ -56,12 +56,12 @@ fn form(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     })
 }
 
-/// Returns true for lines among which such a list is.
+/// Returns true if the lines contain such a list.
 pub(super) fn is_list(lines: &[Token<'_>]) -> bool {
     form(lines).is_some()
 }
 
-/// The table of such a list; `None` where the text has none.
+/// Returns the table of such a list; `None` if the text has none.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
     const LOOKED_AT: usize = 1000;
     let looked_at: Vec<Token<'_>> = contents(source).take(LOOKED_AT).collect();

@@ -1,30 +1,30 @@
-//! A table as written: wavelengths, columns of values with their names, and the text around them.
+//! Table as written: wavelengths, named columns of values, and the text around them.
 
 use super::about::NAME;
 use super::library::Library;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// A table as written: wavelengths with their place in the text, values row by row.
+/// Table as written: wavelengths with their byte offsets, and values row by row.
 pub(in crate::formats) struct Table {
     pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
-    /// `[row, column]`; NaN = missing.
+    /// Values `[row, column]`; NaN = missing.
     pub(in crate::formats) values: Vec<f32>,
-    /// One name for each column of values.
+    /// Name of each column of values.
     pub(in crate::formats) names: Vec<String>,
-    /// The name of the first column, if there is a header.
+    /// Name of the first column, if there is a header.
     pub(super) wavelength_name: Option<String>,
-    /// All text around the numbers but the row of names, lower case.
+    /// Text around the numbers except the row of names, in lower case.
     pub(super) prose: String,
-    /// The row of names, lower case.
+    /// Row of names, in lower case.
     pub(super) heading: String,
-    /// The labels of a spectral library's file, if it is one.
+    /// Labels of a spectral library's file, if it is one.
     pub(super) library: Option<Library>,
     pub(in crate::formats) dialect: &'static str,
 }
 
 impl Table {
-    /// Whether the header or the comments, in lower case, are as `said` looks for.
+    /// Returns true if `said` accepts the header or the comments, both in lower case.
     pub(in crate::formats) fn says(&self, said: impl Fn(&str) -> bool) -> bool {
         said(&self.prose) || said(&self.heading)
     }
@@ -55,7 +55,7 @@ impl Table {
         Ok(())
     }
 
-    /// The names of the first columns.
+    /// Returns the names of the first columns, for messages.
     pub(in crate::formats) fn column_list(&self) -> String {
         const SHOWN: usize = 8;
         let mut list = self.names.iter().take(SHOWN).map(|name| snippet(name)).collect::<Vec<_>>().join(", ");

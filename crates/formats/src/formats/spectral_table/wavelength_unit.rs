@@ -1,4 +1,4 @@
-//! The unit of a column of wavelengths: as asked, as the header says, else as the numbers look.
+//! Unit of a column of wavelengths: from the option, else the header, else the range of the numbers.
 
 use super::about::NAME;
 use crate::formats::acquisition::{NoteKind, ParseReport};
@@ -6,7 +6,7 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
 
-/// What the first column counts.
+/// Unit of the first column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::formats) enum WavelengthUnit {
     Nanometre,
@@ -31,7 +31,7 @@ impl WavelengthUnit {
     pub(in crate::formats) fn to_nanometres(self, value: f64) -> f64 {
         match self {
             Self::Nanometre => value,
-            // 0.55 um is 550 nm, not 550.0000000000001: the last bit of the product is no information.
+            // Rounded, because 0.55 um is 550 nm, not 550.0000000000001.
             Self::Micrometre => {
                 let product = value * 1000.0;
                 let rounded = (product * 1e6).round() / 1e6;
@@ -54,7 +54,7 @@ impl WavelengthUnit {
         }
     }
 
-    /// The unit in a column name such as `Wavelength (nm)`, `lambda_um` or `wavenumber [cm-1]`.
+    /// Returns the unit in a column name such as `Wavelength (nm)`, `lambda_um` or `wavenumber [cm-1]`.
     pub(super) fn of_header(name: &str) -> Option<Self> {
         let separators =
             |c: char| c.is_whitespace() || matches!(c, '(' | ')' | '[' | ']' | '_' | ',' | ':' | '{' | '}');
@@ -62,21 +62,21 @@ impl WavelengthUnit {
     }
 }
 
-/// Returns true for the name of a column of wavelengths or wavenumbers: by its unit, or by what it is called.
+/// Returns true for the name of a column of wavelengths or wavenumbers, by its unit or its words.
 pub(in crate::formats) fn names_wavelength(name: &str) -> bool {
     let lower = name.to_lowercase();
     let words = ["wave", "lambda", "λ", "wellenl"];
     WavelengthUnit::of_header(name).is_some() || lower == "wl" || words.iter().any(|word| lower.contains(word))
 }
 
-/// A word in brackets at the end of a name, which is meant as its unit: `Wavelength (furlongs)`.
+/// Returns the bracketed word at the end of a name, which is meant as a unit: `Wavelength (furlongs)`.
 fn bracketed(name: &str) -> Option<&str> {
     let open = name.trim_end().strip_suffix([')', ']'])?;
     let unit = open.rsplit(['(', '[']).next()?.trim();
     (unit.len() < open.len() && !unit.is_empty() && unit.chars().all(char::is_alphabetic)).then_some(unit)
 }
 
-/// The unit of monotone `values`, first column of a table with the header `name`.
+/// Returns the unit of monotone `values`, the first column of a table with the header `name`.
 pub(super) fn of(
     values: &[f64],
     name: Option<&str>,
@@ -106,7 +106,7 @@ pub(super) fn of(
     } else if within(1500.0, 30_000.0) && first <= last {
         WavelengthUnit::Angstrom
     } else if within(400.0, 50_000.0) && first > last {
-        // Spectrometers that count wavenumbers list them falling, so that wavelengths increase.
+        // Spectrometers list wavenumbers in decreasing order, so that wavelengths increase.
         WavelengthUnit::Wavenumber
     } else {
         return Err(needs(format!(

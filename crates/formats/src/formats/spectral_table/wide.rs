@@ -1,5 +1,5 @@
-//! Spectra with one row for each sample and one column for each wavelength, as instruments export them (`380nm`, `R380`,
-//! or the bare number).
+//! Spectra with one row per sample and one column per wavelength, as instruments export them (`380nm`, `R380`, or the
+//! bare number).
 
 use super::cells::{Delimiter, has_words, is_missing, unquoted};
 use super::lines::{contents, split_comment};
@@ -11,21 +11,21 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
 use crate::formats::turned::turned;
 
-/// Columns of wavelengths that make a row of names one of spectra.
+/// Lower bound on the wavelength columns of a row of names.
 const FEWEST: usize = 3;
-/// Lines before the data in which names are looked for.
+/// Number of lines before the data searched for names.
 const LOOKED_AT: usize = 100;
-/// Rows beneath bare numbers that tell wavelengths from a first row of values.
+/// Number of rows beneath bare numbers that are examined to distinguish wavelengths from a first row of values.
 const ROWS_LOOKED_AT: usize = 20;
-/// What stands before a wavelength in nm.
+/// Prefixes of a wavelength in nm.
 const PREFIXES: [&str; 5] = ["spectral_nm", "spec_", "nm_", "nm", "r"];
-/// Wavelengths in nm, in µm and wavenumbers in 1/cm that bare numbers are taken for.
+/// Ranges of bare numbers that are taken for wavelengths in nm and µm and for wavenumbers in 1/cm.
 const NANOMETRES: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 const MICROMETRES: std::ops::RangeInclusive<f64> = 0.2..=25.0;
 const WAVENUMBERS: std::ops::RangeInclusive<f64> = 400.0..=50_000.0;
-/// Columns of micrometres: fewer whole or broken numbers are replicates, depths or angles.
+/// Lower bound on columns in micrometres: fewer numbers are replicates, depths or angles.
 const FEWEST_MICROMETRES: usize = 5;
-/// Names of a first column that numbers samples, whose numbers may look like wavelengths.
+/// Names of a first column that identifies samples, whose numbers may look like wavelengths.
 const IDENTIFIERS: [&str; 16] = [
     "sample",
     "samples",
@@ -45,7 +45,7 @@ const IDENTIFIERS: [&str; 16] = [
     "scan",
 ];
 
-/// The wavelength of a column such as `380nm`, `R380`, `SPEC_380` or `nm380`.
+/// Returns the wavelength of a column such as `380nm`, `R380`, `SPEC_380` or `nm380`.
 fn wavelength(name: &str) -> Option<f64> {
     let name = name.to_lowercase();
     let before = PREFIXES.iter().find_map(|prefix| name.strip_prefix(prefix));
@@ -55,13 +55,13 @@ fn wavelength(name: &str) -> Option<f64> {
     number(digits.unwrap_or(rest)).filter(|nm| NANOMETRES.contains(nm))
 }
 
-/// The row of names, what separates its cells, and where their wavelengths are.
+/// Row of names, with its delimiter and the cells that are wavelengths.
 struct Names {
     delimiter: Delimiter,
     cells: usize,
-    /// The number of the cell, the wavelength, and its place.
+    /// Cell number, wavelength, and byte offset of each.
     columns: Vec<(usize, f64, usize)>,
-    /// The name of the axis, which may hold its unit.
+    /// Name of the wavelength axis, which may contain its unit.
     axis: Option<String>,
     offset: usize,
 }
@@ -69,7 +69,7 @@ struct Names {
 fn names<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Names> {
     let lines: Vec<Token<'_>> = lines.take(LOOKED_AT + ROWS_LOOKED_AT).collect();
     lines.iter().take(LOOKED_AT).enumerate().find_map(|(i, line)| {
-        // Bare numbers have a name before them, or are the first line of all.
+        // Bare numbers must follow a name or be on the first line.
         let begins = line.text.trim_start().starts_with(|c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.'));
         if begins && i > 0 && !has_words(line.text) {
             return None;
@@ -82,7 +82,7 @@ fn names<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Names> {
     })
 }
 
-/// Names with a unit or letter, such as `380nm` or `R380`.
+/// Parses names with a unit or letter, such as `380nm` or `R380`.
 fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     let cells = delimiter.cells(line);
     let columns: Vec<(usize, f64, usize)> = cells
@@ -96,7 +96,7 @@ fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     (columns.len() >= FEWEST && !is_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
 }
 
-/// Names that are bare numbers in order, with rows of as many cells `below`.
+/// Parses names that are bare ordered numbers, if the rows `below` have the same number of cells.
 fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bool) -> Option<Names> {
     let cells = delimiter.cells(line);
     if cells.len() < FEWEST {
@@ -121,7 +121,7 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
         (same && columns.iter().all(|&(i, ..)| is_value(i))).then(|| unquoted(row[0].text))
     };
     let firsts: Vec<String> = below.iter().map_while(fits).collect();
-    // Down the first column wavelengths go on, and samples do not.
+    // Wavelengths continue down the first column; sample numbers do not.
     let down: Option<Vec<f64>> = firsts.iter().map(|cell| delimiter.number(cell)).collect();
     let goes_on = |head: Option<f64>| {
         down.as_ref().is_some_and(|down| {
@@ -136,7 +136,7 @@ fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bo
     } else {
         !IDENTIFIERS.contains(&first.to_lowercase().as_str()) && goes_on(None)
     };
-    // A broken first row under a name such as `sample` is for the reader to point at.
+    // A malformed first row under a name such as `sample` is left to the reader's error message.
     let is_identified = from > 0 && !below.is_empty() && IDENTIFIERS.contains(&first.to_lowercase().as_str());
     if firsts.is_empty() && !is_identified || is_table_of_rows {
         return None;
@@ -149,7 +149,7 @@ fn is_monotone(values: &[f64]) -> bool {
     values.array_windows().all(|[a, b]| a < b) || values.array_windows().all(|[a, b]| a > b)
 }
 
-/// Returns true for numbers in order that are wavelengths in nm or µm, or falling wavenumbers.
+/// Returns true for ordered numbers that are wavelengths in nm or µm, or decreasing wavenumbers.
 fn are_wavelengths(values: &[f64]) -> bool {
     let within = |range: &std::ops::RangeInclusive<f64>| values.iter().all(|value| range.contains(value));
     let are_micrometres = || {
@@ -159,12 +159,12 @@ fn are_wavelengths(values: &[f64]) -> bool {
     is_monotone(values) && (within(&NANOMETRES) || are_micrometres() || falls && within(&WAVENUMBERS))
 }
 
-/// Whether a row of names has columns of wavelengths.
+/// Returns true if a row of names has columns of wavelengths.
 pub(super) fn is_wide<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
     names(lines).is_some()
 }
 
-/// The table of such a text, turned: a column for each sample; `None` where the text is another.
+/// Returns the transposed table, with one column per sample; `None` for any other text.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
     let Some(found) = names(contents(source)) else { return Ok(None) };
     let Names { delimiter, cells: width, columns, axis, offset } = found;
@@ -184,7 +184,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
         if cells.iter().all(|cell| cell.text.is_empty()) {
             continue;
         }
-        // One side may end with a delimiter and the other not.
+        // Either the names or the rows may have an additional trailing delimiter.
         if cells.len() == width + 1 && cells.last().is_some_and(|cell| cell.text.is_empty()) {
             cells.pop();
         } else if cells.len() + 1 == width && columns.last().is_some_and(|&(last, ..)| last + 1 < width) {

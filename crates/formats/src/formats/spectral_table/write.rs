@@ -1,12 +1,12 @@
-//! Spectra as text: two columns with a blank between them, or CSV with a column each.
+//! Writes spectra as text: two columns separated by a blank, or CSV with one column per spectrum.
 
 use super::super::error::{FormatError, FormatErrorKind};
 use super::about::NAME;
 use crate::domain::WavelengthGrid;
 use std::fmt::Write as _;
 
-/// Writes one spectrum as `wavelength value` a line, as pbrt and Mitsuba read it (`.spd`): a single blank, at least two
-/// rows, `#` before comments. Masked samples have no row: readers draw a line over them.
+/// Writes one spectrum as `wavelength value` per line, as pbrt and Mitsuba read it (`.spd`): single blanks, at least
+/// two rows, comments after `#`. Masked samples are left out, so that readers interpolate across them.
 pub fn write_spd(grid: &WavelengthGrid, samples: &[f32], comment: &str) -> Result<Vec<u8>, FormatError> {
     check(grid, samples, 1)?;
     let measured = samples.iter().filter(|sample| !sample.is_nan()).count();
@@ -24,7 +24,8 @@ pub fn write_spd(grid: &WavelengthGrid, samples: &[f32], comment: &str) -> Resul
     Ok(text.into_bytes())
 }
 
-/// Writes spectra, `[column, lambda]`, as CSV: wavelengths in nm, then a column each under its name; masked = blank.
+/// Writes spectra `[column, lambda]` as CSV: wavelengths in nm, then one named column per spectrum. Masked samples are
+/// blank.
 pub fn write_spectra(grid: &WavelengthGrid, samples: &[f32], names: &[String]) -> Result<Vec<u8>, FormatError> {
     check(grid, samples, names.len())?;
     let mut text = String::from("wavelength_nm");
@@ -53,7 +54,7 @@ fn check(grid: &WavelengthGrid, samples: &[f32], columns: usize) -> Result<(), F
     Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message))
 }
 
-/// A name as one cell of one line under any delimiter and without quotes, which not all readers know.
+/// Returns a name that is a single cell under any delimiter, without quotes, which not all readers accept.
 fn bare(name: &str) -> String {
     name.chars().map(|c| if c.is_control() || matches!(c, ',' | ';' | '"') { ' ' } else { c }).collect()
 }

@@ -4,26 +4,28 @@ use super::repeated::Repeated;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
 use serde::Serialize;
 
-/// Relative deviations of values from the mean of those that the file states for the same direction: root mean squares in
-/// per cent; `None` where no direction is stated more than once.
+/// Root mean square deviations, in percent of the mean, between values that the file states for the same direction.
+/// `None` if no such direction is stated more than once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Contradictions {
-    /// All azimuths at a pole.
+    /// Deviation between the azimuths at a pole.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poles: Option<f64>,
-    /// The first azimuth and the last, 360° later.
+    /// Deviation between the first azimuth and the last, 360° later.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seam: Option<f64>,
-    /// Angles that are listed twice.
+    /// Deviation between angles that are listed twice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planes: Option<f64>,
-    /// All outgoing azimuths under light along the normal of an isotropic surface, which has no azimuth.
+    /// Deviation between outgoing azimuths at normal incidence on an isotropic surface, where the value does not depend
+    /// on the azimuth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_incidence: Option<f64>,
 }
 
 impl Contradictions {
-    /// Measures the contradictions of a tensor on grids of directions; `planes` are the angles that its reader found listed twice.
+    /// Measures the contradictions of a tensor on grids of directions. `planes` is the spread that the reader found at
+    /// angles listed twice.
     pub fn of(tensor: &Tensor, planes: Repeated) -> Self {
         let (mut poles, mut seam, mut normal) = (Repeated::default(), Repeated::default(), Repeated::default());
         let axes = tensor.axes();
@@ -42,7 +44,7 @@ impl Contradictions {
         Self { poles: percent(poles), seam: percent(seam), planes: percent(planes), normal_incidence: percent(normal) }
     }
 
-    /// One sentence for people; `None` where no direction is stated more than once.
+    /// Returns a sentence for people; `None` if no direction is stated more than once.
     pub fn sentence(&self) -> Option<String> {
         let parts = [
             ("poles", self.poles),
@@ -66,7 +68,7 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Adds the columns of a row of one block of `rows`, all of them or the first and the last.
+    /// Adds the columns of one row of a block to `to`: all of them, or only the first and the last if `ends` is true.
     fn add(&self, block: &[f32], row: usize, ends: bool, to: &mut Repeated) {
         let row = &block[row * self.columns * self.inner..][..self.columns * self.inner];
         let step = if ends { (self.columns - 1) * self.inner } else { self.inner };
@@ -79,7 +81,7 @@ impl Table<'_> {
         self.samples.chunks_exact(self.rows * self.columns * self.inner)
     }
 
-    /// Adds pole rows to `poles`, and the ends of the others to `seam`.
+    /// Adds pole rows to `poles`, and the first and last columns of the others to `seam`.
     fn scan(&self, grid: &DirectionGrid, poles: &mut Repeated, seam: &mut Repeated) {
         if self.columns < 2 {
             return;
@@ -96,7 +98,7 @@ impl Table<'_> {
         }
     }
 
-    /// Adds the rows behind the first of so many elevations, but those at poles.
+    /// Adds the outgoing rows at the first of `elevations` incoming elevations, except those at poles.
     fn scan_normal(&self, elevations: usize, grid: &DirectionGrid, normal: &mut Repeated) {
         if self.columns < 2 {
             return;
@@ -107,7 +109,7 @@ impl Table<'_> {
     }
 }
 
-/// Returns true for a row of which all azimuths are one direction.
+/// Returns true if all azimuths of a row are one direction.
 fn is_pole(grid: &DirectionGrid, row: usize) -> bool {
     let (low, high) = grid.frame().polar_range();
     let polar = grid.polar()[row];

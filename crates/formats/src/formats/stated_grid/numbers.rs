@@ -1,27 +1,27 @@
-//! The numbers of a file on the grid of directions that the file states, and the factor that they share.
+//! Numbers of a file on the grid of directions that it states, and their common factor.
 
 use super::repeated::Repeated;
 use crate::domain::{self, Axis, DirectionGrid, Tensor};
 
-/// The numbers of a file at the angles of a file.
+/// Numbers of a file at the angles that it states.
 ///
-/// A value in the unit of the measurement is `factor · number`. The tensor holds the numbers as they are written, so that
-/// nothing is rounded that was not rounded by the file.
+/// A value in the unit of the measurement is `factor · number`. The tensor holds the numbers as written, so that no
+/// additional rounding occurs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatedGrid {
-    /// The numbers on `[index…, incoming, outgoing, spectral]`, absent axes left out; NaN = missing. Directions are
+    /// Numbers on `[index…, incoming, outgoing, spectral]` without absent axes; NaN = missing. Directions are
     /// [`Axis::Grid`], incoming ones of isotropic data [`Axis::Elevation`].
     pub tensor: Tensor,
-    /// Product of all multipliers that the file states once for all numbers (candela multiplier, ballast factor,
-    /// conversion factor, lumens / 1000).
+    /// Product of all multipliers that apply to every number (candela multiplier, ballast factor, conversion factor,
+    /// lumens / 1000).
     pub factor: f64,
-    /// Values that the file lists at angles that it lists twice, which the tensor holds as their mean.
+    /// Spread of the values at angles that the file lists twice; the tensor holds their mean.
     pub repeated: Repeated,
 }
 
 impl StatedGrid {
-    /// The grid with the elevations of its incoming directions, all of which have `azimuth`, and outgoing azimuths relative
-    /// to it; `None` where it has no such directions.
+    /// Returns the grid over the elevations of the incoming directions, which must all have `azimuth`, with outgoing
+    /// azimuths relative to it. `None` for any other grid.
     pub(crate) fn isotropic(&self, azimuth: f64) -> Option<Self> {
         let mut axes = self.tensor.axes().to_vec();
         let [Axis::Grid(incoming), Axis::Grid(outgoing), ..] = &axes[..] else { return None };

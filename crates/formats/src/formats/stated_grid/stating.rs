@@ -1,29 +1,29 @@
-//! A grid of angles → the same as the file states it.
+//! Conversion of a grid of angles to the grid that the file states.
 
 use super::numbers::StatedGrid;
 use super::repeated::Repeated;
 use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Tensor, TensorError};
 use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 
-/// Reasons why a grid of angles has no form as a file states it.
+/// Reasons why a grid of angles cannot be stated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StatedGridError {
-    /// The angles are out of their limits.
+    /// The angles are out of range.
     #[error(transparent)]
     Directions(#[from] DirectionGridError),
-    /// The axes are out of their limits.
+    /// The axes are out of range.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The tensor cannot be made.
+    /// The tensor cannot be built.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
 
-/// Azimuths of the incoming and the outgoing side as they were listed, where one of them was stated again 360° later.
+/// Incoming and outgoing azimuths as listed, for a side whose first azimuth is repeated 360° later.
 pub(in crate::formats) type Listed = [Option<Vec<f64>>; 2];
 
 impl AngleGrid {
-    /// The grid as the file states it.
+    /// Returns the grid as the file states it.
     pub fn as_stated(&self) -> Result<StatedGrid, StatedGridError> {
         match &self.stated {
             Some(stated) => Ok((**stated).clone()),
@@ -31,7 +31,7 @@ impl AngleGrid {
         }
     }
 
-    /// This grid with `values` in place of its own; azimuths that are `listed` end where they begin.
+    /// Returns this grid with other `values`. Azimuths in `listed` are closed: the last repeats the first.
     pub(in crate::formats) fn stated_as(
         &self,
         values: Vec<f32>,
@@ -53,7 +53,7 @@ impl AngleGrid {
     }
 }
 
-/// The directions of one side in the surface frame.
+/// Returns the directions of one side in the surface frame.
 fn surface(angles: &Angles, listed: Option<&[f64]>, outside: Outside) -> Result<DirectionGrid, DirectionGridError> {
     let azimuths = angles.phi.as_ref().map(|azimuths| match listed {
         Some(listed) => domain::Azimuths { angles: listed.to_vec(), extent: domain::AzimuthExtent::Closed },

@@ -1,4 +1,5 @@
-//! Readers hand on grids as their files state them: every form of planes, multipliers beside the numbers, gaps and seams.
+//! Readers hand on grids as their files state them: every form of planes, multipliers beside the numbers, gaps and
+//! seams.
 
 use super::super::{Azimuths, Interpretation, Samples, read};
 use super::*;

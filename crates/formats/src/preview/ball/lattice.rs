@@ -1,11 +1,11 @@
-//! Functions on a hemisphere as values at the nodes of a flattened octahedron: from a direction to three of them without
-//! search or trigonometry.
+//! Functions on a hemisphere, stored at the nodes of a flattened octahedron. The three nodes around a direction are
+//! found without search or trigonometry.
 
-/// A linear colour.
+/// Linear RGB colour.
 pub(super) type Rgb = [f32; 3];
 pub(super) type Vector = [f64; 3];
 
-/// The nodes with |x| + |y| ≤ n of a square lattice; a direction with z ≥ 0 lies at (x, y) · n / (|x| + |y| + z).
+/// Nodes with |x| + |y| ≤ n of a square lattice. A direction with z ≥ 0 maps to (x, y) · n / (|x| + |y| + z).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice {
     n: i32,
@@ -20,12 +20,12 @@ impl Lattice {
         (2 * self.n + 1) as usize
     }
 
-    /// Places of a table; those of no node are never read but with weight 0.
+    /// Returns the length of a table, including entries that are not nodes. Those are only read with weight 0.
     pub(super) fn len(self) -> usize {
         self.side() * self.side()
     }
 
-    /// The nodes: their places in a table and their directions.
+    /// Returns the nodes: their indices in a table and their directions.
     pub(super) fn nodes(self) -> Vec<(usize, Vector)> {
         let mut nodes = Vec::new();
         for y in -self.n..=self.n {
@@ -41,10 +41,10 @@ impl Lattice {
         nodes
     }
 
-    /// The three nodes around a direction of any length with z ≥ 0, and their weights.
+    /// Returns the three nodes around a direction of any length with z ≥ 0, and their weights.
     pub(super) fn corners(self, [x, y, z]: Vector) -> [(usize, f32); 3] {
         let scale = f64::from(self.n) / (x.abs() + y.abs() + z.max(0.0)).max(f64::MIN_POSITIVE);
-        // Positive, so that a cast is the floor.
+        // Positive, so that a cast rounds down.
         let (a, b) = (x.abs() * scale, y.abs() * scale);
         let (i, j) = ((a as i32).min(self.n - 1), (b as i32).min(self.n - 1));
         let (s, t) = ((a - f64::from(i)) as f32, (b - f64::from(j)) as f32);
@@ -59,8 +59,8 @@ impl Lattice {
         }
     }
 
-    /// Gives nodes without a value (NaN) the mean of their neighbours, again and again from the border inward; what has no
-    /// neighbour anywhere becomes 0.
+    /// Fills nodes without a value (NaN) with the mean of their neighbours, repeatedly from the border inward. Without
+    /// any known node the values become 0.
     pub(super) fn fill<const N: usize>(self, table: &mut [[Rgb; N]]) {
         let nodes: Vec<(i32, i32)> = (-self.n..=self.n)
             .flat_map(|y| (-self.n..=self.n).map(move |x| (x, y)))

@@ -1,8 +1,9 @@
-//! A ball of a material on dark ground: under a square key light and a strip from behind, in soft surroundings; one that
-//! lets light through has a lamp inside.
+//! Rendering of a ball of a material on dark ground: a square key light, a strip light from behind, and soft
+//! surroundings. A ball that transmits light has a lamp inside.
 //!
-//! Radiance is computed as it is (white paper in front of the key light is just below white), then exposed if the ball is
-//! much darker or brighter than that, bent towards white above 0.8 at constant hue, and mapped into the gamut.
+//! Radiance is computed in absolute terms; white paper facing the key light is just below white. A ball much darker or
+//! brighter than that is exposed. Luminance above 0.75 is compressed towards white at constant hue, and colours are
+//! mapped into the gamut.
 
 mod lattice;
 mod scene;
@@ -19,13 +20,14 @@ use rayon::prelude::*;
 use scene::Scene;
 use surface::Surface;
 
-/// Nine tenths of the ball are darker than this: as bright, and as dark, as they may be without exposure.
+/// Upper and lower bound on the 90th percentile of the ball's luminance without exposure; outside them it is scaled to
+/// the bound.
 const BRIGHT: f32 = 0.9;
 const DARK: f32 = 0.10;
-/// Where the curve to white begins.
+/// Luminance at which the compression towards white starts.
 const SHOULDER: f32 = 0.75;
 
-/// The picture of entry `index` as a PNG of `size` × `size`.
+/// Renders entry `index` as a PNG of `size` × `size` pixels.
 pub(super) fn picture(
     material: &Material,
     index: &[usize],
@@ -49,7 +51,7 @@ pub(super) fn picture(
     png(size, &bytes)
 }
 
-/// What the ball's radiance is multiplied by.
+/// Returns the factor applied to the ball's radiance.
 fn exposure(pixels: &[scene::Pixel]) -> f32 {
     let mut lights: Vec<f32> = pixels.iter().filter(|p| p.coverage == 1.0).map(|p| luminance(p.ball)).collect();
     lights.sort_by(f32::total_cmp);
@@ -64,14 +66,15 @@ fn luminance([r, g, b]: Rgb) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Exposed, and bent towards 1 above the shoulder: all channels by the same factor, so that hue stays.
+/// Applies the exposure and compresses luminance above the shoulder towards 1. All channels are scaled equally, which
+/// keeps the hue.
 fn bent(linear: Rgb, exposure: f32) -> [f64; 3] {
     let linear = linear.map(|c| exposure * c);
     let light = luminance(linear);
     let factor = if light > SHOULDER {
         let room = 1.0 - SHOULDER;
         let over = (light - SHOULDER) / room;
-        // Slope 1 at the shoulder, 1 at infinity; rational, so that it is the same everywhere.
+        // Slope 1 at the shoulder, limit 1 at infinity. A rational function gives equal bits on every machine.
         (SHOULDER + room * over / (1.0 + over)) / light
     } else {
         1.0

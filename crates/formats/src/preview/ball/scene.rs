@@ -1,4 +1,4 @@
-//! Camera, lights, ground, and what of them a pixel sees.
+//! Camera, lights and ground, and the part of them seen by each pixel.
 
 use super::super::error::PreviewError;
 use super::lattice::{Rgb, Vector};
@@ -7,18 +7,18 @@ use super::surface::{Side, Surface};
 use crate::domain::vector::{add, cross, dot, norm, scale, sub, unit};
 use rayon::prelude::*;
 
-/// The ball has radius 1 about the origin and stands on the ground at z = −1; x is to the right, y away from the camera.
+/// Scene with a ball of radius 1 at the origin on the ground at z = −1. x points to the right, y away from the camera.
 pub(super) struct Scene<'a> {
     surface: &'a Surface<'a>,
     size: usize,
     eye: Vector,
-    /// To the right, up and ahead; the first two as long as half the picture is wide, one unit ahead.
+    /// Camera axes to the right, up and ahead. The first two are scaled to half the picture's width at unit distance.
     frame: [Vector; 3],
-    /// What the reference direction runs round.
+    /// Axis of the latitude circles that the reference direction follows.
     axis: Vector,
-    /// Distant light: points, and the irradiance of each across it.
+    /// Distant lights as directions, each with its irradiance perpendicular to it.
     lights: Vec<(Vector, f32)>,
-    /// Points of the key light, for its shadow.
+    /// Directions of the key light, for its shadow.
     key: Vec<Vector>,
     /// Points of the lamp inside, and the irradiance of each at distance 1.
     lamp: Option<(Vec<Vector>, f32)>,
@@ -26,43 +26,44 @@ pub(super) struct Scene<'a> {
     gradient: f32,
 }
 
-/// A rectangular light far away.
+/// Rectangular light at infinity.
 #[derive(Clone, Copy)]
 struct Panel {
     towards: Vector,
-    /// Half its width and height as tangents.
+    /// Tangents of half its angular width and height.
     half: [f64; 2],
-    /// In all, across it.
+    /// Total irradiance perpendicular to `towards`.
     irradiance: f64,
 }
 
-/// What a pixel sees.
+/// Contents of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pixel {
-    /// How much of it is ball.
+    /// Fraction of the pixel covered by the ball, 0 to 1.
     pub(super) coverage: f32,
-    /// The mean radiance of that part, linear sRGB.
+    /// Mean radiance of the ball's part, linear sRGB.
     pub(super) ball: Rgb,
-    /// The rest, in gamut.
+    /// Colour of the remaining part, in gamut.
     pub(super) ground: Rgb,
 }
 
-/// Parts of a pixel on the edge of the ball, along a side.
+/// Number of subpixels along a side at the edge of the ball.
 const EDGE: usize = 4;
 const DISTANCE: f64 = 7.0;
-/// Where the camera looks at, below the middle of the ball.
+/// Height of the point that the camera looks at, relative to the centre of the ball, in radii.
 const AIM: f64 = -0.07;
-/// Half the width of the picture in radii.
+/// Half width of the picture in radii.
 const WIDTH: f64 = 1.24;
 
-/// The key light, from above on the left, and the strip from behind on the right.
+/// Key light from above on the left, and strip light from behind on the right.
 const KEY: Panel = Panel { towards: [-0.62, -0.62, 0.72], half: [0.30, 0.30], irradiance: 2.35 };
 const STRIP: Panel = Panel { towards: [0.95, 0.30, 0.42], half: [0.10, 0.42], irradiance: 1.1 };
-/// Points of a light along 0.6 of a tangent: as many as it takes.
+/// Candidate numbers of light points along a tangent of 0.6, tried in this order.
 const POINTS: [usize; 6] = [3, 4, 6, 9, 13, 19];
-/// What points that are enough may leave to finer ones, in parts of the brightest place.
+/// Relative tolerance, as a fraction of the brightest probe, at which coarser light points replace finer ones. Raising
+/// it is faster and shows points in glossy highlights.
 const ENOUGH: f32 = 0.01;
-/// Places of a highlight that are looked at for that, along a side of a quarter of it.
+/// Number of probes along a side of a quarter of the highlight.
 const PROBES: usize = 5;
 
 impl<'a> Scene<'a> {
@@ -73,7 +74,7 @@ impl<'a> Scene<'a> {
         let up = cross(right, ahead);
         let half = WIDTH / DISTANCE;
         let through = surface.has(Side::Transmitted);
-        // With a lamp inside, the room is darker.
+        // A lamp inside requires a darker room.
         let room = if through { 0.45 } else { 1.0 };
         let lamp = through.then(|| {
             let centre = [0.0, -0.05, -0.12];
@@ -131,13 +132,14 @@ impl<'a> Scene<'a> {
         Ok(pixels)
     }
 
-    /// The points that stand for a light on this surface: on a rough one few do, a glossy one shows each of them.
+    /// Returns the fewest points that represent a light on this surface. A rough surface needs few; a glossy one would
+    /// show each of them.
     fn enough(&self, panel: Panel) -> Result<Vec<(Vector, f32)>, PreviewError> {
         let [middle, right, up] = panel.frame();
         let mirror = unit(add(unit(self.eye), middle));
         let mut normals = Vec::new();
         for i in 0..PROBES * PROBES {
-            // From the middle of its image to beyond a corner.
+            // From the centre of the light's image to beyond a corner.
             let [u, v] = [i % PROBES, i / PROBES].map(|k| 0.75 * k as f64 / PROBES as f64);
             let apart = add(scale(right, u * panel.half[0]), scale(up, v * panel.half[1]));
             normals.push(unit(add(mirror, apart)));
@@ -161,7 +163,7 @@ impl<'a> Scene<'a> {
         Ok(points)
     }
 
-    /// How much of a pixel is ball.
+    /// Returns the fraction of a pixel covered by the ball.
     fn coverage(&self, x: usize, y: usize) -> f32 {
         let clearance = 1.0 - norm(self.closest(self.ray(x, y, 0.5, 0.5)));
         let pixel = 2.0 * WIDTH / self.size as f64;
@@ -177,7 +179,7 @@ impl<'a> Scene<'a> {
         hits as f32 / (EDGE * EDGE) as f32
     }
 
-    /// The direction in which the part (s, t) of a pixel looks.
+    /// Returns the viewing direction through the position (s, t) within a pixel.
     fn ray(&self, x: usize, y: usize, s: f64, t: f64) -> Vector {
         let u = 2.0 * (x as f64 + s) / self.size as f64 - 1.0;
         let v = 1.0 - 2.0 * (y as f64 + t) / self.size as f64;
@@ -185,19 +187,20 @@ impl<'a> Scene<'a> {
         unit([0, 1, 2].map(|k| u * right[k] + v * up[k] + ahead[k]))
     }
 
-    /// Where a ray from the eye comes closest to the middle of the ball.
+    /// Returns the point of a ray from the eye closest to the centre of the ball.
     fn closest(&self, ray: Vector) -> Vector {
         sub(self.eye, scale(ray, dot(self.eye, ray)))
     }
 
-    /// Where a ray from the eye meets the ball, or the point of its rim that is next to it.
+    /// Returns the point where a ray from the eye meets the ball, or the nearest point of its rim.
     fn nearest(&self, ray: Vector) -> Vector {
         let distance = first(self.eye, ray);
         unit(distance.map_or_else(|| self.closest(ray), |distance| add(self.eye, scale(ray, distance))))
     }
 
-    /// What the ball sends from `normal`, which is also its point, to the eye: of `lights`, and of what else there is. What is
-    /// masked is taken to be like the rest; NaN where all is.
+    /// Returns the radiance towards the eye from the point `normal` of the ball, lit by `lights`. If `else_too` is
+    /// true, the lamp inside and the surroundings are included. Masked samples count as the mean of the others; the
+    /// result is NaN if all are masked.
     fn radiance(
         &self,
         normal: Vector,
@@ -205,7 +208,8 @@ impl<'a> Scene<'a> {
         else_too: bool,
         spectrum: &mut [f32],
     ) -> Result<Rgb, PreviewError> {
-        // The reference direction runs round an axis that is upright in the picture: its poles are on the edge of the ball.
+        // The reference direction follows latitude circles about the picture's vertical axis, whose poles are at the
+        // edge of the ball.
         let along = cross(self.axis, normal);
         let length = norm(along);
         let x = if length > 1e-9 { scale(along, 1.0 / length) } else { [1.0, 0.0, 0.0] };
@@ -228,7 +232,7 @@ impl<'a> Scene<'a> {
                 let to = sub(*point, normal);
                 let distance = norm(to);
                 let [a, b, c] = local(scale(to, 1.0 / distance));
-                // The light is on the inner side, which is the surface's upper one; the eye on the other.
+                // The light is on the inner side, which is the surface's upper side; the eye is on the other.
                 let light = irradiance * (-c) as f32 / (distance * distance) as f32;
                 sum.add(self.surface.at(Side::Transmitted, [a, b, -c], wo, spectrum)?, light);
             }
@@ -241,7 +245,7 @@ impl<'a> Scene<'a> {
         Ok(radiance)
     }
 
-    /// Ground that runs up into a wall, with the ball's shadow.
+    /// Returns the ground with the ball's shadow; it rises into a wall at the back.
     fn ground(&self, ray: Vector) -> Rgb {
         let wall = 0.017;
         let tint = |light: f64| [0.96, 1.0, 1.06].map(|c| (c * light) as f32);
@@ -253,24 +257,24 @@ impl<'a> Scene<'a> {
         let from_ball = (point[0] * point[0] + point[1] * point[1]).sqrt();
         let lit = self.key.iter().filter(|light| first(point, **light).is_none()).count();
         let lit = if self.key.is_empty() { 0.35 } else { lit as f64 / self.key.len() as f64 };
-        // The part of a hemisphere that a ball of radius 1 hides, weighted by the cosine.
+        // Cosine-weighted fraction of the hemisphere hidden by a ball of radius 1.
         let apart = from_ball * from_ball + 1.0;
         let open = 1.0 - 1.0 / (apart * apart.sqrt());
         let far = 1.0 / (1.0 + 0.045 * (from_ball * from_ball));
         let light = 0.085 * far * (0.70 * lit + 0.30 * open * open);
-        // What is far is wall.
+        // Distant ground is wall.
         tint(light + wall * (1.0 - far))
     }
 }
 
-/// The distance at which a ray meets the ball.
+/// Returns the distance at which a ray meets the ball.
 fn first(from: Vector, ray: Vector) -> Option<f64> {
     let middle = -dot(from, ray);
     let apart = dot(from, from) - middle * middle;
     (apart < 1.0 && middle > 0.0).then(|| middle - (1.0 - apart).sqrt())
 }
 
-/// Light that was added up, where it is known.
+/// Sum of light over the known values.
 #[derive(Default)]
 struct Sum {
     light: Rgb,
@@ -293,14 +297,14 @@ impl Sum {
 }
 
 impl Panel {
-    /// Its middle, to the right and up, in unit vectors.
+    /// Returns unit vectors to the centre of the light, to its right and up.
     fn frame(self) -> [Vector; 3] {
         let middle = unit(self.towards);
         let right = unit(cross([0.0, 0.0, 1.0], middle));
         [middle, right, cross(middle, right)]
     }
 
-    /// The middles of equal parts, `fine` along 0.6 of a tangent; with the irradiance of each.
+    /// Returns the centres of equal parts, `fine` along a tangent of 0.6, with the irradiance of each.
     fn points(self, fine: usize) -> Vec<(Vector, f32)> {
         let [middle, right, up] = self.frame();
         let [columns, rows] = self.half.map(|half| libm::ceil(fine as f64 * half / 0.30 - 1e-9) as usize);

@@ -1,18 +1,19 @@
-//! A picture of a smooth function, evaluated where its neighbours do not tell: on every fourth pixel, then between them.
+//! Adaptive rendering of a smooth function: evaluated on every fourth pixel, then interpolated where neighbours agree.
 
 use super::super::error::PreviewError;
 use super::lattice::Rgb;
 use rayon::prelude::*;
 
-/// Pixels from one node of the first grid to the next.
+/// Distance in pixels between the nodes of the first grid.
 const COARSEST: usize = 4;
-/// Where a straight line and a cubic between pixels differ by more than this, the pixel is evaluated: in parts of its value
-/// and of that of the whole picture. The cubic is some five times nearer to the truth.
+/// Tolerances for interpolation. A pixel is evaluated if its linear and cubic interpolation differ by more than
+/// [`ROUGH`] times the sum of its value and [`OF_THE_PICTURE`] times the picture's mean. The cubic is about five times
+/// as accurate as this difference.
 const ROUGH: f32 = 0.008;
 const OF_THE_PICTURE: f32 = 0.1;
 
-/// `value(x, y)` at the `wanted` pixels of `size` × `size`; `value` must be continuous some pixels beyond them, too. Pixels
-/// where it is NaN are filled from around.
+/// Returns `value(x, y)` at the `wanted` pixels of `size` × `size`. `value` must be continuous for some pixels beyond
+/// them. Pixels where it is NaN are filled from their neighbours.
 pub(super) fn shaded<S>(
     size: usize,
     wanted: &[bool],
@@ -65,7 +66,7 @@ struct Image {
 }
 
 impl Image {
-    /// The largest channel, on the whole.
+    /// Returns the mean over pixels of the largest channel.
     fn mean(&self, places: &[usize]) -> f32 {
         let (mut sum, mut count) = (0.0, 0.0);
         for &place in places {
@@ -85,7 +86,8 @@ impl Image {
         rgb.iter().all(|c| !c.is_nan()).then_some(rgb)
     }
 
-    /// The value at a pixel between those `stride` away, by cubics; `None` where they do not tell.
+    /// Interpolates a pixel by cubics from those at odd multiples of `stride`; `None` if linear and cubic interpolation
+    /// disagree.
     fn between(&self, place: usize, stride: usize, floor: f32) -> Option<Rgb> {
         let odd = |coordinate: usize| !coordinate.is_multiple_of(2 * stride);
         let lines: &[[isize; 2]] = match (odd(place % self.size), odd(place / self.size)) {
@@ -111,8 +113,8 @@ impl Image {
         Some(found)
     }
 
-    /// Gives wanted pixels without a value the mean of their neighbours, again and again from the border inward; 0 where
-    /// nothing has one.
+    /// Fills wanted pixels without a value with the mean of their neighbours, repeatedly from the border inward.
+    /// Without any value they become 0.
     fn fill(&mut self, wanted: &[bool]) {
         let is_empty = |rgb: &Rgb| rgb.iter().any(|c| c.is_nan());
         let mut empty: Vec<usize> = (0..wanted.len()).filter(|&p| wanted[p] && is_empty(&self.values[p])).collect();

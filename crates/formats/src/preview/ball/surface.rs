@@ -1,4 +1,5 @@
-//! A surface as a picture needs it: the material's own smooth function in linear sRGB, and what soft surroundings send by it.
+//! Surface of the rendered ball: the material's smooth function in linear sRGB, and its reflection of soft
+//! surroundings.
 
 use super::super::error::{PreviewError, QuestionError, unfit};
 use super::lattice::{Lattice, Rgb, Vector};
@@ -8,49 +9,51 @@ use crate::evaluate::{Interpolation, Material, Place};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_1_PI;
 
-/// f(wi, wo) of one entry, with wi.z ≥ 0 on the side of the light.
+/// f(wi, wo) of one entry in a frame with wi.z ≥ 0.
 pub(super) struct Surface<'a> {
     material: &'a Material,
     index: &'a [usize],
     channels: &'a Channels,
-    /// The z of the material in parts of ours: −1 where its light comes from below.
+    /// Sign of the material's z in this frame: −1 if its light comes from below.
     side: f64,
-    /// Whether anything is known on the side of the light, and on the other one.
+    /// True for each side with known values: the side of the light, and the other side.
     sides: [bool; 2],
     has_outgoing: bool,
-    /// What a value is multiplied by: the share of a reflectance that each steradian has.
+    /// Factor from stored values to sr⁻¹: 1/π for a reflectance, treated as a diffuser.
     share: f32,
     nodes: Nodes,
-    /// For each node, by reciprocity: what a uniform surrounding sends that way, and one that is as bright as the z of its
-    /// direction is high, for z along x, y and z of the surface.
+    /// Light sent towards each node, computed by reciprocity: from uniform surroundings of radiance 1, and from
+    /// surroundings whose radiance is the direction's x, y or z component in the surface's frame.
     surroundings: Vec<[Rgb; 4]>,
 }
 
-/// On which side of the surface light leaves.
+/// Side of the surface on which light leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// Where it came from.
+    /// The side of the incident light.
     Reflected = 0,
-    /// The other one.
+    /// The opposite side.
     Transmitted = 1,
 }
 
-/// Directions in which the light of surroundings is known.
+/// Directions at which the light of the surroundings is tabulated.
 enum Nodes {
     Lattice(Lattice),
-    /// Of isotropic data: elevations at equal steps from 0 to 90 degrees, at azimuth 0.
+    /// Isotropic data: elevations at equal steps from 0 to 90 degrees, at azimuth 0.
     Elevations,
 }
 
-/// Far beyond what is lit, and finite.
+/// Upper bound on values: far brighter than any lit surface, and finite.
 const LARGEST: f32 = 1e30;
-/// Subdivisions of the lattice, the number of elevations, and the level of the triangles that surroundings are summed over.
+/// Subdivisions of the lattice, number of elevations, and level of the triangles used to integrate the surroundings.
+/// Raising them costs time and improves the soft light.
 const NODES: usize = 6;
 const ELEVATIONS: usize = 19;
 const PARTS: u8 = 4;
 
 impl<'a> Surface<'a> {
-    /// Of entry `index` of a BRDF, BTDF or BSDF; of a reflectance by incoming direction as a diffuser.
+    /// Creates the surface of entry `index` of a BRDF, BTDF or BSDF. A reflectance by incoming direction is treated as
+    /// a diffuser.
     pub(super) fn of(material: &'a Material, index: &'a [usize], channels: &'a Channels) -> Result<Self, PreviewError> {
         let (layout, axes) = (material.layout(), material.axes());
         let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else {
@@ -67,7 +70,7 @@ impl<'a> Surface<'a> {
             _ => [true, false],
         };
         let nodes = match incoming {
-            // Nothing is finer than what was measured.
+            // The lattice is no finer than the measurement.
             Axis::Triangles(mesh) => Nodes::Lattice(Lattice::new((2 << mesh.level()).min(NODES))),
             _ => Nodes::Elevations,
         };
@@ -91,24 +94,25 @@ impl<'a> Surface<'a> {
         self.sides[side as usize]
     }
 
-    /// Room for a spectrum.
+    /// Returns a buffer for a spectrum.
     pub(super) fn spectrum(&self) -> Vec<f32> {
         vec![0.0; self.material.lambdas()]
     }
 
-    /// f in sr⁻¹ of unit vectors; `wo` on the other side is given mirrored, with z ≥ 0. NaN where all is masked.
+    /// Returns f in sr⁻¹ for unit vectors. A transmitted `wo` is given mirrored, with z ≥ 0. NaN if all samples are
+    /// masked.
     pub(super) fn at(&self, side: Side, wi: Vector, wo: Vector, spectrum: &mut [f32]) -> Result<Rgb, PreviewError> {
         let below = if side == Side::Transmitted { -self.side } else { self.side };
         let wo = Direction::from_unit([wo[0], wo[1], below * wo[2].max(0.0)]);
         let wi = Direction::from_unit([wi[0], wi[1], self.side * wi[2].max(0.0)]);
         let place = Place { index: self.index, wi: Some(wi), wo: self.has_outgoing.then_some(wo) };
         self.material.evaluate(place, Interpolation::Smooth, spectrum)?;
-        // A NaN stays one.
+        // NaN stays NaN.
         Ok(self.channels.linear(spectrum).map(|c| (self.share * c).clamp(-LARGEST, LARGEST)))
     }
 
-    /// What surroundings of radiance `uniform + gradient · z` of the world's z reflect towards `wo`; `up` is the world's z in
-    /// the surface's frame. The function is taken to be reciprocal.
+    /// Returns the light reflected towards `wo` from surroundings of radiance `uniform + gradient · z`, z being the
+    /// world's vertical. `up` is the vertical in the surface's frame. Assumes reciprocity.
     pub(super) fn surrounded(&self, wo: Vector, up: Vector, uniform: f32, gradient: f32) -> Rgb {
         let (around, [cos, sin]) = self.nodes.around(wo);
         let up = [cos * up[0] + sin * up[1], cos * up[1] - sin * up[0], up[2]].map(|c| c as f32);
@@ -143,7 +147,7 @@ impl<'a> Surface<'a> {
                     }
                 }
             }
-            // What is masked is taken to be like the rest.
+            // Masked directions count as the mean of the others.
             let scale = if known > 0.0 { all / known } else { f64::NAN };
             Ok((place, sums.map(|rgb| rgb.map(|c| (scale * c) as f32))))
         };
@@ -168,7 +172,7 @@ impl Nodes {
         }
     }
 
-    /// Their places in a table and their directions.
+    /// Returns the table indices and directions of the nodes.
     fn directions(&self) -> Vec<(usize, Vector)> {
         match self {
             Self::Lattice(lattice) => lattice.nodes(),
@@ -179,7 +183,8 @@ impl Nodes {
         }
     }
 
-    /// The nodes around a direction with their weights, and the cosine and sine of its azimuth beyond theirs.
+    /// Returns the nodes around a direction with their weights, and the cosine and sine of its azimuth relative to
+    /// them.
     fn around(&self, direction: Vector) -> ([(usize, f32); 3], [f64; 2]) {
         match self {
             Self::Lattice(lattice) => (lattice.corners(direction), [1.0, 0.0]),
@@ -196,7 +201,7 @@ impl Nodes {
     }
 }
 
-/// Gives elevations without a value (NaN) the one next to them, the lower one first; 0 where none has one.
+/// Fills elevations without a value (NaN) from a neighbour, the lower one first; 0 if none has a value.
 fn fill(table: &mut [[Rgb; 4]]) {
     let is_empty = |value: &[Rgb; 4]| value.as_flattened().iter().any(|c| c.is_nan());
     for _ in 0..2 {

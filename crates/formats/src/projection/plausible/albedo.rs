@@ -1,5 +1,5 @@
-//! The largest directional albedo of a file: the sum of its values by the solid angles that they stand for, times |cos
-//! θo|.
+//! Largest directional albedo of a file: the sum of its values times the solid angles that they represent, times
+//! |cos θo|.
 
 use super::table::Table;
 use crate::domain::vector::Vector;
@@ -8,54 +8,52 @@ use crate::formats::{Acquisition, Samples, Scattered};
 use crate::projection::scattered::{areas, directions};
 use std::borrow::Cow;
 
-/// Upper bound on the values of a table that are summed. Of larger tables some incoming directions are left out,
-/// evenly. Raising it makes checks of large tables slower and more complete.
+/// Upper bound on the summed values of a table. In larger tables some incoming directions are skipped, evenly. Raising
+/// it makes checks of large tables slower and more complete.
 const MOST_VALUES: usize = 1 << 25;
-/// Upper bound on the scattered samples whose areas are found; others are left out as above. Twice as many take twice
-/// as long: this many take 0.2 s on two cores.
+/// Upper bound on the scattered samples whose areas are computed; others are skipped evenly. The time is proportional
+/// to it: this many take 0.2 s on two cores.
 const MOST_SCATTERED: usize = 1 << 16;
-/// Lower bound on the scattered samples under an incoming direction whose albedo is summed. Raising it leaves out
-/// sparse ones.
+/// Lower bound on the scattered samples of an incoming direction whose albedo is summed. Raising it skips sparse ones.
 const FEWEST: usize = 24;
-/// Incoming directions of scattered samples that lie closer than this in degrees are one.
+/// Largest angle in degrees between incoming directions of scattered samples that count as equal.
 const SAME: f64 = 0.05;
-/// Part by which an albedo may exceed 1 without a remark: sums by area are this far off. Raising it makes fewer
+/// Largest excess of an albedo over 1 without a remark: sums over areas are this inaccurate. Raising it gives fewer
 /// remarks.
 const TOLERANCE: f64 = 0.02;
 
-/// The largest directional albedo of a BRDF, BTDF or BSDF that a file states, over its incoming directions and bands.
+/// Largest directional albedo of a BRDF, BTDF or BSDF, over the incoming directions and bands of a file.
 ///
-/// Directions that were not measured add nothing. Of very large files only some incoming directions are summed, the
-/// same ones every time.
+/// Directions that were not measured add nothing. In very large files only some incoming directions are summed, always
+/// the same ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargestAlbedo {
-    /// The albedo; the surface sends out no more light than falls on it where this is at most 1.
+    /// The albedo; at most 1 for a surface that reflects no more light than it receives.
     pub albedo: f64,
-    /// Theta of its incoming direction and, unless the file is isotropic, phi, in degrees.
+    /// Theta and, unless the file is isotropic, phi of the incoming direction with this albedo, in degrees.
     pub incoming: (f64, Option<f64>),
-    /// Wavelength of its band in nm, or number of its channel from 0; `None` where there is one band without
-    /// wavelength.
+    /// Band with this albedo; `None` if there is a single band without wavelength.
     pub band: Option<Band>,
-    /// Incoming directions whose albedo is above 1.02 in some band.
+    /// Number of incoming directions whose albedo exceeds 1.02 in some band.
     pub above: usize,
-    /// Incoming directions that were summed.
+    /// Number of incoming directions that were summed.
     pub of: usize,
-    /// Incoming directions of the file.
+    /// Number of incoming directions of the file.
     pub all: usize,
 }
 
 /// A band of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Band {
-    /// Its wavelength in nm.
+    /// Wavelength in nm.
     Wavelength(f64),
-    /// Its number, from 0.
+    /// Number of the channel, from 0.
     Channel(usize),
 }
 
 impl LargestAlbedo {
-    /// The largest albedo of a file; `None` where the quantity has none, values are relative, or they stand for no
-    /// area.
+    /// Finds the largest albedo of a file. Returns `None` if the quantity has no albedo, values are relative, or
+    /// directions cover no area.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         if !acquisition.quantity.has_cosine() || acquisition.unit != Unit::PerSteradian {
             return None;
@@ -66,7 +64,7 @@ impl LargestAlbedo {
         }
     }
 
-    /// One line for people, where the albedo is above 1.
+    /// Returns a remark for the user if the albedo exceeds 1.
     pub(super) fn remark(&self) -> Option<String> {
         if self.albedo <= 1.0 + TOLERANCE {
             return None;
@@ -88,7 +86,7 @@ impl LargestAlbedo {
     }
 }
 
-/// Albedos in the making.
+/// Running maximum of the albedo.
 struct Largest<'a> {
     spectral: Option<&'a Axis>,
     found: Option<LargestAlbedo>,
@@ -188,8 +186,8 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbe
     largest.found
 }
 
-/// Rows under each incoming direction that has enough of them, in increasing order of angles; of those that
-/// `is_within`.
+/// Returns the rows under each incoming direction, in increasing order of angles. Skips rows that are not `is_within`,
+/// and directions with too few rows.
 fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let steps = |degrees: f64| (degrees / SAME).round() as i64;
     let key = |row: usize| {
@@ -204,7 +202,7 @@ fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<V
     groups.map(|group| group.iter().map(|keyed| keyed.1).collect()).collect()
 }
 
-/// At most as many rows as areas are found of, evenly over all.
+/// Returns an even selection of at most as many rows as areas are computed for.
 fn thinned(rows: &[usize]) -> Cow<'_, [usize]> {
     match rows.len().div_ceil(MOST_SCATTERED) {
         0 | 1 => Cow::Borrowed(rows),

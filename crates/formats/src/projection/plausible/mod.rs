@@ -1,4 +1,4 @@
-//! Checks of a file against physics, before anything is made of it: its albedo, its reciprocity, its negative values.
+//! Physical plausibility of a file before it is processed: albedo, reciprocity, negative values, lobe width.
 
 mod albedo;
 mod negative;
@@ -15,21 +15,21 @@ pub use reciprocity::Reciprocity;
 use super::lobe_width::unresolved_lobe;
 use crate::formats::Acquisition;
 
-/// Findings of the checks of a file against physics; `None` where a check does not apply to it.
+/// Results of the plausibility checks of a file; `None` for checks that do not apply.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plausibility {
-    /// The largest directional albedo.
+    /// Largest directional albedo.
     pub albedo: Option<LargestAlbedo>,
-    /// The difference of values that should be equal by reciprocity.
+    /// Difference of values that reciprocity makes equal.
     pub reciprocity: Option<Reciprocity>,
-    /// The negative values.
+    /// Negative values.
     pub negatives: Option<Negatives>,
-    /// A remark on a lobe that looks no wider than an angle of the instrument.
+    /// Remark on a lobe that is no wider than an angle of the instrument.
     pub unresolved: Option<String>,
 }
 
-/// Checks the values of a file, where they are, against physics. Takes about a second at most: of very large files a
-/// part is checked, the same one every time.
+/// Checks the values of a file, as stated, for physical plausibility. Takes about a second at most: of very large
+/// files a part is checked, always the same one.
 pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
     Plausibility {
         albedo: LargestAlbedo::of(acquisition),
@@ -40,8 +40,7 @@ pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
 }
 
 impl Plausibility {
-    /// One line for people on each finding: an albedo above 1, reciprocity, negative values, a lobe no wider than the
-    /// instrument resolves.
+    /// Returns one line for the user on each finding: albedo above 1, reciprocity, negative values, unresolved lobe.
     pub fn remarks(&self) -> Vec<String> {
         let albedo = self.albedo.as_ref().and_then(LargestAlbedo::remark);
         let reciprocity = self.reciprocity.as_ref().map(Reciprocity::remark);

@@ -1,21 +1,22 @@
-//! Negative values of a file: how many there are, and how large they are against the largest value.
+//! Negative values of a file: their number, and their size relative to the largest value.
 
 use crate::formats::{Acquisition, Samples};
 
 /// Negative values of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Negatives {
-    /// The number of negative values, at least 1.
+    /// Number of negative values, at least 1.
     pub values: u64,
-    /// The number of values that are not missing.
+    /// Number of values that are not missing.
     pub of: u64,
-    /// Magnitude of the most negative value in parts of the largest value: 0.01 is 1 %; `None` where no value is above
-    /// 0.
+    /// Magnitude of the most negative value, relative to the largest value: 0.01 is 1 %. `None` if no value is
+    /// positive.
     pub largest: Option<f64>,
 }
 
 impl Negatives {
-    /// The negative values of a file; `None` where there is none, and of a function, which has no values of its own.
+    /// Counts the negative values of a file. Returns `None` if there are none, and for functions, which have no
+    /// values.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         let values = match &acquisition.samples {
             Samples::OnAxes { tensor, .. } => tensor.samples(),
@@ -33,7 +34,7 @@ impl Negatives {
         (negative > 0).then_some(Self { values: negative, of: stated, largest })
     }
 
-    /// One line for people.
+    /// Returns a remark for the user.
     pub(super) fn remark(&self) -> String {
         let share = 100.0 * self.values as f64 / self.of as f64;
         let size = self.largest.map_or_else(

@@ -1,5 +1,4 @@
-//! The reciprocity of a file: how far f(wi, wo) and f(wo, wi) differ where both are stated or follow from samples
-//! around.
+//! Reciprocity of a file: the difference of f(wi, wo) and f(wo, wi), both stated or interpolated.
 
 use super::sides::{Mix, Side};
 use super::table::Table;
@@ -8,32 +7,32 @@ use crate::formats::{Acquisition, Scattered};
 use crate::projection::planes::scattered_samples;
 use std::collections::HashMap;
 
-/// Upper bound on the pairs of directions that are compared; of more some are left out, the same ones every time.
+/// Upper bound on the compared pairs of directions; of more, some are skipped, always the same ones.
 const MOST_PAIRS: usize = 1 << 18;
-/// Upper bound on the samples of a scan that are searched for exchanged pairs: larger scans are not checked.
+/// Upper bound on the samples of a scan that are searched for exchanged pairs; larger scans are not checked.
 const MOST_SCATTERED: usize = 1 << 22;
-/// Upper bound on the bands of a pair that are compared, evenly over all.
+/// Upper bound on the compared bands of a pair, evenly spread over all.
 const MOST_BANDS: usize = 4;
-/// Number of compared samples from which interpolated values are left out: they have an error of their own.
+/// Number of compared stated values from which interpolated ones are ignored: they have an error of their own.
 const ENOUGH: usize = 32;
-/// Lower bound on the values that make a median.
+/// Lower bound on the number of values for a median.
 const FEWEST: usize = 8;
-/// Scattered directions that lie closer than this in degrees are one.
+/// Largest angle in degrees between scattered directions that count as equal.
 const SAME: f64 = 0.05;
 
-/// How far a BRDF is from being reciprocal, by the values of its file.
+/// Deviation of a BRDF from reciprocity, measured on the values of its file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reciprocity {
-    /// Median of |f(wi, wo) − f(wo, wi)| in parts of the mean of both: 0.01 is 1 %.
+    /// Median of |f(wi, wo) − f(wo, wi)| relative to the mean of both: 0.01 is 1 %.
     pub difference: f64,
-    /// Values that were compared with that of the exchanged pair of directions.
+    /// Number of values compared with that of the exchanged pair of directions.
     pub values: u64,
-    /// True where the exchanged values lie between samples of the file, false where they are samples.
+    /// True if the exchanged values are interpolated between samples, false if they are samples.
     pub is_interpolated: bool,
 }
 
 impl Reciprocity {
-    /// The reciprocity of a file; `None` where it is no BRDF, or too few pairs of directions can be exchanged.
+    /// Measures the reciprocity of a file. Returns `None` if it is no BRDF, or if too few pairs can be exchanged.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         if acquisition.quantity != Quantity::Brdf {
             return None;
@@ -44,7 +43,7 @@ impl Reciprocity {
         of_table(&Table::of(acquisition)?)
     }
 
-    /// One line for people.
+    /// Returns a remark for the user.
     pub(super) fn remark(&self) -> String {
         let how = if self.is_interpolated { ", interpolated between samples" } else { "" };
         format!(
@@ -77,13 +76,13 @@ impl Differences {
     }
 }
 
-/// The bands that are compared.
+/// Returns the bands to compare.
 fn bands(count: usize) -> Vec<usize> {
     let few = count.min(MOST_BANDS);
     (0..few).map(|i| (2 * i + 1) * count / (2 * few)).collect()
 }
 
-/// Step between the pairs that are compared: an odd number, so that not all have the same azimuth.
+/// Returns the step between compared pairs: odd, so that not all have the same azimuth.
 fn every(pairs: usize) -> usize {
     match pairs.div_ceil(MOST_PAIRS) {
         0 | 1 => 1,
@@ -110,7 +109,7 @@ fn of_table(table: &Table<'_>) -> Option<Reciprocity> {
         if theta_i > 90.0 || theta_o > 90.0 {
             continue;
         }
-        // Exchanging the directions of an isotropic surface turns the azimuth between them round.
+        // Exchanging the directions of an isotropic surface reverses the azimuth between them.
         let back = if incoming.is_isotropic() { -phi_o } else { phi_i };
         let (Some(from), Some(to)) = (incoming.at([theta_o, phi_o]), outgoing.at([theta_i, back])) else { continue };
         let entries = mixed(&from, &to, first, outgoing.len());
@@ -126,7 +125,7 @@ fn of_table(table: &Table<'_>) -> Option<Reciprocity> {
     if stated.0.len() >= ENOUGH { stated.finish(false) } else { interpolated.finish(true) }
 }
 
-/// Pairs that make the value of an exchanged one, with their weights.
+/// Returns the pairs that interpolate an exchanged one, with their weights.
 fn mixed(from: &Mix, to: &Mix, first: usize, outgoing: usize) -> Vec<(usize, f64)> {
     let counts = |mix: &Mix| mix.samples.into_iter().filter(|(_, weight)| *weight > 0.0).collect::<Vec<_>>();
     let to = counts(to);
@@ -146,7 +145,7 @@ fn of_scattered(scattered: &Scattered) -> Option<Reciprocity> {
     let azimuth = |theta: f64, phi: f64| if theta < SAME { 0 } else { steps(phi.rem_euclid(360.0)) % steps(360.0) };
     let key = |[theta_i, phi_i]: [f64; 2], [theta_o, phi_o]: [f64; 2]| {
         if scattered.isotropic {
-            // At either pole the azimuth between the directions says nothing.
+            // At either pole the azimuth between the directions is meaningless.
             return [steps(theta_i), 0, steps(theta_o), azimuth(theta_i.min(theta_o), phi_o - phi_i)];
         }
         [steps(theta_i), azimuth(theta_i, phi_i), steps(theta_o), azimuth(theta_o, phi_o)]

@@ -1,5 +1,4 @@
-//! One side of a measured table of directions: its directions, the solid angles that they stand for, and interpolation
-//! on it.
+//! Directions of one side of a measured table, the solid angles that they represent, and interpolation between them.
 
 use crate::domain::{self, Axis, Direction, DirectionGrid, Frame, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
@@ -8,35 +7,35 @@ use crate::projection::error::Role;
 use crate::projection::planes::has_area;
 use std::borrow::Cow;
 
-/// Parts of a step of theta over which a weight is summed.
+/// Number of parts of a theta step over which a weight is integrated.
 const PARTS: usize = 16;
-/// Degrees by which a direction may miss the first or last angle and still lie on it.
+/// Degrees by which a direction may lie outside the first or last angle and still count as on it.
 const ROUNDING: f64 = 1e-6;
-/// Weight of a single sample above which a direction is that of the sample.
+/// Weight of a single sample above which a direction counts as that of the sample.
 const STATED: f64 = 1.0 - 1e-6;
 
 /// Directions of one side of a table.
 pub(super) enum Side<'a> {
-    /// Polar angles, with azimuths or without.
+    /// Polar angles, with or without azimuths.
     Angles(Cow<'a, Angles>),
-    /// Cells of a sphere.
+    /// Cells of a triangulated sphere.
     Triangles(TriangleMesh),
 }
 
-/// A value between samples: the samples with their weights.
+/// Interpolated value: samples and their weights.
 pub(super) struct Mix {
     pub(super) samples: [(usize, f64); 4],
-    /// The value is that of one sample.
+    /// True if the value is that of a single sample.
     pub(super) is_stated: bool,
 }
 
 impl<'a> Side<'a> {
-    /// The side with these angles; `None` where they make no grid.
+    /// Creates the side with these angles; `None` if they form no grid.
     pub(super) fn of_angles(angles: Cow<'a, Angles>) -> Option<Self> {
         check(Role::Incoming, &angles).ok().map(|()| Self::Angles(angles))
     }
 
-    /// The side that an axis holds; `None` for axes of other kinds.
+    /// Creates the side of an axis; `None` for axes that are neither triangles nor angles.
     pub(super) fn of_axis(axis: &Axis) -> Option<Self> {
         let angles = match axis {
             Axis::Triangles(mesh) => return Some(Self::Triangles(*mesh)),
@@ -50,7 +49,7 @@ impl<'a> Side<'a> {
         check(Role::Incoming, &angles).ok().map(|()| Self::Angles(Cow::Owned(angles)))
     }
 
-    /// The number of directions.
+    /// Returns the number of directions.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Angles(angles) => angles::count(angles),
@@ -63,7 +62,7 @@ impl<'a> Side<'a> {
         matches!(self, Self::Angles(angles) if angles.phi.is_none())
     }
 
-    /// Theta and phi of a direction, in degrees; phi is 0 without azimuths.
+    /// Returns theta and phi of a direction, in degrees; phi is 0 without azimuths.
     pub(super) fn degrees(&self, number: usize) -> [f64; 2] {
         match self {
             Self::Angles(angles) => {
@@ -77,8 +76,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Integrals of |cos θ| over what each direction stands for, in sr; `None` where directions stand for no area, as
-    /// those of a scan in planes.
+    /// Returns the integrals of |cos θ| over the solid angle of each direction, in sr. Returns `None` if directions
+    /// cover no area, as in scan planes.
     pub(super) fn projected_solid_angles(&self) -> Option<Vec<f64>> {
         let angles = match self {
             Self::Triangles(mesh) => return Some((0..mesh.len()).map(|i| mesh.projected_solid_angle(i)).collect()),
@@ -96,7 +95,7 @@ impl<'a> Side<'a> {
         Some(rings(angles).into_iter().flat_map(|ring| mean.iter().map(move |share| ring * around * share)).collect())
     }
 
-    /// The value at theta and phi, in degrees, by the samples around; `None` where these are not on all sides.
+    /// Interpolates at theta and phi, in degrees; `None` outside the samples.
     pub(super) fn at(&self, [theta, phi]: [f64; 2]) -> Option<Mix> {
         let direction = Direction::from_degrees(theta, phi);
         let angles = match self {
@@ -123,8 +122,8 @@ impl<'a> Side<'a> {
     }
 }
 
-/// Integrals of |cos θ| sin θ dθ by which each theta counts: straight lines between them, held to the ends that they
-/// cover.
+/// Returns the integral weights of each theta, ∫|cos θ| sin θ dθ. Values are linear between the thetas and constant
+/// from the outermost ones to the ends of the covered range.
 fn rings(angles: &Angles) -> Vec<f64> {
     let theta = &angles.theta;
     let mut weights = vec![0.0; theta.len()];
@@ -147,7 +146,7 @@ fn rings(angles: &Angles) -> Vec<f64> {
     weights
 }
 
-/// The angles of a grid in the frame of the surface; `None` for other frames and symmetries.
+/// Returns the angles of a grid in the frame of the surface; `None` for other frames and symmetries.
 fn angles_of(grid: &DirectionGrid) -> Option<Angles> {
     if grid.frame() != Frame::Surface || grid.is_polar_mirrored() {
         return None;

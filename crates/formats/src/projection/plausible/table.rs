@@ -1,4 +1,4 @@
-//! A table of directions as a file holds it: values for each pair of an incoming and an outgoing direction.
+//! Tables of directions in a file: values for each pair of an incoming and an outgoing direction.
 
 use super::sides::Side;
 use crate::domain::{Axis, Layout};
@@ -15,7 +15,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// The table of a file; `None` where it holds none with both directions.
+    /// Returns the table of a file; `None` if it has none with both directions.
     pub(super) fn of(acquisition: &'a Acquisition) -> Option<Self> {
         let table = match &acquisition.samples {
             Samples::Grid(grid) => {
@@ -43,23 +43,23 @@ impl<'a> Table<'a> {
         (block > 0 && table.values.len() % block == 0).then_some(table)
     }
 
-    /// The number of bands.
+    /// Returns the number of bands.
     pub(super) fn bands(&self) -> usize {
         self.spectral.map_or(1, Axis::len)
     }
 
-    /// Values under one incoming direction.
+    /// Returns the number of values under one incoming direction.
     pub(super) fn block(&self) -> usize {
         self.outgoing.len() * self.bands()
     }
 }
 
-/// Angles under light of one azimuth alone are those of an isotropic surface, counted from it.
+/// Converts angles with a single incoming azimuth to those of an isotropic surface, with azimuths relative to it.
 fn isotropic<'a>(incoming: &'a Angles, outgoing: &'a Angles) -> (Cow<'a, Angles>, Cow<'a, Angles>) {
     let as_stated = (Cow::Borrowed(incoming), Cow::Borrowed(outgoing));
     let (Some(azimuth), Some(azimuths)) = (single_azimuth(incoming), &outgoing.phi) else { return as_stated };
     let phi: Vec<f64> = azimuths.phi.iter().map(|phi| phi - azimuth).collect();
-    // Half a circle is mirrored at azimuth 0 alone.
+    // Half a circle is mirrored at azimuth 0 only.
     if azimuths.extent == AzimuthExtent::Mirrored && azimuth != 0.0 {
         return as_stated;
     }

@@ -1,4 +1,4 @@
-//! Checks of files against physics: surfaces that keep to it pass, and each way of breaking it has one line.
+//! Tests of the plausibility checks: physical surfaces pass, and each violation gives one line.
 
 use super::*;
 use crate::domain::Direction;
@@ -94,7 +94,7 @@ fn cells_over_triangles_are_summed_by_their_projected_solid_angles() {
     assert_eq!((reciprocity.difference, reciprocity.is_interpolated), (0.0, false));
 }
 
-/// Reciprocal, with a lobe that turns with the mirror direction.
+/// A reciprocal BRDF with a lobe that follows the mirror direction.
 fn glossy(theta_i: f64, theta_o: f64, phi_o: f64) -> f64 {
     let [wi, wo] = [Direction::from_degrees(theta_i, 0.0), Direction::from_degrees(theta_o, phi_o)].map(Direction::xyz);
     let h: [f64; 3] = std::array::from_fn(|k| wi[k] + wo[k]);
@@ -107,7 +107,7 @@ fn reciprocity_is_told_by_exchanged_samples() {
     let all: Vec<f64> = (0..=90).step_by(10).map(f64::from).collect();
     let found = plausibility(&grid(&all, glossy)).reciprocity.unwrap();
     assert!(found.difference < 1e-5 && !found.is_interpolated && found.values > 100, "{found:?}");
-    // A lobe about the side of +y for all light: the azimuth is what exchanging turns round.
+    // A lobe on the side of +y for all incoming directions: exchanging reverses the azimuth.
     let odd =
         |i: f64, o: f64, phi: f64| glossy(i, o, phi) * (1.0 + 0.2 * o.to_radians().sin() * phi.to_radians().sin());
     let found = plausibility(&grid(&all, odd)).reciprocity.unwrap();
@@ -123,7 +123,7 @@ fn reciprocity_is_told_by_exchanged_samples() {
 fn reciprocity_between_incidences_is_interpolated_and_says_so() {
     let found = plausibility(&grid(&[0.0, 15.0, 35.0, 55.0, 75.0], glossy)).reciprocity.unwrap();
     assert!(found.is_interpolated && found.difference < 0.05, "{found:?}");
-    // The mirror direction alone exchanges with itself, which says nothing.
+    // The mirror direction is its own exchanged pair, so it shows no difference.
     assert_eq!(plausibility(&grid(&[45.0], glossy)).reciprocity, None);
 }
 

@@ -1,9 +1,11 @@
-//! The share of the sphere that each sample of an incidence stands for: the area of its Voronoi cell.
+//! Solid angle that each sample of an incidence represents: the area of its Voronoi cell on the sphere.
 //!
-//! In the gnomonic projection about a sample the borders to other samples are straight: a square as wide as samples usually
-//! lie apart is cut by the border to each neighbour, nearest first, until no farther one can reach it. Exact but where a
-//! sample lies at an edge of the scan: there the square bounds the cell, and the horizon does. Samples of one direction share
-//! its cell. Samples of a plane of incidence weigh 1 each.
+//! In the gnomonic projection about a sample, borders to other samples are straight lines. The cell starts as a square
+//! as wide as the usual sample spacing. The border to each neighbour cuts it, nearest first, until no farther one can
+//! reach it.
+//!
+//! The result is exact except at the edge of the scan: there the square bounds the cell, and the horizon does. Samples
+//! of one direction share its cell. Samples of a plane of incidence weigh 1 each.
 
 use super::cloud::tangents;
 use super::tree::{Found, Tree, nearness};
@@ -11,20 +13,21 @@ use crate::domain::vector::{Vector, add, cross, dot, norm, scale, unit};
 use crate::domain::{Domain, solid_angle};
 use rayon::prelude::*;
 
-/// Numbers of neighbours that are tried until no farther one can reach a cell.
+/// Numbers of neighbours tried in turn, until no farther one can reach the cell.
 const NEIGHBOURS: [usize; 3] = [16, 64, 256];
-/// Half the width of the square in distances between samples: corners of cells lie within 0.7 where these are even.
+/// Half the width of the initial square, in sample spacings. In even scans the corners of cells lie within 0.7 of
+/// them.
 const HALF_WIDTH: f64 = 1.5;
-/// The same in radians at most.
+/// Upper bound on half the width of the square, in radians.
 const WIDEST: f64 = 1.0;
-/// Neighbours whose distance tells how far samples lie apart.
+/// Number of neighbours whose distance gives the sample spacing.
 const DENSITY: usize = 6;
-/// The square of a chord below which directions are one.
+/// Squared chord below which directions count as equal.
 const SAME: f64 = 1e-14;
-/// The sine of the angle to a plane below which samples lie in it: 0.6°.
+/// Sine of the angle to a plane below which samples count as lying in it: 0.6°.
 const IN_PLANE: f64 = 0.01;
 
-/// The areas in sr of the cells of `directions` on `domain`; `None` where they lie in one plane.
+/// Returns the areas in sr of the cells of `directions` on `domain`; `None` if they lie in one plane.
 pub(in crate::projection) fn areas(directions: &[Vector], domain: Domain) -> Option<Vec<f64>> {
     if are_in_plane(directions) {
         return None;
@@ -44,7 +47,7 @@ pub(in crate::projection) fn areas(directions: &[Vector], domain: Domain) -> Opt
     Some(areas)
 }
 
-/// Whether all directions lie in one plane through the origin.
+/// Returns true if all directions lie in one plane through the origin.
 fn are_in_plane(directions: &[Vector]) -> bool {
     let Some(&first) = directions.first() else { return true };
     let across = |d: &Vector| cross(first, *d);
@@ -56,7 +59,7 @@ fn are_in_plane(directions: &[Vector]) -> bool {
     directions.iter().all(|d| dot(*d, normal).abs() < IN_PLANE)
 }
 
-/// Scratch of one task.
+/// Scratch space of one task.
 #[derive(Default)]
 struct Scratch {
     found: Vec<Found>,
@@ -96,7 +99,7 @@ impl Scratch {
             area = self.area(own, axes) / same;
             let corner = self.cell.iter().map(|[u, v]| u * u + v * v).fold(0.0, f64::max);
             let farthest = self.found.last().map_or(0.0, |farthest| farthest.0);
-            // A chord on the sphere is shorter than its projection: this is on the safe side.
+            // A chord on the sphere is shorter than its projection, so this test never stops too early.
             if self.found.len() < count || farthest > 4.0 * corner {
                 break;
             }
@@ -104,7 +107,7 @@ impl Scratch {
         area
     }
 
-    /// Keeps of the cell where `c + a·u + b·v` is not negative.
+    /// Cuts the cell to the half plane `c + a·u + b·v ≥ 0`.
     fn keep(&mut self, [c, a, b]: [f64; 3]) {
         let height = |[u, v]: [f64; 2]| c + a * u + b * v;
         self.cut.clear();
@@ -154,7 +157,7 @@ mod tests {
             assert!((sum / TAU - 1.0).abs() < 0.01, "{count}: {sum}");
             assert!(found.iter().all(|area| (0.3..3.0).contains(&(area / usual))), "{count}");
         }
-        // A cap of dense samples in sparse ones.
+        // A dense cap within sparse samples.
         let mut directions = spiral(500);
         directions.extend(spiral(40_000).into_iter().filter(|d| d[0] > 0.9 && d[2] < 0.4));
         let sum = areas(&directions, Domain::Hemisphere).unwrap().iter().sum::<f64>();
@@ -172,7 +175,7 @@ mod tests {
         for few in [&plane[..], &directions[..1], &[]] {
             assert_eq!(areas(few, Domain::Hemisphere), None);
         }
-        // All at one place, and one elsewhere.
+        // Three samples, two of them in one place, and one elsewhere.
         let few = areas(&[directions[0], directions[0], directions[200], [0.0, 1.0, 0.0]], Domain::Hemisphere).unwrap();
         assert!(few.iter().all(|area| *area > 0.0 && *area < TAU), "{few:?}");
     }

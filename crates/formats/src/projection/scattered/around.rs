@@ -1,14 +1,14 @@
-//! A test of whether points lie on all sides of the origin.
+//! Test whether points lie on all sides of the origin.
 
-/// The angle at the origin in which points lie, as long as it is less than half a turn.
+/// Sector seen from the origin that contains all points, as long as it is narrower than half a turn.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Around {
-    /// The points at its two sides, the second to the left of the first; both 0 if there are none.
+    /// Points at its two sides, the second to the left of the first; both 0 if there are none.
     sides: [[f64; 2]; 2],
 }
 
 impl Around {
-    /// Adds a point; whether every half plane has one now, after which no more may be added.
+    /// Adds a point. Returns true if every half plane now contains a point; then no more may be added.
     pub(super) fn add(&mut self, point: [f64; 2]) -> bool {
         let left_of = |a: [f64; 2]| a[0] * point[1] - a[1] * point[0];
         let [first, last] = self.sides;

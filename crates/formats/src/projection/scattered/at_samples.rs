@@ -1,4 +1,4 @@
-//! Scattered samples as a material is compared with them: at their own directions, on the wavelengths of the tensor.
+//! Scattered samples for comparison with a material: at their own directions, on the wavelengths of the tensor.
 
 use super::incidences::Incidence;
 use super::noise::{Own, Rejection};
@@ -7,11 +7,11 @@ use crate::domain::{Direction, Domain, Quantity};
 use crate::formats::Scattered;
 use crate::projection::resampling::Channels;
 
-/// Scattered samples at their own directions, and which of them were rejected.
+/// Scattered samples at their own directions, with marks of the rejected ones.
 #[derive(Clone, Debug)]
 pub struct ScatteredSamples {
     pub(super) directions: Vec<(Vector, Vector)>,
-    /// The file states incoming directions only: they are kept where outgoing directions are otherwise.
+    /// True if the file states incoming directions only. They are stored in place of the outgoing directions.
     pub(super) is_turned: bool,
     pub(super) has_incoming: bool,
     pub(super) has_outgoing: bool,
@@ -19,52 +19,54 @@ pub struct ScatteredSamples {
     pub(super) channels: Channels,
     pub(super) quantity: Quantity,
     pub(super) incidences: Vec<Incidence>,
-    /// In increasing order of positions.
+    /// Rejected values, in increasing order of positions.
     pub(super) rejected: Vec<Rejection>,
 }
 
 impl ScatteredSamples {
-    /// The number of directions, or of pairs of them.
+    /// Returns the number of directions, or of pairs of them.
     #[allow(clippy::len_without_is_empty, reason = "scattered samples without any are refused before")]
     pub fn len(&self) -> usize {
         self.directions.len()
     }
 
-    /// Values of a sample on the wavelengths of the tensor.
+    /// Returns the number of values of a sample, on the wavelengths of the tensor.
     pub fn width(&self) -> usize {
         self.channels.to()
     }
 
-    /// Values that were rejected, on the wavelengths of the tensor.
+    /// Returns the number of rejected values, on the wavelengths of the tensor.
     pub fn rejected_values(&self) -> u64 {
         (self.rejected.len() * (self.width() / Own(&self.channels).width())) as u64
     }
 
-    /// Incoming directions of the samples `from..to`; those of isotropic data lie above the x axis. `None` without any.
+    /// Returns the incoming directions of the samples `from..to`; `None` if there are none. Those of isotropic data
+    /// lie above the x axis.
     pub fn incoming(&self, from: usize, to: usize) -> Option<Vec<Direction>> {
         let of = |pair: &(Vector, Vector)| Direction::from_unit(if self.is_turned { pair.1 } else { pair.0 });
         self.has_incoming.then(|| self.directions[from..to].iter().map(of).collect())
     }
 
-    /// Outgoing directions of the samples `from..to`. `None` without any.
+    /// Returns the outgoing directions of the samples `from..to`; `None` if there are none.
     pub fn outgoing(&self, from: usize, to: usize) -> Option<Vec<Direction>> {
         let of = |pair: &(Vector, Vector)| Direction::from_unit(pair.1);
         self.has_outgoing.then(|| self.directions[from..to].iter().map(of).collect())
     }
 
-    /// The samples by incoming direction; over all, where each has its own.
+    /// Returns the samples by incoming direction, or a single group if each has its own.
     pub fn incidences(&self) -> &[Incidence] {
         &self.incidences
     }
 
-    /// Weights that make the sum of the values under an incidence its light, and whether they are the areas that the samples
-    /// stand for: they are not in a plane of incidence, nor where each sample has its own incidence.
+    /// Returns weights whose sum with the values under an incidence is its light. Also returns true if they are the
+    /// areas that the samples represent. They are not in a plane of incidence, nor if each sample has its own
+    /// incidence.
     pub fn weights(&self, incidence: &Incidence) -> (Vec<f64>, bool) {
         incidence.weights(&self.directions, self.domain, self.quantity.has_cosine())
     }
 
-    /// Rejected values of the samples `from..to`: their places in what [`write`](Self::write) writes, increasing, and whether
-    /// they lie together with others.
+    /// Yields the rejected values of the samples `from..to`, as positions in the output of [`write`](Self::write),
+    /// increasing. Each comes with true if it lies close to other rejected ones.
     pub fn rejected(&self, from: usize, to: usize) -> impl Iterator<Item = (usize, bool)> + '_ {
         let own = Own(&self.channels).width();
         let copies = self.width() / own;
@@ -76,15 +78,15 @@ impl ScatteredSamples {
         self.rejected[at(from)..at(to)].iter().flat_map(places)
     }
 
-    /// Writes the values of the samples `from..to` of `scattered` into `out`, `[sample, wavelength]`, NaN where they are
-    /// missing or beyond the directions of the tensor.
+    /// Writes the values of the samples `from..to` of `scattered` into `out`, `[sample, wavelength]`. Missing values
+    /// and directions outside the domain of the tensor become NaN.
     pub fn write(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) {
         self.write_values(&scattered.values, from, to, out);
     }
 
-    /// Writes the standard uncertainties of the values that [`write`](Self::write) writes, NaN where none is stated: of
-    /// a mean over a band their mean, as if the errors of its values were common to them. False where the file states
-    /// none.
+    /// Writes the standard uncertainties of the values that [`write`](Self::write) writes, NaN if none is stated. A
+    /// mean over a band gets the mean of its uncertainties, as if the errors were common to them. Returns false if the
+    /// file states none.
     pub(crate) fn write_sigma(&self, scattered: &Scattered, from: usize, to: usize, out: &mut [f32]) -> bool {
         let sigma = scattered.sigma.as_ref();
         sigma.inspect(|sigma| self.write_values(sigma, from, to, out)).is_some()

@@ -1,4 +1,4 @@
-//! Averages over triangles of the local fits within them, and what every cell stands on.
+//! Averages of local fits over triangles, and the data support of every cell.
 
 use super::cloud::Cloud;
 use super::fit::{Fitter, Place, Support};
@@ -10,38 +10,41 @@ use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
-/// Triangles that one task works through, and that look for their samples together.
+/// Number of triangles that one task computes, and that look up their samples together.
 const BLOCK: usize = 16;
-/// The distance to the nearest sample in a hole that is filled, in parts of that to the farthest that counts.
+/// Largest distance to the nearest sample of a hole that is filled, as a fraction of the distance to the farthest
+/// sample of the fit. Raising it fills larger holes.
 const DEEPEST: f64 = 0.75;
-/// How far values are continued beyond the outermost samples, in distances of these to their fourth neighbours.
+/// Largest distance beyond the outermost samples to which values are continued, in distances from such a sample to its
+/// fourth neighbour. Raising it extrapolates farther.
 const BEYOND: f64 = 2.0;
 const NEIGHBOURS: usize = 5;
-/// Samples that would lie within the distance to the nearest one if they lay as densely as around: more are a hole.
+/// Lower bound on the emptiness of a hole: the number of samples missing within the distance to the nearest one.
+/// Raising it marks fewer cells as filled.
 const HOLE: f32 = 5.0;
-/// A hole is so many times emptier than most places between samples are.
+/// Lower bound on the emptiness of a hole, relative to the median of all places between samples.
 const EMPTIER: f32 = 6.0;
 
-/// What a cell stands on.
+/// Data support of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// A sample lies inside.
+    /// Contains a sample.
     Measured,
-    /// It lies between samples.
+    /// Lies between samples.
     Interpolated,
-    /// In a hole, or beyond the outermost samples: continued from those around.
+    /// In a hole or beyond the outermost samples: continued from those around.
     Filled,
-    /// Too far from any.
+    /// Too far from any sample.
     Empty,
 }
 
-/// Cells before it is known how empty places between samples are.
+/// A cell before it is classified: the usual emptiness of places between samples is not known yet.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Draft {
     has_sample: bool,
     valid: bool,
     surrounded: bool,
-    /// How many samples are missing within the distance to the nearest.
+    /// Number of samples that would lie within the distance to the nearest one, at the density around it.
     emptiness: f32,
 }
 
@@ -49,39 +52,39 @@ impl Draft {
     const NOTHING: Self = Self { has_sample: false, valid: false, surrounded: false, emptiness: 0.0 };
 }
 
-/// What is fitted onto triangles.
+/// Samples and settings for fits on triangles.
 #[derive(Clone, Copy)]
 pub(super) struct Fitted<'a> {
     pub(super) rows: &'a Rows<'a>,
     pub(super) cloud: &'a Cloud,
     pub(super) neighbours: usize,
-    /// The variance of a value about the fit in parts of that of its row's light.
+    /// Variance of a value about the fit, relative to that of the mean over bands of its row.
     pub(super) noise: f64,
-    /// How far the nearest incoming direction may be, as a chord.
+    /// Largest chord to the nearest incoming direction; cells farther away are empty.
     pub(super) incoming_reach: f64,
-    /// Whether the two sides of the horizon have nothing to do with each other.
+    /// True if the two sides of the horizon are independent.
     pub(super) sides_apart: bool,
 }
 
-/// Which fits make up a cell.
+/// Arrangement of the fits within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parts {
-    /// One in each part, so often split in four.
+    /// One fit in each part, after splitting the cell into four this many times.
     Divided(u32),
-    /// That in the middle of four cells, where it is good enough.
+    /// The fit in the middle of four sibling cells serves all of them if it is good enough.
     Shared,
 }
 
-/// Scratch of one task.
+/// Scratch space of one task.
 #[derive(Default)]
 pub(super) struct Scratch {
     pub(super) fitter: Fitter,
     pub(super) found: Vec<Found>,
     around: Vec<Found>,
     nearby: Nearby,
-    /// What the fit stands on that serves the triangle in the middle of four, if the others may take it, too.
+    /// Support of the fit in the middle of four sibling triangles, if the others may reuse it.
     middle: Option<Support>,
-    /// What the last fit stands on, if others may take it.
+    /// Support of the last fit, if others may reuse it.
     last: Option<Support>,
     missing: Vec<bool>,
     pub(super) row: Vec<f32>,
@@ -90,8 +93,9 @@ pub(super) struct Scratch {
 }
 
 impl Fitted<'_> {
-    /// Writes the averages under `wi` over all triangles of `mesh` into `out`, `[triangle, channel]`, NaN where there is
-    /// nothing or where `wanted` has none; it says whether a sample lies inside. `parts` says where fits are.
+    /// Writes the averages under `wi` over all triangles of `mesh` into `out`, `[triangle, channel]`. Triangles
+    /// without data become NaN. `wanted` returns `None` for triangles to skip, and otherwise true if a sample lies
+    /// inside. `parts` arranges the fits within a triangle.
     pub(super) fn cells(
         &self,
         wi: Vector,
@@ -118,7 +122,7 @@ impl Fitted<'_> {
                 let mut drafts = vec![Draft::NOTHING; vertices.len()];
                 for (i, four) in vertices.chunks(4).enumerate() {
                     (scratch.middle, scratch.last) = (None, None);
-                    // The middle one first: the others may take its fit.
+                    // Starts with the middle one: the others may reuse its fit.
                     for i in [3, 0, 1, 2].into_iter().filter(|&c| c < four.len()).map(|c| 4 * i + c) {
                         let out = &mut out[i * width..][..width];
                         let Some(has_sample) = wanted(i) else {
@@ -138,7 +142,8 @@ impl Fitted<'_> {
         drafts.into_iter().flatten().collect()
     }
 
-    /// Whether a point may be counted on the side of the horizon where `wo` is.
+    /// Returns a predicate for points on the side of the horizon of `wo`; it accepts all points if the sides are not
+    /// independent.
     fn wanted(&self, wo: Vector) -> impl Fn(u32) -> bool {
         let side = if self.sides_apart { wo[2].signum() } else { 0.0 };
         move |point| side == 0.0 || self.cloud.wo[point as usize][2] * side >= 0.0
@@ -163,13 +168,13 @@ impl Fitted<'_> {
             Parts::Shared => self.shared(wi, vertices, scratch, &mut draft),
         }
         let Scratch { sums, areas, .. } = scratch;
-        // Without any area 0 / 0: masked.
+        // 0 / 0 without any area: masked.
         sums.iter_mut().zip(&*areas).for_each(|(sum, area)| *sum /= area);
         channels.write(sums, out);
         draft
     }
 
-    /// The fit in the middle one of four triangles for all of them where it is good enough, else one for each.
+    /// Uses the fit in the middle of four triangles if it is good enough there, otherwise a separate one.
     fn shared(&self, wi: Vector, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
         let Some(mut support) = scratch.middle.take() else {
             return self.part(wi, vertices, 0, scratch, draft);
@@ -212,7 +217,7 @@ impl Fitted<'_> {
         self.add(&support, vertices, scratch, draft);
     }
 
-    /// Adds the value of a part of a cell, unless it says nothing there.
+    /// Adds the value of a part of a cell, unless it lies too far from the samples.
     fn add(&self, support: &Support, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
         let emptiness = emptiness(support);
         draft.emptiness = draft.emptiness.max(emptiness);
@@ -230,7 +235,7 @@ impl Fitted<'_> {
         }
     }
 
-    /// The value at `place` from the samples `scratch.found`, in `scratch.row`.
+    /// Fits the samples `scratch.found` at `place` and writes the value into `scratch.row`.
     pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
         let Scratch { fitter, found, .. } = scratch;
         let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;
@@ -238,7 +243,7 @@ impl Fitted<'_> {
         Some(support)
     }
 
-    /// The value of the fit in `scratch.row`.
+    /// Writes the value of the current fit into `scratch.row`.
     fn evaluate(&self, shares: [f32; PARTS], scratch: &mut Scratch) {
         let Scratch { fitter, missing, row, .. } = scratch;
         missing.clear();
@@ -264,7 +269,7 @@ impl Fitted<'_> {
         }
     }
 
-    /// Whether the samples say anything of a place so far from them.
+    /// Returns true if the nearest samples are close enough to determine a value.
     fn is_near(&self, support: &Support, scratch: &mut Scratch) -> bool {
         if support.nearest_incoming > self.incoming_reach || support.variance.is_nan() {
             return false;
@@ -279,13 +284,13 @@ impl Fitted<'_> {
     }
 }
 
-/// How many samples would lie within the distance to the nearest one, as densely as the others lie.
+/// Returns the number of samples that would lie within the distance to the nearest one, at the density of the others.
 fn emptiness(support: &Support) -> f32 {
     let (empty, full) = (support.nearest * support.nearest, support.reach * support.reach);
     if full > empty { (support.count as f64 * empty / (full - empty)) as f32 } else { f32::MAX }
 }
 
-/// What each cell stands on.
+/// Classifies each cell by its data support.
 pub(super) fn standings(drafts: &[Draft]) -> Vec<Standing> {
     let mut between: Vec<f32> = drafts.iter().filter(|d| d.valid && d.surrounded).map(|d| d.emptiness).collect();
     let middle = between.len() / 2;

@@ -1,10 +1,10 @@
-//! Refuses scattered samples that make no sense before anything is computed from them.
+//! Validation of scattered samples.
 
 use crate::domain::{Axis, TensorError};
 use crate::formats::Scattered;
 use crate::projection::error::{ProjectionError, Role, ScatteredError};
 
-/// The number of bands of checked samples.
+/// Checks the samples. Returns their number of bands.
 pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {
     let count = scattered.directions();
     let width = scattered.spectral.as_ref().map_or(1, Axis::len);

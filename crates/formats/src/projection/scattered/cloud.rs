@@ -1,4 +1,4 @@
-//! Scattered directions as points: which samples belong to one incoming direction, and where they lie in its coordinates.
+//! Scattered directions as points: grouping by incoming direction, and coordinates for nearest-neighbour search.
 
 use super::tree::{Found, Tree};
 use crate::domain::vector::{Vector, add, cross, norm, scale, sub, unit};
@@ -6,66 +6,69 @@ use crate::domain::{Direction, Quantity};
 use crate::formats::Scattered;
 use std::sync::Arc;
 
-/// Elevations, and incoming directions, that lie closer than this in degrees are one: instruments return to theirs so well.
+/// Largest angle in degrees between elevations, or incoming directions, that count as equal: the repeatability of
+/// instruments.
 const SAME: f64 = 0.05;
-/// An incoming direction is fitted by itself if it has so many samples on average, else together with its neighbours.
+/// Least mean number of samples per incoming direction for separate fits. With fewer, neighbouring incoming directions
+/// are fitted together.
 const ALONE: usize = 24;
-/// One of so many samples is withheld.
+/// One sample of every this many is withheld for validation.
 const TENTH: u32 = 10;
-/// The height of a half vector below which its slope says nothing.
+/// Height (z of `wi + wo`) below which the slope of a half vector is undefined.
 const STEEP: f64 = 1e-3;
 
-/// Samples that are fitted together: a column for each thing that is known of them, numbered as in the tree; then their mirror
-/// images in the plane of incidence, if these count.
+/// Samples that are fitted together: one column for each property, in the order of the tree. Mirror images in the
+/// plane of incidence follow, if they count.
 #[derive(Clone, Debug)]
 pub(super) struct Cloud {
-    /// The rows of their values.
+    /// Row of the values of each sample.
     pub(super) rows: Vec<u32>,
     pub(super) wi: Vec<Vector>,
     pub(super) wo: Vec<Vector>,
-    /// hx/hz and hy/hz of the half vector; NaN where it has none.
+    /// hx/hz and hy/hz of the half vector; NaN if it has no slope.
     pub(super) slope: Vec<[f64; 2]>,
     pub(super) is_withheld: Vec<bool>,
     tree: Arc<Tree<6>>,
-    /// How much a difference of incoming directions counts against one of outgoing ones; 0 where they are all one.
+    /// Scale of incoming directions relative to outgoing ones in distances; 0 if all samples have one incoming
+    /// direction.
     pub(super) stretch: f64,
-    /// Whether slopes are the coordinates.
+    /// True if half-vector slopes are the coordinates of fits.
     pub(super) slopes: bool,
 }
 
-/// The samples by incoming direction.
+/// Samples grouped by incoming direction.
 #[derive(Clone, Debug)]
 pub(super) enum Incoming {
     /// There are no incoming directions.
     None,
-    /// Elevations of isotropic data, each with its own samples.
+    /// Elevations of isotropic data in degrees, each with its own samples.
     Elevations(Vec<f64>, Vec<Vec<u32>>),
-    /// Elevations that all samples serve.
+    /// Elevations in degrees, each fitted to all samples.
     AllElevations(Vec<f64>),
-    /// So many distinct directions.
+    /// Number of distinct incoming directions.
     Directions(usize),
 }
 
-/// The slope of the half vector; NaN where it lies in the surface.
+/// Returns the slope of the half vector; NaN if it lies near the surface.
 pub(super) fn slope(wi: Vector, wo: Vector) -> [f64; 2] {
     let h = add(wi, wo);
     if h[2] < STEEP { [f64::NAN; 2] } else { [h[0] / h[2], h[1] / h[2]] }
 }
 
-/// Whether a row is one of the withheld tenth: one of every ten in a row, at no regular distance.
+/// Returns true for the withheld rows: one of every ten consecutive rows, at irregular distances.
 pub(super) fn is_withheld(row: u32) -> bool {
     let mixed = (row / TENTH).wrapping_mul(0x9e37_79b9);
     (mixed ^ (mixed >> 15)) % TENTH == row % TENTH
 }
 
-/// Two unit vectors that span the plane at right angles to `d`, the first away from `+z`.
+/// Returns two unit vectors that span the plane perpendicular to `d`; the first lies in the plane of `d` and `z`.
 pub(super) fn tangents(d: Vector) -> [Vector; 2] {
     let along = sub([0.0, 0.0, 1.0], scale(d, d[2]));
     let first = if norm(along) > 1e-6 { unit(along) } else { unit(sub([1.0, 0.0, 0.0], scale(d, d[0]))) };
     [first, cross(d, first)]
 }
 
-/// The directions of every sample; those of isotropic data are above the x axis.
+/// Returns the directions of every sample; incoming directions of isotropic data lie above the x axis.
 pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) -> Vec<(Vector, Vector)> {
     let up = [0.0, 0.0, 1.0];
     let of = |[theta, phi]: [f64; 2], turned: f64| Direction::from_degrees(theta, phi - turned).xyz();
@@ -74,7 +77,7 @@ pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) 
         .map(|i| {
             let angles = scattered.incoming.get(i).copied();
             let turned = angles.filter(|_| isotropic).map_or(0.0, |angles| angles[1]);
-            // Many samples have the incoming direction of the one before.
+            // Reuses the previous incoming direction: many samples share it.
             if angles != incoming {
                 (incoming, wi) = (angles, angles.map_or(up, |angles| of(angles, turned)));
             }
@@ -83,7 +86,7 @@ pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) 
         .collect()
 }
 
-/// Whether all incoming directions have one azimuth: nothing is known of others.
+/// Returns true if all incoming directions have one azimuth, so that nothing is known of others.
 pub(super) fn one_azimuth(scattered: &Scattered) -> bool {
     let mut azimuths = scattered.incoming.iter().filter(|wi| wi[0] > SAME).map(|wi| wi[1].rem_euclid(360.0));
     let Some(first) = azimuths.next() else { return !scattered.incoming.is_empty() };
@@ -93,7 +96,7 @@ pub(super) fn one_azimuth(scattered: &Scattered) -> bool {
     })
 }
 
-/// Groups samples by incoming direction; `live` are the rows with any value.
+/// Groups samples by incoming direction. `live` are the rows that have any value.
 pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> Incoming {
     if scattered.incoming.is_empty() {
         return Incoming::None;
@@ -131,7 +134,7 @@ pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> 
         let first = theta(group[0]);
         let offsets: f64 = group.iter().map(|&row| theta(row) - first).sum();
         let mean = first + offsets / group.len() as f64;
-        // What instruments aim at has few digits.
+        // Nominal angles of instruments have few digits.
         let rounded = (mean * 100.0).round() / 100.0;
         if (mean - rounded).abs() < 1e-3 { rounded } else { mean }.clamp(0.0, 90.0)
     };
@@ -142,7 +145,7 @@ pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> 
     Incoming::Elevations(elevations, groups)
 }
 
-/// As many elevations, evenly between the ends, as three dimensions of samples make of each.
+/// Returns evenly spaced elevations between the extremes, as many as fit the density of samples in three dimensions.
 fn even_elevations(scattered: &Scattered, live: &[u32]) -> Vec<f64> {
     let theta = live.iter().map(|&row| scattered.incoming[row as usize][0]);
     let (low, high) = theta.fold((90.0_f64, 0.0_f64), |(l, h), t| (l.min(t), h.max(t)));
@@ -151,7 +154,7 @@ fn even_elevations(scattered: &Scattered, live: &[u32]) -> Vec<f64> {
 }
 
 impl Cloud {
-    /// The samples of `rows`.
+    /// Creates the cloud of the samples `rows`.
     pub(super) fn new(
         rows: impl Iterator<Item = u32>,
         directions: &[(Vector, Vector)],
@@ -170,7 +173,7 @@ impl Cloud {
         Self { rows, wi, wo, slope, is_withheld, tree: Arc::new(tree), stretch, slopes }
     }
 
-    /// The same samples with their mirror images in the plane of incidence, in which all incoming directions lie.
+    /// Returns the samples with their mirror images in the plane of incidence, which contains all incoming directions.
     pub(super) fn mirrored(&self) -> Self {
         fn with<T: Copy>(own: &[T], image: impl Fn(T) -> T) -> Vec<T> {
             own.iter().copied().chain(own.iter().map(|&own| image(own))).collect()
@@ -187,7 +190,7 @@ impl Cloud {
         }
     }
 
-    /// How many samples there are without mirror images.
+    /// Returns the number of samples without mirror images.
     pub(super) fn own(&self) -> usize {
         self.tree.len()
     }
@@ -196,7 +199,7 @@ impl Cloud {
         self.rows.len()
     }
 
-    /// Where a point lies in the tree.
+    /// Returns the coordinates of a point in the tree.
     pub(super) fn place(&self, item: u32) -> [f64; 6] {
         match (item as usize).checked_sub(self.tree.len()) {
             None => self.tree.point(item),
@@ -204,7 +207,7 @@ impl Cloud {
         }
     }
 
-    /// One of the coordinates of where points lie in the tree.
+    /// Returns coordinate `k` of the points `items` in the tree.
     pub(super) fn coordinates(&self, k: usize, items: &[u32], out: &mut Vec<f64>) {
         let (own, sign) = (self.tree.len() as u32, mirror(&[1.0; 6])[k]);
         let column = self.tree.column(k);
@@ -213,8 +216,8 @@ impl Cloud {
         out.extend(items.iter().map(of));
     }
 
-    /// The `count` points nearest to `centre` that `wanted` takes, of equally near ones those of lower number; the farthest
-    /// first, the others in no order.
+    /// Finds the `count` points nearest to `centre` that `wanted` accepts; the lower number wins ties. The farthest
+    /// comes first, the others are unordered.
     pub(super) fn nearest(
         &self,
         centre: &[f64; 6],
@@ -228,7 +231,7 @@ impl Cloud {
         }
     }
 
-    /// All points within the root of `square` of `centre` that `wanted` takes.
+    /// Finds all points that `wanted` accepts within distance √`square` of `centre`.
     pub(super) fn within(&self, centre: &[f64; 6], square: f64, wanted: impl Fn(u32) -> bool, found: &mut Vec<Found>) {
         found.clear();
         for (centre, first) in self.sides(centre) {
@@ -236,21 +239,22 @@ impl Cloud {
         }
     }
 
-    /// The places in the tree that `centre` is near to samples at, and to their mirror images; the number that these begin
-    /// with.
+    /// Yields the places to search in the tree: `centre`, and its mirror image if images count. Each comes with the
+    /// number of its first point.
     fn sides(&self, centre: &[f64; 6]) -> impl Iterator<Item = ([f64; 6], u32)> + use<> {
         let own = self.tree.len();
         let images = (self.len() > own).then(|| (mirror(centre), own as u32));
         [Some((*centre, 0)), images].into_iter().flatten()
     }
 
-    /// Whether a point is not its own mirror image.
+    /// Returns false for mirror images that coincide with their sample.
     fn is_there(&self, item: u32) -> bool {
         (item as usize) < self.tree.len() || self.wo[item as usize][1] != 0.0
     }
 
-    /// Where directions lie in the tree: chords are as long as those between outgoing directions, and for reflection as those
-    /// between half vectors, which move half as far but where both directions graze. There lobes are narrow across.
+    /// Returns the coordinates of a pair of directions in the tree. Distances are chords between outgoing directions.
+    /// For reflection, doubled half vectors take part or replace them. These move as far as outgoing directions,
+    /// except where both directions graze: lobes are narrow across there.
     pub(super) fn key(&self, wi: Vector, wo: Vector) -> [f64; 6] {
         key((wi, wo), self.slopes, self.stretch)
     }
@@ -269,7 +273,7 @@ fn key((wi, wo): (Vector, Vector), slopes: bool, stretch: f64) -> [f64; 6] {
     [wo[0], wo[1], wo[2], h[0], h[1], h[2]].map(|x| x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// Where the mirror image in the plane of incidence lies.
+/// Returns the coordinates of the mirror image in the plane of incidence.
 fn mirror(&[a, b, c, d, e, f]: &[f64; 6]) -> [f64; 6] {
     [a, -b, c, d, -e, f]
 }
@@ -291,7 +295,7 @@ mod tests {
             };
             (0..400).flat_map(of).collect()
         };
-        // In the plane of incidence both sides are one.
+        // In the plane of incidence a sample is its own mirror image.
         let (half, both) = (directions(&[1.0]), directions(&[1.0, -1.0]));
         let apart = |row: &u32| row.is_multiple_of(2) || both[*row as usize].1[1] != 0.0;
         let mirrored = Cloud::new(0..400, &half, Quantity::Brdf, 0.0).mirrored();

@@ -1,19 +1,19 @@
-//! How far and how densely samples lie: their domains, sides, and the distances between neighbours.
+//! Extent and density of samples: domains, sides, and distances between neighbours.
 
 use super::cloud::{Cloud, Incoming};
 use super::withheld::trials;
 use crate::domain::vector::Vector;
 use crate::domain::{Domain, Quantity};
 
-/// Neighbours whose distance tells how densely samples lie.
+/// Number of neighbours whose distance gives the sample density.
 const DENSITY: usize = 16;
-/// Samples count as on one side of the plane of incidence that lie less beyond it.
+/// Largest distance beyond the plane of incidence at which samples count as on one side of it.
 const ON_PLANE: f64 = 1e-3;
 
-/// What samples fitted together say of their incoming directions.
+/// Incoming directions of samples that are fitted together.
 pub(super) struct Joint {
     pub(super) count: usize,
-    /// Between neighbouring incoming directions, in radians.
+    /// Angle between neighbouring incoming directions, in radians.
     pub(super) spacing: f64,
 }
 
@@ -34,7 +34,7 @@ impl Joint {
     }
 }
 
-/// Whether all samples lie on one side of the plane of incidence, and not all of them in it.
+/// Returns true if all samples lie on one side of the plane of incidence, and not all of them in it.
 pub(super) fn is_one_sided(live: &[u32], directions: &[(Vector, Vector)]) -> bool {
     let beside = live.iter().map(|&row| directions[row as usize].1[1]);
     let (low, high) = beside.fold((0.0_f64, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
@@ -59,7 +59,8 @@ pub(super) fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> 
     }
 }
 
-/// The distance between neighbouring samples in degrees, from how far their sixteenth neighbour is, in the middle of many.
+/// Returns the spacing of neighbouring samples in degrees: the median over many, from the distance of the sixteenth
+/// neighbour.
 pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
     let mut found = Vec::new();
     let mut all: Vec<f64> = trials(clouds, 200)

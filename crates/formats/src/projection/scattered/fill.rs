@@ -1,4 +1,5 @@
-//! Cells without samples around them, from mirror images and from reciprocal directions, where these hold.
+//! Filling of cells without samples around them, from mirror images or reciprocal directions, if the data are
+//! symmetric or reciprocal.
 
 use super::cells::{Fitted, Standing, standings};
 use super::plan::Plan;
@@ -7,13 +8,15 @@ use crate::domain::vector::{Vector, add, dot, scale, sub, unit};
 use crate::domain::{Direction, Quantity};
 use crate::projection::resampling::Channels;
 
-/// Reciprocity holds where values differ from those of exchanged directions by less than this in the middle of many.
+/// Largest median relative difference between values of exchanged directions at which data count as reciprocal.
+/// Raising it fills cells of less reciprocal data.
 const RECIPROCAL: f64 = 0.05;
-/// Cells that are compared for it, about, and at least.
+/// Approximate number of cells compared for it, and their least number.
 const COMPARED: usize = 2000;
 const ENOUGH: usize = 50;
 
-/// Fills cells without samples from fits to the samples and their mirror images in the plane of incidence; how many.
+/// Fills cells without samples from fits to the samples and their mirror images in the plane of incidence. Returns the
+/// number of filled cells.
 pub(super) fn by_symmetry(
     plan: &Plan,
     rows: &Rows<'_>,
@@ -48,7 +51,8 @@ pub(super) fn by_symmetry(
     filled
 }
 
-/// Fills empty cells of isotropic reflection with the values of exchanged directions, if these agree where both were measured.
+/// Fills empty cells of isotropic reflection with the values of exchanged directions, if these agree where both were
+/// measured. Returns a note for the user.
 pub(super) fn by_reciprocity(
     quantity: Quantity,
     plan: &Plan,
@@ -105,7 +109,8 @@ pub(super) fn by_reciprocity(
     })
 }
 
-/// The values of the exchanged directions, between the two elevations around, each where its own lobe has them.
+/// Writes the values of the exchanged directions into `row`, interpolated between the two elevations around. Each
+/// elevation is read at its own half vector. Returns `None` if there is no value.
 fn exchanged(
     plan: &Plan,
     samples: &[f32],
@@ -120,7 +125,7 @@ fn exchanged(
     if plan.elevations[below] > theta {
         return None;
     }
-    // The incoming one now is wo, turned above the x axis.
+    // The new incoming direction is wo, rotated above the x axis.
     let new_wi = Direction::from_degrees(theta, 0.0).xyz();
     let new_wo = Direction::from_unit(wi).rotated_about_z(-wo.phi()).xyz();
     let h = unit(add(new_wi, new_wo));

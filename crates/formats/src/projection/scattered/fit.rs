@@ -1,11 +1,15 @@
-//! The local fit: which weights of the nearest samples make the value at a place, robustly.
+//! Robust local fit: weights of the nearest samples for the value at a place.
 //!
-//! A quadratic (Cleveland & Devlin 1988, "Locally weighted regression") in the slopes of the half vector for reflection,
-//! where lobes of microfacets are functions of the slope, and in tangent coordinates otherwise; linear in the incoming
-//! direction where several are fitted together. Samples count less with their distance, with their stated variance, and
-//! next to nothing where their light lies far from the fit (bisquare, Beaton & Tukey 1974). Of the fits to all samples found
-//! and to the nearest third, that one is taken whose noise and departure from the other are least (after Goldenshluger &
-//! Nemirovski 1997). A quadratic that hangs on few samples gives way to a plane, that to a mean.
+//! The fit is a quadratic (Cleveland & Devlin 1988, "Locally weighted regression"). For reflection its coordinates are
+//! the slopes of the half vector, since microfacet lobes are functions of the slope. Otherwise they are tangent
+//! coordinates. It is linear in the incoming direction if several are fitted together.
+//!
+//! Weights fall with distance and with stated variance. They are next to 0 for samples whose mean over bands, the
+//! *light*, lies far from the fit (bisquare, Beaton & Tukey 1974).
+//!
+//! Fits to all samples found and to the nearest third compete by noise and departure from each other (after
+//! Goldenshluger & Nemirovski 1997). A quadratic that depends on few samples is replaced by a plane, and that by a
+//! mean.
 
 use super::cloud::{Cloud, slope, tangents};
 use super::gathering::{Frame, Gathered, REACHES};
@@ -14,24 +18,27 @@ use super::system::{Factored, TERMS};
 use super::tree::Found;
 use crate::domain::vector::Vector;
 
-/// A value that is less certain than so many samples' own is not what the samples say.
+/// Fits whose variance exceeds this multiple of one sample's variance are rejected. Raising it accepts less certain
+/// fits of higher degree.
 const UNCERTAIN: f64 = 1.0;
-/// Residuals of so many standard deviations lose all weight.
+/// Residuals of this many standard deviations or more get weight 0. Raising it tolerates larger outliers.
 const FAR_OFF: f64 = 6.0;
-/// The variance of a weighted fit in parts of what weights by variance would give: they fall off with distance.
+/// Ratio of the true variance of a fit to its variance computed as if weights were inverse variances: they also fall
+/// with distance.
 const FALL_OFF: f64 = 0.75;
-/// Departures within so many variances of theirs are noise.
+/// Squared departures between two fits up to this multiple of their expected variance count as noise.
 const CHANCE: f64 = 2.0;
-/// A sample beyond so many is looked at.
+/// Largest residual, in standard deviations, without a robust refit.
 const SUSPECT: f64 = 4.5;
-/// A fit has at least so many samples more than terms.
+/// Least number of samples of a fit beyond its number of terms.
 const FEWEST_LEFT: usize = 4;
-/// Where logarithms change by less than this within the reach, a fit serves the cells beside its own, too.
+/// Largest change of logarithms within the reach at which a fit also serves the neighbouring cells. Raising it is
+/// faster and less accurate.
 const EVEN: f64 = 0.25;
-/// Rounds of new weights at most.
+/// Upper bound on the rounds of reweighting.
 const ROUNDS: usize = 4;
 
-/// A place to fit at: within one cell, values are asked for at [`PARTS`] directions.
+/// Place of a fit within one cell; values are computed at [`PARTS`] directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) wi: Vector,
@@ -39,35 +46,35 @@ pub(super) struct Place {
     pub(super) parts: [Vector; PARTS],
 }
 
-/// What a fit stands on.
+/// Data support of a fit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Support {
-    /// The chord to the nearest sample and to the farthest that counts.
+    /// Chords to the nearest sample and to the farthest one of the fit.
     pub(super) nearest: f64,
     pub(super) reach: f64,
-    /// The chord to the nearest incoming direction.
+    /// Chord to the nearest incoming direction.
     pub(super) nearest_incoming: f64,
-    /// The number of the nearest point.
+    /// Number of the nearest point in the cloud.
     pub(super) nearest_point: u32,
-    /// Samples that counted.
+    /// Number of samples of the fit.
     pub(super) count: usize,
-    /// Whether they lie all around.
+    /// True if the samples lie on all sides.
     pub(super) surrounded: bool,
-    /// At least the variance of the value, in parts of that of a sample; more only below [`UNCERTAIN`].
+    /// Upper bound on the variance of the value, relative to that of a sample; exact above [`UNCERTAIN`].
     pub(super) variance: f64,
-    /// 2 for a quadratic, 1 for a plane, 0 for a mean.
+    /// Degree: 2 for a quadratic, 1 for a plane, 0 for a mean.
     pub(super) degree: u8,
 }
 
-/// Fits, with everything that is used again from one to the next.
+/// Local fits, with buffers that are reused.
 #[derive(Default)]
 pub(super) struct Fitter {
-    /// The rows that count.
+    /// Rows with nonzero weight.
     pub(super) rows: Vec<u32>,
-    /// For each of them its weight in the value at each part.
+    /// Weights of each row in the values at the parts.
     pub(super) weights: Vec<[f32; PARTS]>,
     pub(super) gathered: Gathered,
-    /// The last of [`REACHES`] that counts.
+    /// Index of the last of [`REACHES`] in use.
     size: usize,
     parts: [[f64; TERMS]; PARTS],
     robust_of_all: Vec<f64>,
@@ -76,8 +83,8 @@ pub(super) struct Fitter {
 }
 
 impl Fitter {
-    /// Fits to the samples `found` (squares of chords, in any order) around `place`, for the values of `rows`; the noise of a
-    /// value is `noise` times that of its row's light, as variances. `None` if there are no samples.
+    /// Fits the samples `found` (squared chords, in any order) around `place`, to the values of `rows`. `noise` is the
+    /// variance of a value relative to that of the mean over bands of its row. Returns `None` if there are no samples.
     pub(super) fn fit(
         &mut self,
         cloud: &Cloud,
@@ -90,7 +97,7 @@ impl Fitter {
         let (nearest, farthest) = found.iter().fold((first, first.0), |(nearest, farthest), &new| {
             (if new.0 < nearest.0 { new } else { nearest }, if new.0 > farthest { new.0 } else { farthest })
         });
-        // The farthest sample counts, too.
+        // The farthest sample gets some weight, too.
         let reach = (farthest * 1.05).max(1e-12);
         self.gathered.joint = cloud.stretch > 0.0;
         self.gathered.order(found, reach);
@@ -139,8 +146,9 @@ impl Fitter {
         Some(support)
     }
 
-    /// Takes the fit for other parts, nearby; the largest variance of a value there as [`Support`] has it. `None` where the
-    /// fit is not as good there: it must be a quadratic through all samples, in coordinates that the parts have.
+    /// Reuses the fit for other nearby parts. Returns the largest variance of a value there, as in [`Support`].
+    /// Returns `None` if the fit is not good enough there: it must be an even quadratic through all samples, with
+    /// coordinates at the parts.
     pub(super) fn elsewhere(&mut self, parts: [Vector; PARTS], degree: u8) -> Option<f64> {
         let fitted = self.fitted.as_ref()?;
         let change: f64 = fitted.solution[1..].iter().map(|term| term.abs()).sum();
@@ -156,18 +164,19 @@ impl Fitter {
         (variance <= UNCERTAIN).then_some(variance)
     }
 
-    /// The light of the fit at each part, less that of the first row gathered.
+    /// Returns the light of the fit at each part, relative to that of the first gathered row (a difference).
     pub(super) fn lights(&self) -> [f64; PARTS] {
         self.fitted.as_ref().map_or([f64::NAN; PARTS], |fitted| self.parts.map(|part| fitted.light(&part)))
     }
 
-    /// Standard deviation of the logarithms of the samples' light about the fit; 0 where values are fitted, not logarithms.
+    /// Returns the standard deviation of the logarithms of the samples' light about the fit; 0 if values are fitted
+    /// instead.
     pub(super) fn deviation(&self) -> f64 {
         let scatter = self.fitted.as_ref().filter(|_| self.gathered.logarithms).map(|fitted| fitted.scatter);
         scatter.map_or(0.0, f64::sqrt)
     }
 
-    /// Sets the weights of the fit.
+    /// Computes the weights of the fit.
     pub(super) fn weigh(&mut self) {
         if let Some(fitted) = self.fitted.take() {
             self.weigh_by(&fitted);
@@ -175,7 +184,8 @@ impl Fitter {
         }
     }
 
-    /// Sets the weights for a band that the rows `missing` of all gathered have not; `false` if none has it.
+    /// Computes the weights for a band that is `missing` in some of the gathered rows. Returns false if all rows lack
+    /// it.
     pub(super) fn without(&mut self, missing: &[bool]) -> bool {
         let left = missing.iter().filter(|missing| !**missing).count();
         for (robust, &missing) in self.gathered.columns.robust.iter_mut().zip(missing) {
@@ -194,10 +204,11 @@ impl Fitter {
         left > 0
     }
 
-    /// The fit to all samples, or to the nearest where it departs from theirs by more than it saves of noise.
+    /// Returns the fit to all samples, or to the nearest ones if the departure between both exceeds the noise that
+    /// more samples save.
     fn narrowed(&mut self, all: Factored, noise: f64) -> Factored {
         let last = self.size;
-        // What is far off the fit to all is left out at first: of few samples an outlier bends the fit to itself.
+        // Starts without the outliers of the fit to all samples: with few samples an outlier bends the fit to itself.
         self.robust_of_all.clone_from(&self.gathered.columns.robust);
         let plain = self.gathered.plain;
         self.size = 0;
@@ -225,7 +236,7 @@ impl Fitter {
         few
     }
 
-    /// The same fit with samples far off left out.
+    /// Repeats the fit with lower weights for outliers.
     fn robustly(&mut self, mut factored: Factored) -> Factored {
         let mut last = f64::INFINITY;
         for _ in 0..ROUNDS {
@@ -241,21 +252,21 @@ impl Fitter {
         factored
     }
 
-    /// The standard deviation of the light about the fit, by its median, if some sample is far off; residuals are left as
-    /// the light's.
+    /// Returns the robust standard deviation of the light about the fit if some sample is an outlier, otherwise
+    /// `None`. Leaves the residuals in the columns.
     fn suspicion(&mut self, factored: &Factored) -> Option<f64> {
         let count = self.gathered.counts[self.size];
         let departure = self.gathered.columns.depart(count, &factored.solution);
         let n = count as f64;
         let (largest, deviation) = (departure.largest, (departure.squares / n).sqrt());
-        // A normal distribution has 1.25 for the ratio of its standard to its mean deviation. Light that is not known has none.
+        // The ratio of standard to mean deviation of a normal distribution is 1.25. Unknown light has no deviation.
         if departure.squares.is_nan() || largest <= SUSPECT * deviation && deviation <= 1.6 * departure.sum / n {
             return None;
         }
         self.gathered.sorted.clear();
         self.gathered.sorted.extend_from_slice(&self.gathered.columns.residuals[..count]);
         let (_, &mut median, _) = self.gathered.sorted.select_nth_unstable_by(count / 2, f64::total_cmp);
-        // Some residuals are used up by the terms of the fit; exact data have residuals of rounding.
+        // The terms of the fit use up some residuals. Exact data have residuals from rounding.
         let used = (n / (n - factored.terms as f64).max(1.0)).sqrt();
         let scale = (1.4826 * median * used).max(1e-6 * departure.brightest);
         (largest > SUSPECT * scale).then_some(scale)
@@ -265,15 +276,15 @@ impl Fitter {
         self.gathered.columns.system(self.gathered.counts[self.size], REACHES[self.size], self.gathered.joint, terms)
     }
 
-    /// At least the largest variance of a value at the parts, in parts of that of a sample.
+    /// Returns an upper bound on the variance of a value at the parts, relative to that of a sample.
     fn variance(&mut self, factored: &Factored) -> f64 {
-        // As if the samples varied by the inverse of how much they count; they vary less.
+        // Assumes that samples vary by their inverse weights; they vary less.
         let most = self.gathered.most_certain * most_of(self.parts.map(|part| factored.variance(part)));
         if most <= UNCERTAIN { most } else { self.weigh_by(factored) }
     }
 
-    /// Sets the weights at the parts, and the rows that have any; the largest variance of a value, in parts of that of a
-    /// sample.
+    /// Sets the weights at the parts, and the rows with any weight. Returns the largest variance of a value, relative
+    /// to that of a sample.
     fn weigh_by(&mut self, factored: &Factored) -> f64 {
         self.weights.clear();
         self.rows.clear();
@@ -288,12 +299,12 @@ impl Fitter {
     }
 }
 
-/// The largest, or not a number if one is not.
+/// Returns the largest variance, or NaN if one is NaN.
 fn most_of(variances: [f64; PARTS]) -> f64 {
     variances.into_iter().fold(0.0, |most, v| if v > most || v.is_nan() { v } else { most })
 }
 
-/// Degrees and their numbers of terms, the highest first.
+/// Returns degrees and their numbers of terms, the highest first.
 fn degrees(joint: bool) -> [(usize, usize); 3] {
     if joint { [(2, 8), (1, 5), (0, 1)] } else { [(2, 6), (1, 3), (0, 1)] }
 }

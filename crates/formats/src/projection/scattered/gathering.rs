@@ -1,4 +1,4 @@
-//! What a fit is made of: the rows, light and certainty of samples, and their coordinates as terms.
+//! Input of a local fit: rows, light and certainty of the samples, and their coordinates.
 
 use super::around::Around;
 use super::cloud::{Cloud, slope};
@@ -8,19 +8,19 @@ use super::tree::Found;
 use crate::domain::vector::{Vector, dot, sub};
 use crate::numeric::wide;
 
-/// Parts of the square of the reach within which fits compete.
+/// Squared radii of competing fits, as fractions of the squared reach.
 pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
-/// A sample counts at most so many times as much as the middle one.
+/// Upper bound on the certainty of a sample relative to the median.
 const MOST_CERTAIN: f64 = 1e6;
 
-/// The coordinates of a fit.
+/// Coordinates of a fit.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Frame {
-    /// Of the incoming direction and of the place, where the coordinates are slopes.
+    /// Incoming direction, and slope at the place, if the coordinates are slopes.
     pub(super) slopes: Option<(Vector, [f64; 2])>,
-    /// Else along these.
+    /// Axes of the tangent coordinates otherwise.
     pub(super) axes: [Vector; 2],
-    /// What coordinates are divided by.
+    /// Divisor of the coordinates.
     pub(super) length: f64,
 }
 
@@ -37,17 +37,17 @@ impl Frame {
     }
 }
 
-/// Samples around a place, as columns of the system that is solved.
+/// Samples around a place, as columns of the linear system.
 #[derive(Default)]
 pub(super) struct Gathered {
-    /// All rows gathered: within the first of [`REACHES`], then the rest.
+    /// All gathered rows: first those within the first of [`REACHES`], then the others.
     pub(super) rows: Vec<u32>,
-    /// Whether logarithms are fitted: all values gathered are positive.
+    /// True if logarithms are fitted: all gathered values are positive.
     pub(super) logarithms: bool,
     pub(super) counts: [usize; REACHES.len()],
     pub(super) joint: bool,
     pub(super) columns: Columns,
-    /// Whether no sample has lost weight by lying off.
+    /// True if no sample has lost weight as an outlier.
     pub(super) plain: bool,
     pub(super) sorted: Vec<f64>,
     order: Vec<Found>,
@@ -56,11 +56,11 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Puts what lies within the first of [`REACHES`] first.
+    /// Puts samples within the first of [`REACHES`] first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
         self.order.resize(found.len(), (0.0, 0));
-        // The near ones from the front, the others from the back.
+        // Near samples fill the front, the others the back.
         let (mut front, mut back) = (0, found.len());
         for &(square, item) in found {
             let square = square * inverse;
@@ -72,7 +72,7 @@ impl Gathered {
         self.counts = [front, found.len()];
     }
 
-    /// Looks up rows, light and certainty.
+    /// Looks up the rows, light and certainty of the samples.
     pub(super) fn gather(&mut self, cloud: &Cloud, rows: &Rows<'_>, wi: Vector) {
         self.columns.resize(self.order.len());
         self.plain = true;
@@ -116,7 +116,7 @@ impl Gathered {
         }
     }
 
-    /// Takes slopes less that of the place as coordinates, if all have one.
+    /// Sets coordinates to slopes relative to that of the place. Returns false if some sample has no slope.
     pub(super) fn slopes(&mut self, cloud: &Cloud, centre: [f64; 2]) -> bool {
         let [_, us, vs, ..] = &mut self.columns.basis;
         let mut steep = false;
@@ -128,7 +128,7 @@ impl Gathered {
         !steep
     }
 
-    /// Takes tangents as coordinates.
+    /// Sets coordinates along the tangents.
     pub(super) fn tangents(&mut self, cloud: &Cloud, axes: &[Vector; 2]) {
         let [_, us, vs, ..] = &mut self.columns.basis;
         for ((u, v), &(_, item)) in us.iter_mut().zip(vs).zip(&self.order) {
@@ -137,7 +137,7 @@ impl Gathered {
         }
     }
 
-    /// Certainties in parts of their median; rows without any count as the median.
+    /// Divides certainties by their median; rows without a stated one count as the median.
     fn count_certainty(&mut self) {
         let certainty = &mut self.columns.certainty[..self.rows.len()];
         self.sorted.clear();
@@ -151,7 +151,7 @@ impl Gathered {
         }
     }
 
-    /// Turns coordinates into the basis; the length that they are divided by.
+    /// Turns coordinates into the basis. Returns the length by which they were divided.
     pub(super) fn scale(&mut self) -> f64 {
         let joint = self.joint;
         let [_, u, v, c, d, e, f, g] = &mut self.columns.basis;
@@ -176,7 +176,7 @@ impl Gathered {
         )
     }
 
-    /// Whether every half plane has a sample.
+    /// Returns true if every half plane contains a sample.
     pub(super) fn surrounded(&self, cloud: &Cloud, axes: &[Vector; 2]) -> bool {
         let mut around = Around::default();
         self.order.iter().any(|&(_, item)| {
@@ -186,13 +186,13 @@ impl Gathered {
     }
 }
 
-/// The basis at an offset of the outgoing (u, v) and the incoming direction (a, b).
+/// Returns the basis at an offset of the outgoing (u, v) and the incoming direction (a, b).
 #[inline]
 fn terms([u, v]: [f64; 2], [a, b]: [f64; 2], joint: bool) -> [f64; TERMS] {
     if joint { [1.0, u, v, a, b, u * u, u * v, v * v] } else { [1.0, u, v, u * u, u * v, v * v, 0.0, 0.0] }
 }
 
-/// The largest square of the length of a vector; not 0.
+/// Returns the largest squared length of the vectors; never 0.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn largest(x: &[f64], y: &[f64]) -> f64 {

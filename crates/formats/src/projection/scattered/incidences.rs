@@ -1,39 +1,39 @@
-//! Samples by the incoming direction that they were taken under, with the weights of sums over the outgoing ones.
+//! Samples grouped by incoming direction, with weights for sums over outgoing directions.
 
 use super::areas::areas;
 use super::plan::Plan;
 use crate::domain::vector::Vector;
 use crate::domain::{Direction, Domain, Quantity};
 
-/// Incoming directions that lie closer than this in degrees are one.
+/// Largest angle in degrees between incoming directions that count as equal.
 const SAME: f64 = 0.05;
-/// An incoming direction with fewer samples on average is none of its own: they are summed over all.
+/// Least mean number of samples per incoming direction; with fewer, all samples form one group.
 const FEWEST: usize = 24;
 
-/// The samples under one incoming direction; under all, where each has its own.
+/// Samples under one incoming direction, or all samples if each has its own.
 #[derive(Clone, Debug)]
 pub struct Incidence {
-    /// Polar angle and azimuth in degrees; without azimuth for isotropic data, `None` where there is no such direction.
+    /// Polar angle and azimuth in degrees; no azimuth for isotropic data, `None` without a common direction.
     pub(super) angles: Option<(f64, Option<f64>)>,
     pub(super) rows: Vec<u32>,
-    /// Whether samples weigh by the areas of their cells.
+    /// True if the samples share an incoming direction and are weighted by the areas of their cells.
     is_one: bool,
 }
 
 impl Incidence {
-    /// Polar angle in degrees and, unless the data are isotropic, azimuth of the incoming direction; `None` where there is none,
-    /// or each sample has its own.
+    /// Returns the polar angle in degrees of the incoming direction and, unless the data are isotropic, its azimuth.
+    /// Returns `None` if there is no such direction, or if each sample has its own.
     pub fn angles(&self) -> Option<(f64, Option<f64>)> {
         self.angles
     }
 
-    /// The rows of the samples.
+    /// Returns the rows of the samples.
     pub fn rows(&self) -> &[u32] {
         &self.rows
     }
 
-    /// Weights of the samples: the areas of their cells times |cos θ| where the quantity has that factor; 1 instead of the
-    /// area in a plane. Beside them, whether they are areas.
+    /// Returns the weights of the samples: areas of their cells, times |cos θ| if the quantity has that factor. In a
+    /// plane 1 replaces the area. Also returns true if the weights are areas.
     pub(super) fn weights(
         &self,
         directions: &[(Vector, Vector)],
@@ -49,7 +49,7 @@ impl Incidence {
     }
 }
 
-/// The samples of `plan` by incidence.
+/// Groups the samples of `plan` by incidence.
 pub(super) fn incidences(quantity: Quantity, plan: &Plan, has_incoming: bool) -> Vec<Incidence> {
     let own = |cloud: usize| plan.clouds[cloud].rows[..plan.clouds[cloud].own()].to_vec();
     let alone = |angles, rows: Vec<u32>| Incidence { angles, rows: sorted(rows), is_one: true };

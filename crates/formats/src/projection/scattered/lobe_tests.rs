@@ -1,4 +1,4 @@
-//! Tests of light and outliers: which samples far from their neighbours are a lobe's.
+//! Tests of lobes and outliers: which samples far from their neighbours belong to a lobe.
 
 use super::super::{AxesRequest, ScatterReport, project};
 use super::tests::{isotropic, noise, scattered, uniform};
@@ -38,10 +38,10 @@ fn report(acquired: &Acquisition) -> ScatterReport {
 
 #[test]
 fn a_lobe_that_all_incidences_show_together_is_not_rejected() {
-    // Each incidence has a sample or two of it.
+    // Each incidence has one or two of its samples.
     let found = report(&scan(&ELEVATIONS, 1.5));
     assert!(found.lobe >= 6 && found.isolated.values == 0, "{found:?}");
-    // One incidence alone has too few to tell.
+    // A single incidence has too few of them.
     let found = report(&scan(&ELEVATIONS[2..3], 0.7));
     assert!(found.lobe == 0 && found.rejected.values <= 2, "{found:?}");
 }
@@ -50,13 +50,13 @@ fn a_lobe_that_all_incidences_show_together_is_not_rejected() {
 fn a_spike_of_one_incidence_is_no_lobe_beside_others() {
     let smooth = scan(&ELEVATIONS, 1e-3);
     assert_eq!((report(&smooth).lobe, report(&smooth).rejected.values), (0, 0));
-    // Two neighbours: alone where other incidences have nothing there, and where there is no other.
+    // Two neighbours count as isolated if other incidences are smooth there, and if there is no other incidence.
     for mut acquired in [scan(&ELEVATIONS, 1e-3), scan(&ELEVATIONS[..1], 1e-3)] {
         spiked(&mut acquired, (700, 2), 10.0);
         let found = report(&acquired);
         assert_eq!((found.lobe, found.rejected.values, found.isolated.values), (0, 2, 2), "{found:?}");
     }
-    // Single samples that lie low are outliers, too.
+    // Single low samples are outliers, too.
     let mut acquired = scan(&ELEVATIONS, 1e-3);
     for first in [100, 500, 900] {
         spiked(&mut acquired, (first, 1), 0.1);

@@ -1,21 +1,22 @@
-//! Samples at directions of their own → averages over triangles of a local fit, holes filled by declared rules and
-//! marked.
+//! Projection of samples at scattered directions: averages of local fits over triangles. Holes are filled by declared
+//! rules and marked.
 //!
-//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations. How far and how
-//!    densely they lie ([`extent`]) chooses levels and axes ([`plan`]).
-//! 2. Withheld samples choose how many neighbours a value is fitted to, and tell whether the data are symmetric
-//!    ([`withheld`], [`trials`]).
-//! 3. Each triangle is the mean of fits within it ([`cells`]): in slopes of the half vector for reflection, of
-//!    logarithms where all samples around are positive. Samples around a block of triangles are looked up once
-//!    ([`nearby`], in a [`tree`]); a fit ([`fit`]) takes its own from them as columns ([`gathering`]), solves for them
-//!    ([`system`]) and weighs their rows of bands ([`rows`]).
-//! 4. Holes are continued, or taken from mirror images or reciprocal directions where these hold ([`fill`]).
-//! 5. A lobe that is narrower than cells is fitted to all samples together and carried beside the cells, which are made
-//!    of what it leaves of them ([`lobe`]).
-//! 6. Differences between neighbouring samples tell their noise, and which of them are rejected ([`noise`]). A material
-//!    is compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe lie off, too, but
-//!    together ([`together`], in the coordinates of [`relative`]). Under each incoming direction ([`incidences`]) the
-//!    light of the samples is their sum by the areas that they stand for ([`areas`]).
+//! 1. Samples are grouped by incoming direction ([`cloud`]); isotropic data keep their elevations. The extent and
+//!    density of the samples ([`extent`]) determine levels and axes ([`plan`]).
+//! 2. Withheld samples determine the number of neighbours of a fit, and whether the data are symmetric ([`withheld`],
+//!    [`trials`]).
+//! 3. Each triangle is the mean of fits within it ([`cells`]). For reflection the coordinates are slopes of the half
+//!    vector; logarithms are fitted if all samples around are positive. Samples around a block of triangles are looked
+//!    up once ([`nearby`], in a [`tree`]). A fit ([`fit`]) gathers its samples as columns ([`gathering`]), solves for
+//!    them ([`system`]) and averages their rows of bands ([`rows`]).
+//! 4. Holes are extrapolated, or filled from mirror images or reciprocal directions if the data allow it ([`fill`]).
+//! 5. A lobe narrower than the cells is fitted to all samples together and stored beside the cells. The cells are
+//!    fitted to the samples minus the lobe ([`lobe`]).
+//! 6. Differences between neighbouring samples give their noise and the rejected samples ([`noise`]). A material is
+//!    compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe differ from their
+//!    neighbours, too, but lie close together ([`together`], in the coordinates of [`relative`]). Under each incoming
+//!    direction ([`incidences`]) the light of the samples is their sum, weighted by the areas that they represent
+//!    ([`areas`]).
 
 mod areas;
 mod around;
@@ -94,7 +95,8 @@ pub(super) fn project(
     let split = (acquisition.quantity == Quantity::Brdf && !scattered.incoming.is_empty())
         .then(|| lobe::split(&plan, &rows, sigma, &channels, &incidences))
         .flatten();
-    // What cells are made of, and values that lie off their neighbours by the light of the lobe.
+    // Rows for the cells, the lobe beside them, and the number of values that differ from their neighbours because of
+    // it.
     let (rows, carried, of_lobe) = match split {
         Some(Split { carried, left, values }) => {
             notes.push(carried.note());
@@ -164,7 +166,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples), lobe: carried })
 }
 
-/// Counts, noise and outliers of the samples.
+/// Returns counts, noise and outliers of the samples.
 fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatter) -> ScatterReport {
     let positive = found.positive.max(1) as f64;
     let share = |values: u64, light| Rejected { values, samples: values as f64 / positive, light };
@@ -181,7 +183,7 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
     }
 }
 
-/// Notes on samples of so many values.
+/// Returns notes for the user on samples with this number of values.
 fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<String> {
     let mut notes = Vec::new();
     if report.missing > 0 {

@@ -1,4 +1,4 @@
-//! The samples around a block of triangles, from which every place within picks its own.
+//! Samples around a block of triangles, from which every place within selects its own.
 
 use super::cloud::Cloud;
 use super::tree::{Found, distance, nearness};
@@ -6,32 +6,32 @@ use crate::domain::Vertices;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
-/// How often a place tries another reach for as many samples as are wanted.
+/// Upper bound on the attempts to find a radius that contains the wanted number of samples.
 const TRIES: usize = 4;
-/// Beside an edge the reach is so much longer.
+/// Factor by which the search radius grows near an edge of the scan.
 const WIDER: f64 = 1.6;
 
-/// Scratch of one task.
+/// Scratch space of one task.
 #[derive(Default)]
 pub(super) struct Nearby {
     found: Vec<Found>,
     items: Vec<u32>,
-    /// Where they lie in the tree, a column for each coordinate.
+    /// Coordinates of the samples in the tree, one column for each.
     keys: [Vec<f64>; 6],
-    /// The squares of their distances from a place.
+    /// Squared distances of the samples from a place.
     squares: Vec<f64>,
     centre: [f64; 6],
-    /// The distance from the centre to the farthest corner.
+    /// Distance from the centre of the block to its farthest corner.
     size: f64,
-    /// All samples within this distance of the centre are here.
+    /// Radius about the centre within which all samples are collected.
     complete: f64,
-    /// The square of the distance within which the centre has its neighbours.
+    /// Squared radius within which the centre has the wanted number of neighbours.
     reach: f64,
     is_wide: bool,
 }
 
 impl Nearby {
-    /// Finds the samples that are `wanted` within the reach of any place in `vertices` under `wi`.
+    /// Collects the samples that `wanted` accepts within the reach of any place in `vertices` under `wi`.
     pub(super) fn gather(
         &mut self,
         (cloud, neighbours): (&Cloud, usize),
@@ -48,7 +48,7 @@ impl Nearby {
         self.collect(cloud, self.reach.sqrt(), wanted);
     }
 
-    /// Looks up all samples within `reach` of any place of the block.
+    /// Collects all samples within `reach` of any place of the block.
     fn collect(&mut self, cloud: &Cloud, reach: f64, wanted: impl Fn(u32) -> bool) {
         self.complete = reach + self.size + 1e-9;
         cloud.within(&self.centre, self.complete * self.complete, wanted, &mut self.found);
@@ -60,8 +60,8 @@ impl Nearby {
         self.squares.resize(self.items.len(), 0.0);
     }
 
-    /// The samples around the place `key` of the block into `found`: all within some reach, if these are about as many as
-    /// wanted, else the nearest.
+    /// Selects the samples around the place `key` of the block into `found`. Takes all within some radius if their
+    /// number is about the wanted one, otherwise the nearest.
     pub(super) fn select(
         &mut self,
         (cloud, neighbours): (&Cloud, usize),
@@ -102,12 +102,12 @@ impl Nearby {
         }
     }
 
-    /// The square of the distance from a place within which all samples are here.
+    /// Returns the squared radius about a place within which all samples are collected.
     fn complete_around(&self, key: &[f64; 6]) -> f64 {
         (self.complete - distance(key, &self.centre).sqrt()).max(0.0).powi(2)
     }
 
-    /// Sets the squares of distances; beyond the first coordinates there is no difference.
+    /// Computes the squared distances from `key`; later coordinates than the first `dimensions` are equal.
     fn measure(&mut self, key: &[f64; 6], dimensions: usize) {
         let n = self.items.len();
         let squares = &mut self.squares[..n];
@@ -128,9 +128,9 @@ impl Nearby {
         );
     }
 
-    /// Takes the `count` samples no farther than the root of `square`.
+    /// Takes the `count` samples within distance √`square`.
     fn take(&self, square: f64, count: usize, found: &mut Vec<Found>) {
-        // One place more for those that are not taken.
+        // One extra place is overwritten by samples that are not taken.
         found.resize(count + 1, (0.0, 0));
         let mut n = 0;
         for (&apart, &item) in self.squares.iter().zip(&self.items) {
@@ -141,7 +141,7 @@ impl Nearby {
     }
 }
 
-/// The mean of the corners.
+/// Returns the mean of the corners.
 fn middle(cloud: &Cloud, wi: Vector, vertices: &[Vertices]) -> [f64; 6] {
     let (mut sum, mut count) = ([0.0; 6], 0.0);
     for &corner in vertices.iter().flatten() {

@@ -1,11 +1,16 @@
-//! Noise of samples about their neighbours, and samples so far from them that they are rejected; both know nothing of cells.
+//! Noise of samples about their neighbours, and rejection of outliers; both are independent of cells.
 //!
-//! Every sample is predicted by a robust fit to its nearest neighbours without itself. In logarithms the difference is its own
-//! noise and that of the prediction, which the weights of the fit tell; the median over samples of about one brightness is not
-//! moved by lobes and outliers. A sample is rejected if it differs by a third, and by many times the usual difference at its
-//! brightness and the scatter of its neighbours, from their fit or their median, unless several of its neighbours lie off
-//! on the same side: then they are a lobe. Fits are repeated without what lies off, since outliers come in pairs. Samples that
-//! only those of other incidences show to be a lobe are not rejected either ([`together`](super::together)).
+//! Every sample is predicted by a robust fit to its nearest neighbours without itself. The difference of logarithms
+//! contains its own noise and that of the prediction, known from the weights of the fit. The median over samples of
+//! similar brightness is insensitive to lobes and outliers.
+//!
+//! A sample is rejected if it differs by a third from the fit or the median of its neighbours. The difference must
+//! also be many times the usual one at its brightness and the scatter of the neighbours. It is kept if several
+//! neighbours deviate to the same side: then they are a lobe. Fits are repeated without the outliers, since these come
+//! in pairs.
+//!
+//! Samples that form a lobe only together with other incidences are not rejected either
+//! ([`together`](super::together)).
 
 use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;
@@ -18,73 +23,75 @@ use crate::domain::Quantity;
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
-/// Numbers of neighbours whose fits tell the noise: it is the same about all, and what more neighbours bend away is signal.
+/// Numbers of neighbours whose fits estimate the noise. Noise is equal for all of them; differences that grow with the
+/// number are signal.
 const NEIGHBOURS: [usize; 2] = [27, 16];
-/// Samples that tell the noise, about; each of them in all bands, and their values at most.
+/// Approximate number of samples that estimate the noise, each in all bands, and upper bound on their values.
 const JUDGES: usize = 1 << 13;
 const JUDGED_VALUES: usize = 1 << 20;
-/// Classes of brightness at most, and values in each at least.
+/// Upper bound on the brightness classes, and lower bound on the values in each.
 const CLASSES: usize = 16;
 const CLASS: usize = 200;
-/// Values below which nothing is said.
+/// Least number of values for a noise estimate.
 const FEWEST: usize = 48;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
 const OF_MEDIAN: f64 = 1.4826;
-/// Noise below this is the rounding of float32.
+/// Relative noise below this is the rounding of float32, and counts as 0.
 const ROUNDING: f64 = 2e-7;
-/// Standard deviations, of the class and of the neighbours, beyond which a sample lies off. Raising it rejects fewer.
+/// Standard deviations, of the class and of the neighbours, beyond which a sample deviates. Raising it rejects fewer.
 const FAR_OFF: f64 = 8.0;
-/// Difference of logarithms below which no sample is off: a third.
+/// Least difference of natural logarithms of a deviating sample: a third. Raising it rejects fewer.
 const LEAST_OFF: f64 = 0.3;
-/// Difference of logarithms, and standard deviations of the class, beyond which a sample is *high*: it is not rejected, but shows
-/// a lobe together with those that lie off.
+/// Difference of logarithms, and standard deviations of the class, beyond which a sample is *high*. It is not
+/// rejected, but supports a lobe together with deviating samples.
 const HIGH: f64 = 0.05;
 const HIGH_OFF: f64 = 4.0;
-/// Neighbours whose median is compared.
+/// Number of neighbours whose median is compared.
 const NEAREST: usize = 12;
-/// Rounds of fits: with all samples, then without what lies off.
+/// Rounds of fits: first with all samples, then without deviating ones.
 const ROUNDS: usize = 2;
-/// Neighbours that are looked at where a sample lies off, and how many of them on the same side make a lobe.
+/// Number of neighbours examined around a deviating sample, and least number on the same side that makes a lobe.
 const BESIDE: usize = 6;
 const LOBE: usize = 2;
 
 /// Noise and outliers of the samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scatter {
-    /// Root mean square of the relative noise of positive samples; `None` where there are too few to tell.
+    /// Root mean square of the relative noise of positive samples; `None` if there are too few.
     pub(super) noise: Option<f64>,
     /// Rejected values, in increasing order of positions.
     pub(super) rejected: Vec<Rejection>,
-    /// Share of the sum of all values in the rejected ones, and in those of them that lie alone.
+    /// Fraction of the sum of all positive values in the rejected ones, and in the isolated ones among them.
     pub(super) light: f64,
     pub(super) isolated_light: f64,
-    /// Values far from their neighbours that are the light of a lobe.
+    /// Number of values that differ strongly from their neighbours but belong to a lobe.
     pub(super) lobe: u64,
-    /// All positive values.
+    /// Number of positive values.
     pub(super) positive: u64,
 }
 
-/// A value that is rejected.
+/// A rejected value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rejection {
-    /// `[row, own channel]`.
+    /// Position in the array `[row, own channel]`.
     pub(super) position: usize,
-    /// Whether others lie off beside it.
+    /// True if other rejected samples lie close to it.
     pub(super) is_together: bool,
 }
 
-/// Noise of the samples of one class of brightness.
+/// Noise of the samples of one brightness class.
 struct Class {
-    /// Logarithm of the brightest prediction in it.
+    /// Logarithm of the brightest prediction in the class.
     up_to: f64,
     deviation: f64,
 }
 
-/// The values of rows as they are compared: on the wavelengths of the tensor, or alone, before a spectrum multiplies them.
+/// Channels on which values are compared: the wavelengths of the tensor, or the single value before a spectrum
+/// multiplies it.
 pub(super) struct Own<'a>(pub(super) &'a Channels);
 
 impl Own<'_> {
-    /// Values of a row.
+    /// Returns the number of compared values of a row.
     pub(super) fn width(&self) -> usize {
         if let Channels::Multiplied(_) = self.0 { 1 } else { self.0.to() }
     }
@@ -100,7 +107,7 @@ impl Own<'_> {
     }
 }
 
-/// Scratch of one task: a prediction and a row, both on the channels that are compared.
+/// Scratch space of one task: a prediction and a row, on the compared channels.
 #[derive(Default)]
 struct Compared {
     scratch: Scratch,
@@ -111,8 +118,9 @@ struct Compared {
 }
 
 impl Compared {
-    /// Differences of logarithms of the values at `point` from those that its neighbours predict, with the logarithm of the
-    /// prediction, NaN where one is not positive. `None` where there is no prediction.
+    /// Computes the differences of logarithms between the values at `point` and the prediction of its neighbours, and
+    /// the logarithm of the prediction. They are NaN if a value is not positive. Returns `None` if there is no
+    /// prediction.
     fn differences(
         &mut self,
         fitted: &Fitted<'_>,
@@ -134,8 +142,8 @@ impl Compared {
     }
 }
 
-/// The value that the neighbours of `point` make there, without it, its mirror image, and those that `is_left_out`, in
-/// `scratch.row`.
+/// Predicts the value at `point` from its neighbours, without itself, its mirror image, and points that `is_left_out`.
+/// The result is in `scratch.row`.
 pub(super) fn without_itself(
     fitted: &Fitted<'_>,
     point: u32,
@@ -156,7 +164,7 @@ pub(super) fn without_itself(
     (support.nearest < support.reach).then_some(support)
 }
 
-/// Finds the noise of `rows` and what of them is rejected.
+/// Finds the noise and the rejected values of `rows`.
 pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scatter {
     let own = Own(channels);
     let classes = classes(plan, rows, &own);
@@ -201,7 +209,7 @@ pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels
     scatter
 }
 
-/// The noise by brightness of the prediction, and how many values told that of each class.
+/// Returns the noise by brightness of the prediction, and the number of values in each class.
 fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
     let points: usize = plan.clouds.iter().map(Cloud::own).sum();
     let judges = JUDGES.min(JUDGED_VALUES / own.width()).max(100);
@@ -242,7 +250,7 @@ fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// Classes of equal numbers of values, sorted by the prediction.
+/// Divides values, sorted by prediction, into classes of equal numbers.
 fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     let count = pairs.len();
     let number = (count / CLASS).clamp(1, CLASSES);
@@ -259,11 +267,12 @@ fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// The channels of a sample that lie off, and the differences of logarithms.
+/// Deviating channels of a sample, with the differences of logarithms.
 type Sides = Vec<(usize, f32)>;
 
-/// Samples of a cloud that lie off or are high, and which of their channels are not rejected: so many neighbours share them
-/// that they are a lobe, or they are no more than high. Samples of several incidences lie about `usual` apart.
+/// Returns the samples of a cloud that deviate or are high, and marks their channels that are not rejected. These are
+/// shared by enough neighbours for a lobe, or no more than high. `usual` is the spacing of samples of several
+/// incidences.
 fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec<(Off, Vec<bool>)> {
     if classes.is_empty() {
         return Vec::new();
@@ -306,15 +315,15 @@ fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec
     off.chain(high.iter().map(|(point, sides)| (*point, sides, true))).map(of).collect()
 }
 
-/// The sample that a point is, or is the mirror image of.
+/// Returns the sample of a point, or of its mirror image.
 fn own_point(cloud: &Cloud, item: u32) -> usize {
     let item = item as usize;
     if item < cloud.own() { item } else { item - cloud.own() }
 }
 
 impl Compared {
-    /// The channels of a sample that lie off, and those that are high; `None` if none differs by much from the prediction
-    /// without what `is_left_out`.
+    /// Returns the deviating and the high channels of a sample. Returns `None` if none differs much from the
+    /// prediction without points that `is_left_out`.
     fn sides(
         &mut self,
         fitted: &Fitted<'_>,
@@ -363,8 +372,8 @@ impl Compared {
     }
 }
 
-/// The difference of `log` from the median logarithm of `values`, and the standard deviation of these by their median.
-/// `None` where one is not positive.
+/// Returns the difference of `log` from the median logarithm of `values`, and the robust standard deviation of these.
+/// Returns `None` if one is not positive.
 fn beside_median(values: impl Iterator<Item = f32>, log: f64) -> Option<(f64, f64)> {
     let logs: Option<Vec<f64>> = values.map(|v| (v > 0.0).then(|| f64::from(libm::logf(v)))).collect();
     let mut logs = logs.filter(|logs| !logs.is_empty() && !log.is_nan())?;

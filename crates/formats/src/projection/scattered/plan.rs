@@ -1,4 +1,4 @@
-//! What is fitted where: clouds of samples, the entries of the incoming axis, levels and neighbours.
+//! Plan of the fits: clouds of samples, entries of the incoming axis, levels and numbers of neighbours.
 
 use super::cells::{Fitted, Parts};
 use super::cloud::{self, Cloud, Incoming, one_azimuth};
@@ -14,63 +14,67 @@ use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES};
 use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
 
-/// The finest level of outgoing triangles that is taken without being asked for: cells of 0.6°.
+/// Finest level of outgoing triangles chosen automatically: cells of 0.6°.
 const FINEST: u8 = 7;
-/// Cells, or pairs of them, that refinement makes at most: a million, beyond which files and times grow and errors hardly fall.
+/// Upper bound on the cells, or pairs of them, after refinement: a million. Beyond it, files and times grow while
+/// errors hardly fall.
 const MAX_REFINED_CELLS: usize = 1 << 20;
-/// Bands that choices are made on, at most.
+/// Upper bound on the bands used for choices. Raising it is slower.
 const BANDS: usize = 8;
-/// How far apart neighbouring incoming directions lie in parts of neighbouring outgoing ones, as neighbours are counted.
+/// Distance assigned to neighbouring incoming directions in joint fits, in spacings of outgoing samples. Raising it
+/// mixes fewer incoming directions.
 const JOINT_STRETCH: f64 = 1.5;
-/// How far the nearest measured incoming direction may be, in distances between them.
+/// Largest distance to the nearest measured incoming direction, in spacings between them; cells farther away are
+/// empty.
 const JOINT_REACH: f64 = 1.5;
-/// Parts of a cell are at most this large, in parts of the reach of a fit.
+/// Upper bound on the size of the parts of a cell, as a fraction of the reach of a fit. Raising it takes fewer fits.
 const PART: f64 = 0.7;
 
-/// An entry of the incoming axis: its direction, and the cloud that serves it.
+/// Entry of the incoming axis: its direction, and the number of the cloud fitted for it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) wi: Vector,
     pub(super) cloud: usize,
 }
 
-/// Which samples lie where.
+/// Assignment of samples to cells.
 #[derive(Clone, Debug)]
 pub(super) struct Located {
-    /// The cell `[entry, triangle]` of each row, if it counts and lies in one.
+    /// Cell `[entry, triangle]` of each row; `None` if it is not used or outside the axes.
     pub(super) cells: Vec<Option<usize>>,
-    /// Whether each cell holds one, or a mirror image.
+    /// True for each cell that contains a sample or a mirror image.
     pub(super) has_sample: Vec<bool>,
-    /// The rows under each entry.
+    /// Rows under each entry.
     pub(super) rows: Vec<Vec<u32>>,
 }
 
-/// Everything that was chosen.
+/// Choices for the projection of scattered samples.
 pub(super) struct Plan {
     pub(super) isotropic: bool,
-    /// Whether mirror images stand for a half that was not measured.
+    /// True if mirror images replace a half that was not measured.
     pub(super) unfolded: bool,
     pub(super) directions: Vec<(Vector, Vector)>,
     pub(super) clouds: Vec<Cloud>,
     pub(super) entries: Vec<Entry>,
-    /// The elevations of the entries.
+    /// Elevations of the entries, in degrees.
     pub(super) elevations: Vec<f64>,
     incoming: Option<Choice>,
     pub(super) outgoing: Choice,
     pub(super) parts: Parts,
     pub(super) neighbours: usize,
-    /// How much of the variance of a value is its own, not that of its row.
+    /// Fraction of the variance of a value that is independent between bands; the rest is common to its row.
     own_noise: f64,
     incoming_reach: f64,
-    /// The usual distance between the samples of one incidence, in radians.
+    /// Usual distance between the samples of one incidence, in radians.
     pub(super) spacing: f64,
     sides_apart: bool,
-    /// A few bands of all rows, if there are more.
+    /// A selection of the bands of all rows, if there are many.
     thin: Option<Rows<'static>>,
     pub(super) notes: Vec<String>,
 }
 
-/// The side that triangles with samples stand for, and the level asked for; refused for a side that there is not.
+/// Returns the side that triangles represent, and its requested level. Fails if a level is requested for a missing
+/// side.
 fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(Role, Option<u8>), ProjectionError> {
     let (role, level, other, unused) = if lone {
         (Role::Incoming, request.incoming_level, Role::Outgoing, request.outgoing_level)
@@ -84,7 +88,8 @@ fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(Role, Opt
     Ok((role, level))
 }
 
-/// The samples of a reflectance, of which only the incoming direction is known, with that as the one that triangles stand for.
+/// Moves the incoming directions of a reflectance to the outgoing side, which triangles represent; `None` for other
+/// data.
 fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
     (quantity == Quantity::Reflectance && scattered.outgoing.is_empty()).then(|| Scattered {
         incoming: Vec::new(),
@@ -97,7 +102,7 @@ fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
 }
 
 impl Plan {
-    /// Chooses for `rows`, the values of `scattered`; `channels` is the number of values of a cell.
+    /// Creates the plan for `rows`, the values of `scattered`. `channels` is the number of values of a cell.
     pub(super) fn new(
         quantity: Quantity,
         scattered: &Scattered,
@@ -218,12 +223,12 @@ impl Plan {
         }
     }
 
-    /// A few bands of all `rows`.
+    /// Returns a selection of the bands of all `rows`.
     pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
         self.thin.as_ref().unwrap_or(rows)
     }
 
-    /// What fits `rows` with the cloud of this number.
+    /// Returns the setup of fits to `rows` with cloud number `cloud`.
     pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
         Fitted {
             rows,
@@ -240,7 +245,7 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// Which samples lie where.
+    /// Assigns samples to cells.
     pub(super) fn located(&self) -> Located {
         let mesh = self.outgoing.mesh;
         let axis = self.incoming_axis();
@@ -285,7 +290,7 @@ impl Plan {
         levels::lower_to_fit(incoming, Entries::Chosen(&mut self.outgoing), channels);
     }
 
-    /// Takes outgoing triangles that are `times` finer, or as fine as the limits allow.
+    /// Refines the outgoing triangles `times` times, or as far as the limits allow.
     fn refine(&mut self, times: u8, channels: usize) {
         for _ in 0..times {
             let is_small = |limit: usize, inner: usize| self.size(inner).saturating_mul(4) <= limit;
@@ -322,7 +327,7 @@ impl Plan {
     }
 }
 
-/// A cloud for each group of samples, and the elevations of the incoming axis.
+/// Creates a cloud for each group of samples, and the elevations of the incoming axis.
 fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync) -> (Vec<Cloud>, Vec<f64>) {
     match groups {
         Incoming::None | Incoming::Directions(_) => (vec![cloud(live)], Vec::new()),
@@ -331,7 +336,7 @@ fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync
     }
 }
 
-/// The entry of an axis of directions for a direction of this elevation in degrees; the nearest of elevations.
+/// Returns the entry of an axis for a direction with elevation `theta` in degrees; the nearest one of elevations.
 pub(super) fn entry_of(axis: &Axis, d: Vector, theta: f64) -> Option<usize> {
     match axis {
         Axis::Triangles(mesh) => mesh.locate(Direction::from_unit(d)),

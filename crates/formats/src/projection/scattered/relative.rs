@@ -1,21 +1,23 @@
-//! Where samples lie relative to the mirror direction, in the slope of the half vector, and relative to the direction back.
+//! Coordinates of samples relative to the mirror direction, in the slope of the half vector, and relative to the
+//! direction back to the source.
 //!
-//! A lobe keeps its place in one of the three under every incidence, so that samples of all incidences show it together.
+//! A lobe keeps its place in one of the three under every incidence, so that samples of all incidences show it
+//! together.
 
 use super::cloud::slope;
 use crate::domain::Quantity;
 use crate::domain::vector::{Vector, cross, dot, norm, unit};
 
-/// The coordinates: about the mirror direction, slopes, about the direction back to the source.
+/// Number of coordinate systems: mirror direction, half-vector slopes, direction back to the source.
 const COORDINATES: usize = 3;
-/// The place of samples whose half vector has no slope: near none that has one.
+/// Place of samples whose half vector has no slope: far from all that have one.
 const NOWHERE: Vector = [1e6, 0.0, 0.0];
 
-/// The place that a lobe's peak is expected at in each coordinate.
+/// Expected place of a lobe's peak in each coordinate system.
 pub(super) const ORIGINS: [Vector; COORDINATES] = [[1.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0]];
 
-/// Where a pair of directions lies in each coordinate. Distances are about as long as between outgoing directions near the
-/// origin, in radians.
+/// Returns the place of a pair of directions in each coordinate system. Near the origins, distances are about those
+/// between outgoing directions, in radians.
 pub(super) fn places(quantity: Quantity, (wi, wo): (Vector, Vector)) -> [Vector; COORDINATES] {
     let [x, y, z] = wi;
     let across = if norm([x, y, 0.0]) > 1e-6 { unit([-y, x, 0.0]) } else { [0.0, 1.0, 0.0] };
@@ -48,7 +50,7 @@ mod tests {
             assert!(close(back, ORIGINS[2]), "{back:?}");
             let [through, ..] = places(Quantity::Btdf, (wi, wi.map(|x| -x)));
             assert!(close(through, ORIGINS[0]), "{through:?}");
-            // Two degrees beside the mirror direction, out of the plane of incidence.
+            // Two degrees beside the mirror direction, outside the plane of incidence.
             let beside = unit([-wi[0], 2_f64.to_radians().tan(), wi[2]]);
             let [place, ..] = places(Quantity::Brdf, (wi, beside));
             assert!((place[2] - 2_f64.to_radians().sin()).abs() < 1e-12 && place[1].abs() < 1e-12, "{place:?}");

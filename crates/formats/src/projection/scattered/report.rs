@@ -1,38 +1,38 @@
-//! Report on scattered samples: how many there are, their noise, and what was rejected.
+//! Report on scattered samples: counts, noise, and rejected values.
 
 use serde::{Deserialize, Serialize};
 
 /// Counts, noise and outliers of scattered samples, independent of the cells made of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ScatterReport {
-    /// Samples (directions, or pairs of them).
+    /// Number of samples (directions, or pairs of them).
     pub samples: u64,
-    /// Values of them that are missing.
+    /// Number of missing values.
     pub missing: u64,
-    /// Values that are negative; they are kept.
+    /// Number of negative values; they are kept.
     pub negative: u64,
-    /// Nearest samples that each value is fitted to.
+    /// Number of nearest samples that each value is fitted to.
     pub neighbours: usize,
-    /// Root mean square of the relative noise of the samples, from differences between neighbours; `None` where there are too
-    /// few samples to tell.
+    /// Root mean square of the relative noise of the samples, from differences between neighbours; `None` if there are
+    /// too few samples.
     pub noise: Option<f64>,
     /// Outliers.
     pub rejected: Rejected,
-    /// Those of them that lie alone: fewer than three within two sample spacings of each other, whatever the coordinate.
+    /// Isolated outliers: fewer than three within two sample spacings of each other, in every coordinate system.
     pub isolated: Rejected,
-    /// Values far from their neighbours that are the light of a narrow lobe: samples of several incidences lie together about
-    /// the mirror direction, in the slope of the half vector, or about the direction back, and fall off from one peak. They are
-    /// not rejected.
+    /// Number of values that differ strongly from their neighbours but belong to a narrow lobe. Samples of several
+    /// incidences lie close together about the mirror direction, in the slope of the half vector, or about the
+    /// direction back to the source. They fall off from one peak and are not rejected.
     pub lobe: u64,
 }
 
-/// Samples that lie so far from their neighbours that they are left out of all errors.
+/// Outliers: samples that differ so much from their neighbours that they are left out of all errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rejected {
-    /// The number of values.
+    /// Number of values.
     pub values: u64,
-    /// Share of all positive values.
+    /// Fraction of all positive values, by number.
     pub samples: f64,
-    /// Share of the sum of all positive values.
+    /// Fraction of the sum of all positive values.
     pub light: f64,
 }

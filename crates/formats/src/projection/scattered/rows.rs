@@ -1,38 +1,39 @@
-//! The values of scattered samples as rows: their logarithms, their light, and weighted means of them.
+//! Values of scattered samples as rows: logarithms, means over bands, and weighted means of rows.
 
 use crate::numeric::exponential::exp_horner;
 use crate::numeric::wide;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Points within a cell whose values are averaged.
+/// Number of points within a cell whose values are averaged. Raising it is more accurate and slower.
 pub(super) const PARTS: usize = 4;
-/// Bands that are summed at a time.
+/// Number of bands summed at a time.
 const BLOCK: usize = 256;
 
-/// Rows of values `[sample, band]` as they are fitted.
+/// Rows of values `[sample, band]`, prepared for fits.
 pub(super) struct Rows<'a> {
     pub(super) width: usize,
     values: Cow<'a, [f32]>,
-    /// NaN where a value is missing or not positive.
+    /// Natural logarithms; NaN if a value is missing or not positive.
     logs: Vec<f32>,
     pub(super) kinds: Vec<Kind>,
-    /// The mean over bands: of the logarithm where all are positive, of the value else; NaN where some are missing.
+    /// Means over the bands of each row: of the logarithms (NaN unless all are positive) and of the values (NaN if
+    /// some are missing).
     pub(super) light: Vec<[f64; 2]>,
-    /// The inverse of the variance, absolute and relative to the row's own values; empty if none is stated.
+    /// Inverse variance of each row, absolute and relative to its own values; empty if no uncertainty is stated.
     pub(super) certainty: Vec<[f64; 2]>,
 }
 
-/// What a row holds.
+/// Completeness of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
-    /// Values in all bands, all of them positive.
+    /// All values present and positive.
     Positive,
-    /// Values in all bands.
+    /// All values present.
     Whole,
-    /// Some are missing.
+    /// Some values missing.
     Partial,
-    /// All are missing.
+    /// All values missing.
     Missing,
 }
 
@@ -51,7 +52,7 @@ impl<'a> Rows<'a> {
         Self { width, values, logs, kinds, light, certainty }
     }
 
-    /// `count` of the bands, evenly over all, if there are more.
+    /// Returns `count` of the bands, evenly spread; `None` if there are no more than that.
     pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Option<Rows<'static>> {
         if self.width <= count {
             return None;
@@ -72,9 +73,9 @@ impl<'a> Rows<'a> {
         &self.logs[row as usize * self.width..][..self.width]
     }
 
-    /// Writes into `out` the mean by `shares` over points of the values that `weights` `[point, row]` make of `rows`, whose
-    /// first is the one that the others are compared with. In bands where all rows are positive it is the logarithm
-    /// that is summed, in others the value; bands where some row is missing become NaN.
+    /// Writes into `out` the mean over points, weighted by `shares`, of the values that `weights` `[point, row]` give
+    /// for `rows`. The first row is the reference for differences. Bands in which all rows are positive sum
+    /// logarithms, others values. Bands in which some row is missing become NaN.
     pub(super) fn combine(&self, rows: &[u32], weights: &[[f32; PARTS]], shares: [f32; PARTS], out: &mut [f32]) {
         let positive = rows.iter().all(|&row| self.kinds[row as usize] == Kind::Positive);
         let total: f32 = shares.iter().sum();
@@ -113,14 +114,14 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The only value of `row` times the mean by `shares` of what these differences from its logarithm make.
+    /// Returns the single value of `row` times the mean of exp(`logs`), weighted by `shares`.
     pub(super) fn mean_of(&self, row: u32, logs: [f64; PARTS], shares: [f32; PARTS]) -> f32 {
         let total: f32 = shares.iter().sum();
         let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp_horner(log as f32)).sum();
         self.values[row as usize] * (mean / total)
     }
 
-    /// As [`Rows::combine`], in one band that all `rows` have.
+    /// Like [`Rows::combine`], for one band that all `rows` have.
     pub(super) fn combine_band(
         &self,
         band: usize,
@@ -189,8 +190,8 @@ fn look(row: &[f32], logs: &[f32]) -> (Kind, [f64; 2]) {
     (kind, [mean(logs), mean(row)])
 }
 
-/// The inverse of the mean variance of the bands, absolute and in parts of the mean square of the values; 0 where nothing
-/// is stated.
+/// Returns the inverse of the mean variance of the bands, absolute and relative to the mean square of the values; 0 if
+/// nothing is stated.
 fn certainty(row: &[f32], sigma: &[f32]) -> [f64; 2] {
     let (mut variance, mut square, mut count) = (0.0, 0.0, 0.0);
     for (&value, &sigma) in row.iter().zip(sigma) {

@@ -1,33 +1,33 @@
-//! Samples as columns, and the weighted systems of a local fit to them: summed side by side, factored, solved.
+//! Weighted linear systems of local fits: samples as columns, summed in lanes, factored and solved.
 
 use super::rows::PARTS;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 use crate::numeric::wide;
 
-/// Terms of the largest basis: 1, u, v, a, b, u², uv, v².
+/// Number of terms of the largest basis: 1, u, v, a, b, u², uv, v².
 pub(super) const TERMS: usize = 8;
-/// Samples that are summed side by side.
+/// Number of samples summed side by side.
 const LANES: usize = 4;
-/// What is added to the diagonal, in parts of the sum of weights: directions in which samples do not differ get no part.
+/// Ridge added to the diagonal, as a fraction of the sum of weights. Terms in which samples do not differ become 0.
 const RIDGE: f64 = 1e-9;
 
-/// What a sample is to the fit, a column each; all as long as whole lanes, with nothing beyond the samples.
+/// Properties of the samples, one column each. Columns are padded to whole lanes; the padding has no weight.
 #[derive(Default)]
 pub(super) struct Columns {
-    /// The first is 1.
+    /// Basis functions; the first is 1.
     pub(super) basis: [Vec<f64>; TERMS],
-    /// The square of the distance in parts of that of the reach.
+    /// Squared distances, relative to the squared reach.
     pub(super) squares: Vec<f64>,
-    /// By stated uncertainty.
+    /// Weights by stated uncertainty.
     pub(super) certainty: Vec<f64>,
     pub(super) robust: Vec<f64>,
     pub(super) light: Vec<f64>,
     pub(super) residuals: Vec<f64>,
-    /// How much each counts in the system made last.
+    /// Weights in the last system.
     weights: Vec<f64>,
 }
 
-/// What residuals add up to.
+/// Sums over residuals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Departure {
     pub(super) sum: f64,
@@ -41,12 +41,12 @@ pub(super) struct Factored {
     factor: [[f64; TERMS]; TERMS],
     pub(super) terms: usize,
     pub(super) solution: [f64; TERMS],
-    /// The variance of the light about the fit.
+    /// Variance of the light about the fit.
     pub(super) scatter: f64,
 }
 
 impl Columns {
-    /// Makes room for `count` samples, all of them robust.
+    /// Makes room for `count` samples with full robust weights.
     pub(super) fn resize(&mut self, count: usize) {
         let padded = count.next_multiple_of(LANES);
         let Self { basis, squares, certainty, robust, light, residuals, weights } = self;
@@ -59,7 +59,8 @@ impl Columns {
         self.robust.fill(1.0);
     }
 
-    /// Sets how much each of the first `count` samples counts within `reach`; the farthest does, too: its square is less than 1.
+    /// Sets the weights of the first `count` samples within `reach`. The farthest has weight, too: its square is less
+    /// than 1.
     fn count(&mut self, count: usize, reach: f64) {
         let padded = count.next_multiple_of(LANES);
         let [squares, certainty, robust] =
@@ -77,7 +78,7 @@ impl Columns {
         );
     }
 
-    /// The system of the first `count` samples within `reach`, a part of the square of the reach of all.
+    /// Solves the system of the first `count` samples within `reach`, a fraction of the squared reach of all.
     pub(super) fn system(&mut self, count: usize, reach: f64, joint: bool, terms: usize) -> Factored {
         self.count(count, reach);
         let padded = count.next_multiple_of(LANES);
@@ -118,13 +119,13 @@ impl Columns {
         factored.solution = factored.solve(right);
         let explained: f64 = factored.solution.iter().zip(&right).map(|(a, b)| a * b).sum();
         let freedom = 1.0 - terms as f64 / number.max(terms as f64 + 1.0);
-        // What rounding leaves of nothing is nothing.
+        // A sum of squares within rounding of 0 counts as 0.
         let left = square - explained;
         factored.scatter = if left > 1e-12 * square { left / (total * freedom) } else { 0.0 };
         factored
     }
 
-    /// The residuals of the light of the first `count` samples.
+    /// Computes the residuals of the light of the first `count` samples.
     pub(super) fn depart(&mut self, count: usize, solution: &[f64; TERMS]) -> Departure {
         let Self { basis, light, residuals, .. } = self;
         let padded = count.next_multiple_of(LANES);
@@ -155,7 +156,7 @@ impl Columns {
         Departure { sum: total(sum), squares: total(squares), largest: most(largest), brightest: most(brightest) }
     }
 
-    /// Less weight to samples whose residuals are as large as `limit`, and none beyond (bisquare).
+    /// Lowers the weight of samples with residuals up to `limit`, and sets it to 0 beyond (bisquare).
     pub(super) fn trust(&mut self, limit: f64) {
         for (robust, residual) in self.robust.iter_mut().zip(&self.residuals) {
             let far = residual / limit;
@@ -163,8 +164,8 @@ impl Columns {
         }
     }
 
-    /// Calls `with` for each of the first `count` samples that counts within `reach`, with its weights in the values at
-    /// `parts`.
+    /// Calls `with` for each of the first `count` samples with weight within `reach`, with its weights in the values
+    /// at `parts`.
     pub(super) fn weigh(
         &mut self,
         (count, reach): (usize, f64),
@@ -197,7 +198,7 @@ impl Columns {
     }
 }
 
-/// A column, as many samples at a time as are summed side by side.
+/// Splits a column into lanes.
 fn lanes(column: &[f64]) -> &[[f64; LANES]] {
     column.as_chunks().0
 }
@@ -206,7 +207,7 @@ fn total(lanes: [f64; LANES]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
-/// Adds up row `J` of the lower triangle and of the right side.
+/// Sums row `J` of the lower triangle and of the right-hand side.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn add_row<const J: usize>(
@@ -239,7 +240,7 @@ fn add_row<const J: usize>(
 }
 
 impl Factored {
-    /// Cholesky's factor of the first `terms` rows of the lower triangle of `matrix`.
+    /// Computes the Cholesky factor of the first `terms` rows of the lower triangle of `matrix`.
     fn new(mut matrix: [[f64; TERMS]; TERMS], terms: usize) -> Self {
         match terms {
             6 => factor_clamped::<6, TERMS>(&mut matrix),
@@ -251,7 +252,7 @@ impl Factored {
         Self { factor: matrix, terms, solution: [0.0; TERMS], scatter: 0.0 }
     }
 
-    /// The solution for a right side, 0 beyond the terms.
+    /// Solves for a right-hand side; the solution is 0 beyond the terms.
     pub(super) fn solve(&self, right: [f64; TERMS]) -> [f64; TERMS] {
         match self.terms {
             6 => backward::<6, TERMS>(&self.factor, forward::<6, TERMS>(&self.factor, right)),
@@ -262,8 +263,8 @@ impl Factored {
         }
     }
 
-    /// What the inverse makes of a vector on both sides: the variance of its value if samples vary by the inverse of their
-    /// weights.
+    /// Returns the quadratic form of the inverse with `of`: the variance of that combination if samples vary by their
+    /// inverse weights.
     pub(super) fn variance(&self, of: [f64; TERMS]) -> f64 {
         let half = match self.terms {
             6 => forward::<6, TERMS>(&self.factor, of),
@@ -275,7 +276,7 @@ impl Factored {
         half.iter().map(|x| x * x).sum()
     }
 
-    /// The light that the fit has at a place of this basis.
+    /// Returns the light of the fit at a place with this basis.
     pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
         self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
     }

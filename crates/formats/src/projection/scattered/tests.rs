@@ -19,12 +19,12 @@ pub(super) fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisiti
     }
 }
 
-/// Even numbers between 0 and 1 (R2, Roberts 2018).
+/// Evenly distributed numbers between 0 and 1 (R2, Roberts 2018).
 fn square(i: usize) -> [f64; 2] {
     [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
 }
 
-/// Noise of standard deviation 1, about.
+/// Noise with a standard deviation of about 1.
 pub(super) fn noise(i: usize) -> f64 {
     let even = |k: u32| {
         let mixed = (i as u32).wrapping_mul(0x9e37_79b9).wrapping_add(k).wrapping_mul(0x85eb_ca6b);
@@ -80,7 +80,8 @@ fn gloss(wi: Vector, wo: Vector) -> f64 {
     0.1 + lobe
 }
 
-/// The root mean square of relative errors of cells that are not masked against `f` in their middle, in the rows of `wi`.
+/// Root mean square of relative errors against `f` at cell centres, over cells that are not masked, in the rows of
+/// `wi`.
 fn error(projected: &Projected, wi: &[f64], f: impl Fn(Vector, Vector) -> f64, wanted: impl Fn(usize) -> bool) -> f64 {
     let mesh = mesh(projected);
     let samples = projected.measurement.tensor.samples();
@@ -147,7 +148,7 @@ fn scans_in_a_plane_fill_nothing_beside_it() {
         let wo = mesh.centroid(i % mesh.len());
         let beside = wo.xyz()[1].abs();
         assert!((0.09..1.2).contains(sample), "{i}: {sample}");
-        // Along the normal all azimuths are one plane: reciprocity turns it, and is right.
+        // At normal incidence all azimuths are one plane: reciprocity may turn it.
         if beside >= 0.15 {
             let wi = Direction::from_degrees([0.0, 30.0, 60.0][i / mesh.len()], 0.0).xyz();
             let truth = gloss(wi, wo.xyz());
@@ -212,7 +213,7 @@ fn blind_spots_are_filled_and_marked() {
     }
     assert!(projected.filled.iter().filter(|filled| **filled).count() < 120, "{coverage:?}");
     assert!(error(&projected, &[40.0], gloss, |cell| projected.filled[cell]) < 0.02);
-    // The mirror image of a hole on one side of the plane is not a hole.
+    // The mirror image of a hole on one side of the plane is no hole.
     let beside = Direction::from_degrees(30.0, 90.0);
     let outgoing: Vec<[f64; 2]> = uniform(8000, 90.0)
         .into_iter()
@@ -251,7 +252,7 @@ fn outliers_do_not_count() {
     let found = error(&projected, &[25.0], gloss, |_| true);
     assert!(found < 0.012, "{found}");
     let report = projected.coverage.scatter.unwrap();
-    // Every fiftieth sample, each far from the others, and no more.
+    // Every fiftieth sample, each far from the others, and no other.
     assert!(report.rejected.values == 80 && (report.rejected.samples - 0.02).abs() < 1e-9, "{report:?}");
     assert!(report.noise.is_some_and(|noise| (noise / 0.01 - 1.0).abs() < 0.25), "{report:?}");
 }
@@ -344,7 +345,7 @@ fn many_incoming_directions_are_fitted_together() {
     }
     let cells = projected.measurement.tensor.len() as f64;
     assert!((sum / count).sqrt() < 0.1 && count > 0.5 * cells, "{} of {count} of {cells}", (sum / count).sqrt());
-    // The same as isotropic data at elevations of their own.
+    // Like isotropic data with a separate elevation for each.
     let data = self::scattered(&mut acquired);
     data.isotropic = true;
     let projected = project(&acquired, &level(3)).unwrap();
@@ -394,7 +395,7 @@ fn few_samples_and_one_place_are_no_reason_to_fail() {
         assert!(projected.coverage.measured > 0);
     }
     let projected = project(&isotropic(&[10.0], &[[20.0, 30.0]; 40], gloss), &AxesRequest::default()).unwrap();
-    // And its mirror image.
+    // The sample and its mirror image.
     assert_eq!(projected.coverage.measured, 2);
 }
 

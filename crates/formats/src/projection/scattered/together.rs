@@ -1,12 +1,15 @@
-//! Light or outlier: which samples far above their neighbours lie together, as those of a narrow lobe do.
+//! Distinction of lobes from outliers: samples far above their neighbours that lie close together belong to a narrow
+//! lobe.
 //!
-//! Samples of all incidences are laid over each other in each of three coordinates ([`relative`](super::relative)). A sample
-//! far off its neighbours lies *together* with others if two more lie within two sample spacings, on the same side in the
-//! same bands, off too or at least high, and nearly all samples between the three are like them: within a lobe all are, while
-//! outliers are spread among samples that are not. Only incidences between the lowest and the highest of the three count, as a
-//! lobe may appear at grazing incidence only. It is *light* if the same holds over all incidences, it is seen at two of them or
-//! more (or there is only one), and the values fall off from one peak, to within a factor of two. That all bands agree proves
-//! nothing: a spike of the lamp has all of them.
+//! Samples of all incidences are overlaid in each of three coordinate systems ([`relative`](super::relative)). A
+//! deviating sample lies *together* with others if two more lie within two sample spacings, on the same side in the
+//! same bands. These deviate, too, or are at least high. Nearly all samples between the three must be like them:
+//! within a lobe all are, while outliers are spread among others. Only incidences between the lowest and the highest
+//! of the three count, since a lobe may appear only at grazing incidence.
+//!
+//! It is *light* if that holds over all incidences, and it is seen at two or more of them (unless there is only one).
+//! The values must also fall off from one peak, to within a factor of two. Agreement of all bands proves nothing: a
+//! spike of the lamp affects all of them.
 
 use super::plan::Plan;
 use super::relative::{ORIGINS, places};
@@ -15,48 +18,48 @@ use crate::domain::Quantity;
 use crate::domain::vector::{Vector, add, norm, scale, sub};
 use rayon::prelude::*;
 
-/// Sample spacings within which samples lie together. Raising it joins outliers.
+/// Largest distance of samples that lie together, in sample spacings. Raising it joins outliers.
 const SPACINGS: f64 = 2.0;
-/// Samples that lie together at least, and those of them that are off; the others are at least high.
+/// Least number of samples that lie together, and least number of deviating ones among them; the others are high.
 const FEWEST: usize = 3;
 const FEWEST_OFF: usize = 2;
-/// Of so many samples that are off, one may be among them that is not: where it is said that nearly all are.
+/// Ratio of like samples to unlike ones from which nearly all count as alike. Raising it is stricter.
 const FOREIGN: usize = 4;
-/// Logarithm of the factor to within which values fall off from one peak.
+/// Natural logarithm of the factor within which values fall off from one peak.
 const FACTOR: f64 = std::f64::consts::LN_2;
-/// Chords between incoming directions below which these are one: 0.06°.
+/// Chord between incoming directions below which they count as equal: 0.06°.
 const SAME: f64 = 1e-3;
 
-/// A sample that lies off its neighbours or is high, in some of its channels.
+/// A sample that deviates from its neighbours or is high, in some of its channels.
 #[derive(Clone, Debug)]
 pub(super) struct Off {
     pub(super) row: u32,
-    /// The channels, increasing, with the differences of logarithms from the prediction.
+    /// Channels, increasing, with the differences of logarithms from the prediction.
     pub(super) channels: Vec<(usize, f32)>,
-    /// The distance between the samples around, as a chord.
+    /// Spacing of the samples around, as a chord.
     pub(super) spacing: f64,
-    /// Whether it is above the others by more than noise, but not so far that it is off.
+    /// True if it exceeds the others by more than noise, but not enough to count as deviating.
     pub(super) is_high: bool,
 }
 
-/// The company of a sample that lies off.
+/// Classification of a deviating sample by its neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Company {
-    /// Alone: an outlier.
+    /// Isolated: an outlier.
     Alone,
-    /// With others, though not as one peak.
+    /// Close to others, but without a common peak.
     Together,
-    /// One of a lobe's.
+    /// Part of a lobe.
     Light,
 }
 
 impl Off {
-    /// The mean difference; its sign is the side.
+    /// Returns the mean difference of logarithms; its sign is the side.
     fn excess(&self) -> f64 {
         self.channels.iter().map(|channel| f64::from(channel.1)).sum::<f64>() / self.channels.len().max(1) as f64
     }
 
-    /// Whether the two are off on the same side in the same channels, most of them.
+    /// Returns true if both deviate to the same side in most of their channels.
     fn agrees(&self, other: &Self) -> bool {
         let mut others = other.channels.iter().peekable();
         let mut shared = 0;
@@ -68,28 +71,28 @@ impl Off {
     }
 }
 
-/// All samples in one coordinate, and those that are off.
+/// All samples, and the deviating ones, in one coordinate system.
 struct Laid {
     origin: Vector,
     all: Tree<3>,
-    /// The row of each point of `all`.
+    /// Row of each point of `all`.
     rows: Vec<u32>,
     off: Tree<3>,
-    /// The number of each point of `off`, and where each number lies.
+    /// Number of each point of `off`, and place of each number.
     numbers: Vec<u32>,
     places: Vec<Vector>,
 }
 
-/// What is known of all samples.
+/// All samples and the deviating ones.
 struct Samples<'a> {
     plan: &'a Plan,
     offs: &'a [Off],
-    /// The number among `offs` of each row, `u32::MAX` for the others.
+    /// Number of each row in `offs`; `u32::MAX` for others.
     number_of: Vec<u32>,
     has_one_incidence: bool,
 }
 
-/// The company of each of `offs`, which are in increasing order of rows.
+/// Classifies each of `offs`, which are in increasing order of rows.
 pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Company> {
     let mut found = vec![Company::Alone; offs.len()];
     if offs.iter().filter(|off| !off.is_high).count() < FEWEST_OFF {
@@ -118,7 +121,7 @@ pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Co
     found
 }
 
-/// Samples in a place: how many are off or high in the same way, and how many there are.
+/// Counts of samples in a region: those that deviate or are high in the same way, and all.
 #[derive(Clone, Copy, Default)]
 struct Filling {
     alike: usize,
@@ -135,27 +138,27 @@ impl Filling {
         self.alike > 0 && 2 * self.alike >= self.count
     }
 
-    /// Whether nearly all are alike.
+    /// Returns true if nearly all are alike.
     fn is_full(self) -> bool {
         self.alike > 0 && FOREIGN * (self.count - self.alike) <= self.alike
     }
 }
 
-/// What lies around a sample that is off, in one coordinate.
+/// Surroundings of a deviating sample, in one coordinate system.
 #[derive(Default)]
 struct Around {
-    /// The samples within reach that are off or high in the same way, nearest first.
+    /// Samples within reach that deviate or are high in the same way, nearest first.
     near: Vec<usize>,
-    /// Samples between it and the nearest of them: how many are off or high in the same way, and how many there are.
+    /// Samples between it and the nearest of them, of all incidences.
     everywhere: Filling,
-    /// The same of incidences that are not lower or higher than those of these.
+    /// Samples between it and the nearest of them, of incidences within the range of these.
     there: Filling,
-    /// Whether it is above, seen at several incidences where there are several, and fits to one peak.
+    /// True if it is above, seen at several incidences if there are several, and fits one peak.
     is_on_peak: bool,
 }
 
 impl Around {
-    /// A sample is in the company of those nearly all around it, or of a sample near it that is.
+    /// Classifies the sample: by nearly all samples around it, or by a sample near it with such surroundings.
     fn company(&self, all: &[Self]) -> Company {
         let begins = |filling: fn(&Self) -> Filling| {
             let is_near_full = || self.near.iter().any(|&other| filling(&all[other]).is_full());
@@ -176,7 +179,7 @@ impl Samples<'_> {
         self.plan.directions[self.offs[number].row as usize].0
     }
 
-    /// What lies around one of the samples that are off, in one coordinate; of those that are no more than high nothing.
+    /// Returns the surroundings of a deviating sample in one coordinate system; empty for samples that are only high.
     fn around(&self, laid: &Laid, number: usize) -> Around {
         let (off, place) = (&self.offs[number], laid.places[number]);
         if off.is_high {
@@ -191,7 +194,7 @@ impl Samples<'_> {
         laid.off.within((&place, 0), reach * reach, is_alike, &mut near);
         near.sort_unstable_by_key(nearness);
         let near: Vec<usize> = near.iter().map(|near| laid.numbers[near.1 as usize] as usize).collect();
-        // The nearest that is off, and the nearest other.
+        // The nearest deviating sample, and the nearest other one.
         let Some(&second) = near.iter().find(|&&other| !self.offs[other].is_high) else { return Around::default() };
         let Some(&third) = near.iter().find(|&&other| other != second) else { return Around::default() };
         let (everywhere, there) = self.between(laid, [number, second, third]);
@@ -202,8 +205,8 @@ impl Samples<'_> {
         Around { near, everywhere, there, is_on_peak }
     }
 
-    /// Samples between those of `group`, about as wide as these lie apart: how many are off or high like the first, and how
-    /// many there are; then the same of incidences that are not lower or higher than those of the group.
+    /// Counts the samples between those of `group`, within a radius of about their distance, that deviate or are high
+    /// like the first. Counts all incidences, then only those within the range of the group.
     fn between(&self, laid: &Laid, group: [usize; FEWEST]) -> (Filling, Filling) {
         let sum = group.iter().fold([0.0; 3], |sum, &other| add(sum, laid.places[other]));
         let centre = scale(sum, 1.0 / group.len() as f64);
@@ -226,8 +229,8 @@ impl Samples<'_> {
         (everywhere, there)
     }
 
-    /// Whether a sample is no farther than a factor of two from a fall from one peak, as those `near` show it: that of the
-    /// coordinate, the brightest of them, or their centre of gravity.
+    /// Returns true if the sample and those `near` fall off from one peak, to within a factor of two. Peaks tried are
+    /// the origin of the coordinates, the brightest sample, and the centre of gravity.
     fn is_on_peak(&self, laid: &Laid, number: usize, near: &[usize]) -> bool {
         let excess = |number: usize| self.offs[number].excess();
         let group = || near.iter().copied().chain([number]);

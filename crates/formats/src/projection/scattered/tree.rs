@@ -1,41 +1,42 @@
-//! Points by nearness: a k-d tree whose leaves are contiguous (Bentley 1975, "Multidimensional binary search trees").
+//! Nearest-neighbour search in a k-d tree with contiguous leaves (Bentley 1975, "Multidimensional binary search
+//! trees").
 
 use crate::numeric::wide;
 
-/// Points of one leaf at most.
+/// Upper bound on the points of one leaf.
 const LEAF: usize = 16;
-/// Nodes that wait to be looked into, at most: halves of halves of `u32::MAX` points.
+/// Upper bound on the nodes that wait on the stack: enough for repeated halves of `u32::MAX` points.
 const DEPTH: usize = 64;
 
-/// Points in `D` dimensions, split at medians along their widest extent and numbered from leaf to leaf; equal input gives
-/// the equal tree.
+/// Points in `D` dimensions, split at medians along their widest extent and numbered from leaf to leaf. Equal input
+/// gives an equal tree.
 #[derive(Clone, Debug)]
 pub(super) struct Tree<const D: usize> {
-    /// One for each coordinate, with [`LEAF`] places beyond the points.
+    /// Coordinates, one column each, with [`LEAF`] places of padding.
     columns: [Vec<f64>; D],
-    /// In preorder.
+    /// Nodes in preorder.
     nodes: Vec<Node<D>>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Node<const D: usize> {
-    /// The box around its points.
+    /// Corners of the box around the points.
     low: [f64; D],
     high: [f64; D],
-    /// The right child; 0 for a leaf.
+    /// Index of the right child; 0 for a leaf.
     right: u32,
     first: u32,
     count: u32,
 }
 
-/// A point found: the square of its distance, and its number.
+/// A point found: its squared distance and its number.
 pub(super) type Found = (f64, u32);
 
-/// A point on its way into the tree: where it lies, and which one it was.
+/// A point before insertion: its coordinates and its number in the input.
 type Given<const D: usize> = ([f64; D], u32);
 
 impl<const D: usize> Tree<D> {
-    /// The tree of these points, and which of them each of its own is.
+    /// Creates the tree of these points. Also returns the input number of each point of the tree.
     pub(super) fn new(points: impl Iterator<Item = [f64; D]>) -> (Self, Vec<u32>) {
         let mut points: Vec<Given<D>> = points.zip(0..).collect();
         let mut nodes = Vec::with_capacity(points.len() / LEAF * 4 + 1);
@@ -49,18 +50,18 @@ impl<const D: usize> Tree<D> {
         self.columns[0].len() - LEAF
     }
 
-    /// One of the coordinates of all points.
+    /// Returns coordinate `k` of all points.
     pub(super) fn column(&self, k: usize) -> &[f64] {
         &self.columns[k][..self.len()]
     }
 
-    /// Where a point lies.
+    /// Returns the coordinates of a point.
     pub(super) fn point(&self, item: u32) -> [f64; D] {
         std::array::from_fn(|k| self.columns[k][item as usize])
     }
 
-    /// Adds to `found` all points within the root of `square` of `centre` that `wanted` takes, the first of the tree counted
-    /// as number `first`.
+    /// Adds to `found` all points that `wanted` accepts within distance √`square` of `centre`. Point numbers start at
+    /// `first`.
     pub(super) fn within(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -71,8 +72,9 @@ impl<const D: usize> Tree<D> {
         self.search((centre, first), square, wanted, found, |_, square| square);
     }
 
-    /// The `count` points nearest to `centre` of those found before and those that `wanted` takes, the first of the tree
-    /// counted as number `first`; of equally near ones those of lower number; the farthest first, the others in no order.
+    /// Keeps in `found` the `count` points nearest to `centre`, of those already there and those that `wanted`
+    /// accepts. Point numbers start at `first`; the lower number wins ties. The farthest comes first, the others are
+    /// unordered.
     pub(super) fn nearest(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -94,8 +96,8 @@ impl<const D: usize> Tree<D> {
         keep(found, count);
     }
 
-    /// Adds to `found` the points no farther than the root of a limit, nearer leaves first; after each `lower` says what
-    /// the limit is then.
+    /// Adds to `found` the points within a squared distance `limit`, nearer leaves first. After each leaf, `lower`
+    /// returns the new limit.
     fn search(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -104,7 +106,7 @@ impl<const D: usize> Tree<D> {
         found: &mut Vec<Found>,
         lower: impl Fn(&mut Vec<Found>, f64) -> f64,
     ) {
-        // Nodes with the squares of the distances to their boxes.
+        // Nodes with the squared distances to their boxes.
         let mut stack = [(0.0, 0_u32); DEPTH];
         let mut depth = usize::from(self.len() > 0);
         wide(
@@ -124,7 +126,7 @@ impl<const D: usize> Tree<D> {
                     }
                     let left = (self.nodes[at as usize + 1].distance(centre), at + 1);
                     let right = (self.nodes[node.right as usize].distance(centre), node.right);
-                    // The nearer one first.
+                    // The nearer child goes on top.
                     (stack[depth], stack[depth + 1]) = if left.0 < right.0 { (right, left) } else { (left, right) };
                     depth += 2;
                 }
@@ -132,7 +134,7 @@ impl<const D: usize> Tree<D> {
         );
     }
 
-    /// Adds to `found` the points of a leaf that are no farther than the root of `limit`.
+    /// Adds to `found` the points of a leaf within a squared distance `limit`.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn look(
@@ -165,7 +167,7 @@ impl<const D: usize> Tree<D> {
 }
 
 impl<const D: usize> Node<D> {
-    /// The square of the distance to the box.
+    /// Returns the squared distance to the box.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn distance(&self, centre: &[f64; D]) -> f64 {
@@ -180,7 +182,7 @@ impl<const D: usize> Node<D> {
     }
 }
 
-/// Keeps the nearest `count`, the farthest of them first; the square of its distance.
+/// Keeps the nearest `count` points, the farthest of them first. Returns its squared distance.
 fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
     let Some(last) = count.min(found.len()).checked_sub(1) else {
         found.clear();
@@ -192,14 +194,13 @@ fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
     found[0].0
 }
 
-/// What is less for nearer points, of equally near ones for that of lower number: squares are not negative, so that their bits
-/// are in their order.
+/// Sort key of a point: by distance, then by number. Squares are not negative, so their bits sort like the numbers.
 #[inline]
 pub(super) fn nearness(found: &Found) -> (u64, u32) {
     (found.0.to_bits(), found.1)
 }
 
-/// The square of the distance between two points.
+/// Returns the squared distance between two points.
 #[inline]
 pub(super) fn distance<const D: usize>(a: &[f64; D], b: &[f64; D]) -> f64 {
     let mut sum = 0.0;
@@ -243,7 +244,7 @@ mod tests {
 
     #[test]
     fn the_nearest_are_those_of_a_full_search() {
-        // Rounded coordinates: many points are equally near.
+        // Rounded coordinates: many points are equally far.
         let given = cloud(777);
         let (tree, order) = Tree::new(given.iter().copied());
         let points: Vec<[f64; 3]> = order.iter().map(|&place| given[place as usize]).collect();
@@ -258,7 +259,7 @@ mod tests {
             assert_eq!(found[0], all[49]);
             found.sort_unstable_by_key(nearness);
             assert_eq!(found, all[..50]);
-            // What was found before stays if it is nearer.
+            // Points found before are kept if they are nearer.
             let mut more = vec![(all[20].0, 9), (9.0, 8)];
             tree.nearest((centre, 10), 22, |item| item % 3 != 1, &mut more);
             more.sort_unstable_by_key(nearness);

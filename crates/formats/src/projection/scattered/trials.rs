@@ -1,4 +1,4 @@
-//! Predictions of withheld samples, which choose the number of neighbours and find whether the data are symmetric.
+//! Predictions of withheld samples, which determine the number of neighbours and whether the data are symmetric.
 
 use super::cells::{Fitted, Scratch};
 use super::cloud::Cloud;
@@ -9,30 +9,33 @@ use crate::domain::vector::Vector;
 use crate::domain::{Domain, TriangleMesh};
 use rayon::prelude::*;
 
-/// Numbers of neighbours that compete.
+/// Competing numbers of neighbours.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
-/// Neighbours that tell what noise is.
+/// Number of neighbours that estimates how noise is shared between bands.
 const FEW: usize = 27;
-/// More neighbours must be better by this factor: they take more time.
+/// Largest ratio of errors at which more neighbours count as better: they take more time.
 const BETTER: f64 = 0.98;
-/// Errors that are no more than the rounding of values: of more neighbours there is less of it.
+/// Relative error that is only rounding of values. More neighbours would average it down and win for no reason.
 const ROUNDING: f64 = f32::EPSILON as f64;
-/// Samples that choose between them, about.
+/// Approximate number of samples that determine the choice.
 const JUDGES: usize = 400;
-/// Values below this part of the largest are as good as 0 to them.
+/// Fraction of the largest value below which values count as 0 in the choice.
 const FAINT: f64 = 1e-3;
-/// A mirror image may predict worse than the own side by this factor, and by this much.
+/// Factor, and absolute margin, by which a mirror image may predict worse than the own side and still count as
+/// symmetric.
 const AS_WELL: f64 = 1.1;
 const NEARLY: f64 = 1e-3;
-/// Triangles of this level tell whether samples lie all around most places, and a share of them that is as good as all.
+/// Level of the triangles at whose centroids the surroundings are tested, and the fraction of the best share of
+/// surrounded places that suffices.
 const AROUND_LEVEL: u8 = 2;
 const MOST: f64 = 0.9;
-/// More neighbours than those that are worse by this factor are not tried.
+/// Ratio of errors at which larger numbers of neighbours are no longer tried.
 const WORSE: f64 = 1.5;
-/// One of so many trials, the worst, is not counted.
+/// One of this many squared errors, the largest, is ignored.
 const TRIMMED: usize = 20;
 
-/// The value that samples make at a direction; `withheld` leaves out their tenth. `None` if it is far from any.
+/// Predicts the value in a direction; `withheld` leaves out the withheld samples. Returns `None` if it is far from
+/// any.
 pub(super) fn predict(
     fitted: &Fitted<'_>,
     wi: Vector,
@@ -51,7 +54,7 @@ pub(super) fn predict(
     (support.nearest < support.reach).then_some(support)
 }
 
-/// Predictions of trials beside what was measured, in every band.
+/// Returns pairs of predicted and measured values of the trials, in every band.
 fn predictions(
     clouds: &[Cloud],
     like: Fitted<'_>,
@@ -68,8 +71,8 @@ fn predictions(
     trials.par_iter().map_init(Scratch::default, predicted).collect()
 }
 
-/// How badly samples are predicted: the root mean square of relative errors, where faint values count less; over the trials
-/// that `beside` predicts, too.
+/// Returns the root mean square of relative errors, in which faint values count less. Uses only trials that `beside`
+/// also predicts.
 fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
     let both = predictions.iter().zip(beside).filter(|(a, b)| !a.is_empty() && !b.is_empty());
     let pairs: Vec<&(f64, f64)> =
@@ -80,14 +83,14 @@ fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
     if squares.is_empty() {
         return f64::INFINITY;
     }
-    // Single samples far off say nothing of the others.
+    // Single outliers say nothing about the others.
     squares.sort_by(f64::total_cmp);
     let kept = squares.len() - squares.len() / TRIMMED;
     (squares[..kept].iter().sum::<f64>() / kept as f64).sqrt()
 }
 
-/// How much of the variance of values about their prediction is their own: 1 where the noise of bands is independent, 0
-/// where it is common to a row, or there is one band.
+/// Returns the fraction of the variance of values about their prediction that is independent between bands. It is 0 if
+/// the noise is common to a row, or if there is one band.
 pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
     if like.rows.width == 1 {
         return 0.0;
@@ -103,7 +106,7 @@ pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
     if own.is_finite() { own.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The number of neighbours that predicts withheld samples best.
+/// Returns the number of neighbours that predicts withheld samples best.
 pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> usize {
     let trials = trials(clouds, JUDGES);
     let (mut best, mut least) = (NEIGHBOURS[0], f64::INFINITY);
@@ -116,13 +119,13 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
             break;
         }
     }
-    // Samples along lines predict each other, but nothing between the lines: there must be neighbours on all sides.
+    // Samples along lines predict each other, but nothing between the lines: neighbours must lie on all sides.
     let around = |neighbours: usize| surrounded(Fitted { neighbours, ..like }, domain);
     let most = around(NEIGHBOURS[NEIGHBOURS.len() - 1]);
     NEIGHBOURS.into_iter().find(|&n| n >= best && around(n) >= MOST * most).unwrap_or(best)
 }
 
-/// The share of places that have neighbours on all sides.
+/// Returns the fraction of places with neighbours on all sides.
 fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
     let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);
@@ -135,7 +138,8 @@ fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     found.iter().filter(|found| **found).count() as f64 / found.len() as f64
 }
 
-/// Whether the mirror image in the plane of incidence predicts withheld samples as well as their own side does.
+/// Returns true if the mirror image in the plane of incidence predicts withheld samples as well as their own side
+/// does.
 pub(super) fn is_symmetric(clouds: &[Cloud], like: Fitted<'_>) -> bool {
     let trials = trials(clouds, JUDGES);
     let own = predictions(clouds, like, &trials, |wo| wo);

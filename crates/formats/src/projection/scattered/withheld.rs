@@ -3,7 +3,7 @@
 use super::cloud::Cloud;
 use crate::domain::vector::Vector;
 
-/// A sample to predict: the cloud that it is in, and its point.
+/// A sample to predict: its cloud and its point there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trial {
     pub(super) cloud: usize,
@@ -11,14 +11,14 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// The row of the sample in its cloud, and its directions.
+    /// Returns the row of the sample in its cloud, and its directions.
     pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
         let point = self.point as usize;
         (cloud.rows[point], cloud.wi[point], cloud.wo[point])
     }
 }
 
-/// `count` of the withheld samples, evenly over all.
+/// Returns `count` of the withheld samples, evenly spread.
 pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
     let all: Vec<Trial> = clouds
         .iter()

@@ -1,4 +1,4 @@
-//! Grids of directions as the file states them → tensors on the same grids: nothing is resampled but wavelengths.
+//! Projection of direction grids onto the same grids: only wavelengths are resampled.
 
 #[cfg(test)]
 mod tests;
@@ -12,14 +12,15 @@ use super::spectral;
 use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Quantity, Sampling, Tensor};
 use crate::formats::{Acquisition, Contradictions, Modelled, Samples, StatedGrid};
 
-/// Returns true where the measurement stays on the grid of its file; an error where that was asked for and cannot be.
+/// Returns true if the measurement stays on the grid of its file. Fails if the request demands that and it is
+/// impossible.
 pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
     let wanted = request.domain()?;
     let is_named = request.domain.is_some();
     match samples {
         Samples::Grid(_) => Ok(wanted == DirectionDomain::Grid),
         Samples::Function(modelled) if modelled.stated.is_some() => Ok(wanted == DirectionDomain::Grid),
-        // Such a tensor stays as it is, whatever the default.
+        // Such a tensor stays unchanged, whatever the default.
         Samples::OnAxes { tensor, .. } if tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))) => {
             if is_named && wanted == DirectionDomain::Triangles { Err(DomainError::Final.into()) } else { Ok(false) }
         }
@@ -28,7 +29,7 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     }
 }
 
-/// Puts `samples` of `acquisition`, of which [`is_wanted`] says so, on their own axes.
+/// Puts `samples` of `acquisition` on their own axes, if [`is_wanted`] allows it.
 pub(super) fn project(
     acquisition: &Acquisition,
     samples: &Samples,
@@ -67,7 +68,7 @@ pub(super) fn project(
     };
 
     let mut notes = Vec::new();
-    // A list over the scattering angle has an incoming direction of its own making.
+    // The incoming direction of a list over the scattering angle is artificial.
     let incoming = layout.incoming.filter(|_| acquisition.quantity != Quantity::Phase);
     for (role, axis) in [(Role::Incoming, incoming), (Role::Outgoing, layout.outgoing)] {
         notes.extend(axis.map(|i| format!("{role}: {}, as the file states it", numbers.axes()[i].describe())));
@@ -95,7 +96,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers, scattered: None, lobe: None })
 }
 
-/// The numbers times their factor.
+/// Returns the numbers times their factor.
 fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
     if factor == 1.0 {
         return Ok(numbers.clone());
@@ -104,7 +105,7 @@ fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
     Ok(Tensor::new(numbers.axes().to_vec(), values)?)
 }
 
-/// The rows on the side of the surface that the quantity has, and a note where that leaves some out.
+/// Returns the rows on the side of the surface that belongs to the quantity, and a note if rows were left out.
 fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<String>), ProjectionError> {
     let (domain, low, high) = match quantity {
         Quantity::Brdf => (Domain::Hemisphere, 0.0, 90.0),

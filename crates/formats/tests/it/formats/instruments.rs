@@ -1,5 +1,5 @@
-//! Text exports of instruments and libraries, value for value against numbers written out here; and files that look like
-//! spectra and are none.
+//! Text exports of instruments and libraries, compared value by value with numbers written out here, and files that
+//! look like spectra but are not.
 
 use super::{file, fixture, has_note, metadata, plain, tensor, wavelengths};
 use std::f64::consts::PI;
@@ -25,7 +25,7 @@ fn labels(table: &Acquisition) -> Vec<&str> {
     }
 }
 
-/// Equal values, NaN where NaN is expected.
+/// Checks that values are equal, with NaN where NaN is expected.
 fn check(found: &[Vec<f32>], expected: &[&[f32]], what: &str) {
     let same = |a: &f32, b: &f32| a == b || (a.is_nan() && b.is_nan());
     let rows = |a: &Vec<f32>, b: &&[f32]| a.len() == b.len() && a.iter().zip(*b).all(|(a, b)| same(a, b));
@@ -240,7 +240,8 @@ fn alta_files_are_pairs_of_directions() {
     assert_eq!(grid.values, [0.25, 0.25, 0.5, 0.75]);
     let half = instrument("half_angles.alta");
     let Samples::Scattered(scattered) = &half.samples else { panic!("scattered: {}", half.dialect) };
-    // theta_h 0, theta_d 30°: view at 30°, light opposite; then theta_h 20° towards y, theta_d 30°: view 50°, light -10°.
+    // theta_h 0, theta_d 30°: view at 30°, light opposite; then theta_h 20° towards y, theta_d 30°: view 50°, light
+    // -10°.
     assert_eq!(scattered.incoming, [[30.0, 180.0], [10.0, 270.0]]);
     assert_eq!(scattered.outgoing, [[30.0, 0.0], [50.0, 90.0]]);
     assert_eq!(
@@ -319,7 +320,7 @@ fn tables_as_instruments_write_them_are_read_or_refused_with_one_reason() {
     }
 }
 
-/// Text in Windows-1252, as far as it has its characters.
+/// Encodes text in Windows-1252; other characters are not supported.
 fn encoded(text: &str) -> Vec<u8> {
     text.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?')).collect()
 }

@@ -1,25 +1,26 @@
-//! The columns of a model's rows that are not zero: products of cubic B-splines in the coordinates of its kind.
+//! Nonzero columns of a model's rows: products of cubic B-splines in the coordinates of its kind.
 //!
-//! The coordinates and splines of several rows are found side by side, and each row by the same operations as it would be alone.
+//! Coordinates and splines of several rows are computed side by side. Each row takes the operations that it would take
+//! alone.
 
 use super::kind::ChartKind;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
-/// Cubic splines that are not zero at a place.
+/// Number of cubic splines that are nonzero at a position.
 pub(super) const RUN: usize = 4;
-/// Runs of columns of a row that are not zero, at most.
+/// Upper bound on the runs of nonzero columns in a row.
 const MOST_RUNS: usize = 16;
-/// Rows found side by side.
+/// Rows computed side by side.
 pub(super) const LANES: usize = 8;
 
-/// A number of each row.
+/// One number for each row.
 type Lanes = [f64; LANES];
 
-/// One row's columns that are not zero, in ascending order: a constant, then runs of four columns.
+/// Nonzero columns of one row, in ascending order: a constant, then runs of four columns.
 #[derive(Clone, Copy)]
 pub(super) struct Entries {
-    /// The column of a constant 1.
+    /// Column of the constant 1.
     constant: Option<usize>,
     length: usize,
     columns: [u32; MOST_RUNS],
@@ -45,13 +46,13 @@ impl Entries {
         self.columns.iter().map(|&column| column as usize).zip(&self.values).take(self.length)
     }
 
-    /// Adds `splines` from column `first`.
+    /// Adds one set of splines, starting at column `first`.
     #[inline]
     fn single(&mut self, first: usize, (at, values): Place) {
         self.push(first + at as usize, values);
     }
 
-    /// Adds products of splines of x and of y, of which there are `ny`.
+    /// Adds products of splines of x and of y; `ny` is the number of splines of y.
     #[inline]
     fn products(&mut self, first: usize, ny: usize, (ax, vx): Place, (ay, vy): Place) {
         for (i, a) in vx.into_iter().enumerate() {
@@ -59,7 +60,7 @@ impl Entries {
         }
     }
 
-    /// Adds value · value to the lower triangle of a matrix of rows of `n`.
+    /// Adds the products of the row's values to the lower triangle of a matrix with `n` columns.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(super) fn add_products(&self, n: usize, matrix: &mut [f64]) {
@@ -72,10 +73,10 @@ impl Entries {
                 if let Some(constant) = self.constant {
                     row[constant] += a;
                 }
-                // Above the diagonal of the last run is what nobody reads.
+                // Entries above the diagonal of the last run are never read.
                 for (&column, b) in self.columns[..=number].iter().zip(&self.values) {
                     if let Some(sums) = row[column as usize..].first_chunk_mut::<RUN>() {
-                        // Read as a whole before any is written.
+                        // Reads the run as a whole before writing any of it.
                         let (own, b) = (*sums, *b);
                         *sums = std::array::from_fn(|k| own[k] + a * b[k]);
                     }
@@ -84,7 +85,7 @@ impl Entries {
         }
     }
 
-    /// Adds value · `x` to every column's sum.
+    /// Adds value · `x` to the sum of every column.
     #[inline]
     pub(super) fn add(&self, x: f64, sums: &mut [f64]) {
         if let Some(constant) = self.constant {
@@ -96,8 +97,8 @@ impl Entries {
     }
 }
 
-/// Σ value · coefficient of rows of the same block, each in the order of its columns; coefficients of up to [`RUN`] vectors
-/// by column.
+/// Σ value · coefficient for rows of one block, each in the order of its columns. `coefficients` are by column, for up
+/// to [`RUN`] vectors.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[f64; RUN]; LANES] {
@@ -119,17 +120,18 @@ pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[
     sums
 }
 
-/// The first of the four cubic B-splines that are not 0 at a place, and their values.
+/// Index of the first of the four cubic B-splines that are nonzero at a position, and their values.
 type Place = (u32, [f64; RUN]);
 
-/// Those of `count` ≥ 4 splines on even knots whose ends are repeated (de Boor 1978, chapter X), at several places of 0 … 1.
+/// Evaluates `count` ≥ 4 splines on even knots with repeated ends (de Boor 1978, chapter X) at several positions in 0 …
+/// 1.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn splines(count: usize, x: &Lanes) -> [Place; LANES] {
     let spans = count as i32 - 3;
     let mut scaled = [0.0; LANES];
     let mut span = [0_i32; LANES];
-    // Knots relative to the span, from the second before it on; repeated at both ends.
+    // Knots relative to the span, starting with the second before it; repeated at both ends.
     let mut knots = [[0.0; LANES]; 6];
     for lane in 0..LANES {
         scaled[lane] = x[lane].clamp(0.0, 1.0) * f64::from(spans);
@@ -156,18 +158,18 @@ fn splines(count: usize, x: &Lanes) -> [Place; LANES] {
     std::array::from_fn(|lane| (span[lane] as u32, std::array::from_fn(|k| values[k][lane])))
 }
 
-/// What the columns of rows depend on.
+/// Layout of the columns of a model.
 pub(super) struct Columns {
     pub(super) kind: ChartKind,
-    /// Blocks that have a constant of their own.
+    /// Number of blocks that have a constant of their own.
     pub(super) constants: usize,
 }
 
-/// The place of a row: its block, and the directions of its incoming and its outgoing light.
+/// Position of a row: its block, its incoming and its outgoing direction.
 pub(super) type Row = (usize, Vector, Vector);
 
 impl Columns {
-    /// How many there are.
+    /// Number of columns.
     pub(super) fn count(&self) -> usize {
         self.constants
             + match self.kind {
@@ -177,7 +179,7 @@ impl Columns {
             }
     }
 
-    /// Fills in the columns of rows.
+    /// Computes the nonzero columns of rows.
     pub(super) fn fill(&self, rows: &[Row; LANES], entries: &mut [Entries; LANES]) {
         for ((block, _, _), entries) in rows.iter().zip(&mut *entries) {
             entries.length = 0;
@@ -207,20 +209,20 @@ impl Columns {
         let (mut across, mut to_normal) = ([[0.0; LANES]; 2], [0.0; LANES]);
         let (mut difference, mut height) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
-            // Transmission is seen in the mirror.
+            // Transmission is mirrored to the upper side.
             let (up_in, up_out) = (wi[2][lane].abs(), wo[2][lane].abs());
             let h = [wi[0][lane] + wo[0][lane], wi[1][lane] + wo[1][lane], up_in + up_out];
-            // Opposite directions in the horizon have none, and it stays 0.
+            // Opposite directions in the horizon have no half vector; it stays 0.
             let squared = (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).max(f64::MIN_POSITIVE);
             let inverse = 1.0 / squared.sqrt();
             let h = [h[0] * inverse, h[1] * inverse, h[2] * inverse];
-            // Sines of half angles over that of 45°.
+            // Sines of half angles, divided by that of 45°.
             to_normal[lane] = (1.0 - h[2]).max(0.0).sqrt();
             let cosine = wi[0][lane] * h[0] + wi[1][lane] * h[1] + up_in * h[2];
             difference[lane] = (1.0 - cosine).max(0.0).sqrt();
             height[lane] = up_out.sqrt();
             for axis in 0..2 {
-                // The plane of h, in which splines are denser near the normal.
+                // Projection of h, in which splines are denser near the normal.
                 across[axis][lane] = 0.5 + 0.5 * h[axis] * 1.06 / (h[axis] * h[axis] + 0.1236).sqrt();
             }
         }
@@ -246,7 +248,7 @@ impl Columns {
             entries.single(first, seven_heights[lane]);
             entries.single(first + 7, seven_angles[lane]);
             entries.single(first + 14, six_differences[lane]);
-            // Then the same times the centred difference angle and its square.
+            // The products again, times the centred difference angle and times its square.
             entries.products(first + 20, 10, xs[lane], ys[lane]);
             let centred = difference[lane] - 0.5;
             for at in 3..7 {

@@ -1,6 +1,6 @@
-//! Kinds of models: the coordinates that each has.
+//! Kinds of scattering models, by their coordinates.
 
-/// Which coordinates a model has.
+/// Coordinates of a scattering model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ChartKind {
@@ -8,7 +8,7 @@ pub(crate) enum ChartKind {
     Isotropic = 1,
     /// Half-vector coordinates with the tangent frame.
     Anisotropic = 2,
-    /// The angle of scattering.
+    /// Scattering angle.
     Zonal = 3,
 }
 

@@ -1,4 +1,4 @@
-//! Levels of a grid: coarser grids whose nodes stand at the mean of the entries that they merge.
+//! Levels of a grid: coarser grids whose nodes lie at the mean of the entries that they merge.
 
 use super::super::super::values::Values;
 use super::decode::Opened;
@@ -8,11 +8,11 @@ use super::planes::Weights;
 use crate::codec::{Class, CodecError, Reader, Writer};
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError};
 
-/// A level: axes and samples.
+/// Axes and samples of a level.
 type Coarse = (Vec<Axis>, Vec<f32>);
 
-/// Samples of a level, number `level` from the coarsest, with its axes. `coded` is a grid chunk of `length` bytes, at least up
-/// to what the level needs.
+/// Decodes the samples and axes of level `level`, counted from the coarsest. `coded` is a grid chunk of `length` bytes,
+/// or a prefix that contains the level.
 pub(crate) fn decode_level(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -32,7 +32,8 @@ pub(crate) fn decode_level(
     samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
 }
 
-/// The chunk with an index of its levels in front of the stream, their errors unknown; `None` where no level is worth it.
+/// Inserts an index of levels, with unknown errors, in front of the chunk's stream; `None` if no level is worth
+/// stating.
 pub(crate) fn with_levels(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -54,12 +55,12 @@ pub(crate) fn with_levels(
     for left_out in (1..=opened.order.len()).rev() {
         let mut decoder = opened.decoder.clone();
         let nodes = pyramid.code(&mut decoder, opened.quantiser, (count, vectors), None, left_out).0;
-        // Beyond the end a decoder reads zeros, which are not there.
+        // Beyond the end a decoder reads zeros, which are not in the file.
         let end = decoder.position().min(stream.len());
         if !index::is_stated(end, levels.last().map_or(0, |level| level.end), stream.len()) {
             continue;
         }
-        // Angles that rounding makes equal, or samples beyond float32, make no grid.
+        // Skips levels with angles made equal by rounding, or with samples beyond float32.
         let is_whole = samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values)
             .is_ok_and(|(_, samples)| !samples.iter().any(|sample| sample.is_infinite()));
         if is_whole {
@@ -69,13 +70,13 @@ pub(crate) fn with_levels(
     Ok((!levels.is_empty()).then(|| chunk_of(chunks.1, head, &levels, stream)))
 }
 
-/// Levels in a grid chunk that was written with some, and the offset of the stream that their bytes are counted from.
+/// Reads the levels of a grid chunk, and the offset of the stream from which their bytes are counted.
 pub(crate) fn levels_of(mut r: Reader<'_>, end: usize) -> Result<(Vec<GridLevel>, usize), CodecError> {
     let levels = super::decode::Flags::read(&mut r)?.levels(&mut r, end)?;
     Ok((levels, r.offset()))
 }
 
-/// The chunk with these errors of its levels.
+/// Returns the chunk with `errors` as the stated errors of its levels.
 pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
     let mut r = Reader::new(coded, 0);
     let flags = super::decode::Flags::read(&mut r)?;
@@ -88,7 +89,7 @@ pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, Codec
     Ok(if levels.is_empty() { coded.to_vec() } else { chunk_of(coded, head, &levels, stream) })
 }
 
-/// A chunk that starts like `coded`, with levels in front of its stream.
+/// Writes a chunk that starts like `coded`, with levels in front of its stream.
 fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> Vec<u8> {
     let mut w = Writer::default();
     w.u8(coded[0] | super::decode::LEVELS);
@@ -98,7 +99,7 @@ fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> V
     w.into_bytes()
 }
 
-/// Axes and samples of decoded nodes.
+/// Converts decoded nodes to the axes and samples of a level.
 fn samples(
     opened: &Opened<'_>,
     axes: &[Axis],
@@ -123,7 +124,7 @@ fn samples(
     planes.synthesise_rows(opened.basis.as_ref(), (&nodes, unit), &rows, &mut samples);
     finish.finish(&mut samples);
     if let Some(classes) = classes {
-        // Magnitudes of negative samples are not coded: only their bound is known.
+        // Magnitudes of negative samples are not coded; only their bound is known.
         let least = opened.negative_bound.map_or(f32::MIN, |bound| {
             let mut magnitude = [bound];
             finish.finish(&mut magnitude);
@@ -140,7 +141,7 @@ fn samples(
     Ok((axes, samples))
 }
 
-/// The axes of a tensor with coarser lines.
+/// Returns the axes of a tensor with its lines replaced by coarser ones.
 fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGridError> {
     let mut axes = axes.to_vec();
     let mut rest = lines;
@@ -167,7 +168,7 @@ fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGri
     Ok(axes)
 }
 
-/// A grid with coarser lines; it covers what the finer one covers.
+/// Returns the grid with coarser lines, covering the same range.
 fn coarse_grid(
     grid: &DirectionGrid,
     polar: &Nodes,
@@ -180,7 +181,7 @@ fn coarse_grid(
             if own.extent == AzimuthExtent::Sector
                 && let ([first, .., last], [own_first, .., own_last]) = (angles.as_mut_slice(), own.angles.as_slice())
             {
-                // Nothing is known outside a sector: its ends stay where they are.
+                // Nothing is known outside a sector, so its ends stay where they are.
                 (*first, *last) = (*own_first, *own_last);
             }
             let extent = if own.extent == AzimuthExtent::Closed { AzimuthExtent::Circle } else { own.extent };

@@ -1,4 +1,4 @@
-//! Grid chunks → logarithms, of the whole or of one incoming entry.
+//! Decodes grid chunks to logarithms, of the whole tensor or of one incoming entry.
 
 use super::super::super::values::Values;
 use super::super::chart::ChartKind;
@@ -14,25 +14,25 @@ use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// Everything that precedes the pyramids in a stream.
+/// Decoded content in front of the pyramids of a grid chunk.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
-    /// Bound of the logarithms of negative samples.
+    /// Upper bound on the logarithms of negative samples.
     pub(super) negative_bound: Option<f32>,
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
     pub(super) order: Vec<u8>,
-    /// With its coefficients.
+    /// Model with its coefficients.
     model: Option<(GridModel, Vec<f64>)>,
     /// Coarser levels, coarse first.
     pub(super) levels: Vec<GridLevel>,
-    /// Behind the opening, of one stream.
+    /// Position after the opening, for a chunk of one stream.
     pub(super) decoder: Decoder<'a>,
     pub(super) streams: Option<Streams<'a>>,
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a chunk of `length` bytes; for a level, as much of it as the level needs.
+    /// Opens a chunk of `length` bytes; for a level, a prefix that contains it suffices.
     pub(super) fn new(
         axes: &[Axis],
         (step, is_linear): (f32, bool),
@@ -79,7 +79,7 @@ impl<'a> Opened<'a> {
                 None => r.take(r.remaining(), "grid")?,
                 Some(level) => {
                     let end = levels.get(level).map(|level| level.end).ok_or_else(|| malformed("no such level"))?;
-                    // A level is what its own bytes say, however many follow.
+                    // A level is decoded from its own bytes only, however many follow.
                     let cut = CodecError::Truncated { at: r.offset() + r.remaining(), expected: "more of the level" };
                     r.take(end, "bytes of the level").map_err(|_| cut)?
                 }
@@ -104,7 +104,7 @@ impl<'a> Opened<'a> {
         })
     }
 
-    /// The model's planes, of all units.
+    /// Planes of the model, for all units; `None` without a model.
     pub(super) fn model(&self) -> Option<Vec<f32>> {
         let (model, coefficients) = self.model.as_ref()?;
         Some(model.all(coefficients, self.vectors(), self.planes.streams()))
@@ -115,7 +115,7 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// Values that a grid chunk stands for, with a basis chunk or without: logarithms, or with `is_linear` samples. With `finish`
+/// Decodes the values of a grid chunk, with or without a basis chunk: logarithms, or samples if linear. With `finish`
 /// they become magnitudes.
 pub(crate) fn decode(
     axes: &[Axis],
@@ -155,7 +155,7 @@ fn add(planes: &mut [f32], model: &[f32]) {
     planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
 }
 
-/// Values of one entry of the axes in front of the outgoing grid, bit for bit those that [`decode`] has: `[outgoing, length]`.
+/// Decodes the values of one incoming entry, bit for bit as [`decode`] does: `[outgoing, length]`.
 pub(crate) fn decode_block(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -186,19 +186,19 @@ pub(crate) fn decode_block(
     Ok(values)
 }
 
-/// The largest logarithm of a negative sample, where a chunk states it.
+/// Reads the largest logarithm of a negative sample; `None` if the chunk states none.
 pub(crate) fn negative_bound(coded: &[u8]) -> Result<Option<f32>, CodecError> {
     let mut r = Reader::new(coded, 0);
     let flags = Flags::read(&mut r)?;
     if flags.has_negative { r.f32("bound of the logarithms of negative samples").map(Some) } else { Ok(None) }
 }
 
-/// Returns true where incoming entries are decoded by themselves.
+/// Returns true if incoming entries are decoded independently.
 pub(crate) fn is_random(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.random)
 }
 
-/// Returns true where a chunk states coarser levels.
+/// Returns true if a chunk states coarser levels.
 pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.has_levels)
 }
@@ -206,10 +206,10 @@ pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
 /// Flag of a grid chunk with coarser levels.
 pub(super) const LEVELS: u8 = 8;
 
-/// Flag of a grid chunk in which negative samples weigh like positive ones.
+/// Flag of a grid chunk in which negative samples count like positive ones.
 pub(super) const WEIGHS_NEGATIVE: u8 = 64;
 
-/// The first byte of a grid chunk.
+/// First byte of a grid chunk.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(super) struct Flags {
@@ -239,7 +239,8 @@ impl Flags {
         })
     }
 
-    /// Reads what follows the flags up to the stream of a chunk that ends at the offset `end`: the levels.
+    /// Reads the fields between the flags and the stream, and returns the levels. `end` is the offset of the chunk's
+    /// end.
     pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
         if self.has_negative {
             r.f32("bound of the logarithms of negative samples")?;

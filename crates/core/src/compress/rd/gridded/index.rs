@@ -1,4 +1,4 @@
-//! Index of the coarser levels of a grid chunk: the bytes that each needs, the halvings that it leaves out, its error.
+//! Index of the coarser levels of a grid chunk: for each, the bytes needed, the halvings left out, and the error.
 //!
 //! ```text
 //! levels   varint  number, at least 1; for each, coarse first:
@@ -10,25 +10,26 @@
 use super::super::super::stated::{read_error, rounded_up, write_error};
 use crate::codec::{CodecError, Reader, Writer};
 
-/// Largest number of levels; every level leaves out another number of halvings.
+/// Upper bound on the number of levels; every level leaves out a different number of halvings.
 const MOST: usize = 96;
-/// Least bytes of the stream that a level is worth stating with. Raising it saves some six bytes a level in small files.
+/// Smallest size, in bytes of the stream, of a level worth stating. Raising it saves about six bytes for each level in
+/// small files.
 const LEAST: usize = 512;
-/// A level is stated if it needs this many hundredths of the bytes of the level before.
+/// Smallest size of a level relative to the level before, in per cent. Raising it states fewer levels.
 const APART: usize = 115;
 
-/// One level.
+/// Coarser level of a grid chunk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GridLevel {
-    /// Bytes of the stream that it needs.
+    /// Bytes needed, from the start of the stream.
     pub(crate) end: usize,
-    /// Finest halvings that it leaves out.
+    /// Number of finest halvings left out.
     pub(crate) left_out: usize,
-    /// er(L2) at the samples of the file, `f64::MAX` where it is unknown.
+    /// er(L2) at the samples of the file, `f64::MAX` if unknown.
     pub(crate) er_l2: f64,
 }
 
-/// Returns true where a level of `end` bytes of a stream is stated after one of `before` bytes.
+/// Returns true if a level of `end` bytes is worth stating after one of `before` bytes, in a stream of `stream` bytes.
 pub(super) fn is_stated(end: usize, before: usize, stream: usize) -> bool {
     end >= LEAST && 100 * end >= APART * before && 100 * stream >= APART * end
 }
@@ -45,7 +46,7 @@ pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
     }
 }
 
-/// Reads levels in a chunk that ends at the offset `end`, with the stream right behind them.
+/// Reads the levels of a chunk that ends at offset `end`; the stream follows them directly.
 pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
     let count = r.size(MOST, "number of levels")?;
     if count == 0 {

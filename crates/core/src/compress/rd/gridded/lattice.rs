@@ -1,12 +1,14 @@
-//! Tensor whose directions are grids, as planes on a product of lines: what repeats is dropped, and put back.
+//! Tensor with grid directions as planes on a product of lines; repeated slices are dropped, and restored when
+//! decoding.
 //!
 //! ```text
-//! even decisions: for each azimuth line whose last angle is the first, 360° later: are both slices equal (then the last is
-//!                 dropped, and the line is a circle)
-//!                 for each line of more than one entry: does any slice equal the one before it; if so, one adaptive decision
-//!                 for each entry but the first: does this one (then it is dropped)
-//!                 for each pole among the polar angles left, of a grid with more than one azimuth left: are all its azimuths
-//!                 equal (then the first of them weighs, and the others are copies)
+//! even decisions: for each azimuth line whose last angle is the first, 360° later: are both slices equal (then the
+//!                 last is dropped, and the line is a circle)
+//!                 for each line of more than one entry: does any slice equal the one before it; if so, one adaptive
+//!                 decision for each entry but the first: does this one (then it is dropped)
+//!                 for each pole among the remaining polar angles, of a grid with more than one remaining azimuth: are
+//!                 all its azimuths equal (then the first of them has weight, and the others are copies)
+//! ```
 //! ```
 //! Lines are those of the incoming axis, then those of the outgoing one, polar angles before azimuths.
 
@@ -19,24 +21,24 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame};
 use std::ops::Range;
 use std::slice;
 
-/// A line axis of a tensor.
+/// Line axis of a tensor.
 #[derive(Clone, Debug)]
 struct Stated {
     positions: Vec<f64>,
-    /// The circumference, of azimuths that go round without a seam.
+    /// Circumference in degrees of azimuths that go round without a seam.
     period: Option<f64>,
-    /// Azimuths whose last angle is the first again.
+    /// True if the last azimuth repeats the first.
     is_closed: bool,
-    /// Poles at the first and at the last angle; only of polar angles with azimuths behind them.
+    /// True for a pole at the first and at the last angle; only for polar angles with azimuths behind them.
     poles: [bool; 2],
 }
 
-/// Tensor as the coder takes it: `[blocks, lines…, row]`.
+/// Tensor as the coder sees it: `[blocks, lines…, row]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     blocks: usize,
     lines: Vec<Stated>,
-    /// Lines of the incoming axis.
+    /// Number of lines of the incoming axis.
     incoming: usize,
     /// Frames of the incoming and of the outgoing angles, each with the azimuth of a grid that has no line of azimuths.
     frames: [(Frame, f64); 2],
@@ -44,7 +46,7 @@ pub(crate) struct Shape {
 }
 
 impl Shape {
-    /// `None` where the last axis of directions is no grid.
+    /// Returns the shape of a tensor; `None` if the last axis of directions is not a grid.
     pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
         let Axis::Grid(outgoing) = &axes[at] else { return None };
@@ -77,17 +79,17 @@ impl Shape {
         })
     }
 
-    /// Samples of a row.
+    /// Number of samples in a row.
     pub(crate) fn length(&self) -> usize {
         self.length
     }
 
-    /// Entries of rows in the order in which they are coded: green, blue, red.
+    /// Entries of rows in coding order; colours are coded green, blue, red.
     pub(crate) fn lanes(&self) -> Vec<usize> {
         if self.length == 3 { vec![1, 2, 0] } else { (0..self.length).collect() }
     }
 
-    /// The tensor as rows of azimuths.
+    /// Layout for coding classes: rows of azimuths.
     pub(crate) fn class_grid(&self) -> ClassGrid {
         let outgoing = &self.lines[self.incoming..];
         let length = |line: usize| outgoing.get(line).map_or(1, |line| line.positions.len());
@@ -95,17 +97,17 @@ impl Shape {
         ClassGrid { incoming: self.incoming_entries(), polar, azimuths, lanes: self.lanes() }
     }
 
-    /// Entries of the axes in front of the outgoing one.
+    /// Number of entries of the axes in front of the outgoing one.
     pub(crate) fn incoming_entries(&self) -> usize {
         self.blocks * self.lines[..self.incoming].iter().map(|line| line.positions.len()).product::<usize>()
     }
 
-    /// Returns true where nothing is in front of the outgoing axis.
+    /// Returns true if the axes in front of the outgoing one have a single entry.
     pub(crate) fn is_single(&self) -> bool {
         self.incoming_entries() == 1
     }
 
-    /// Models that the directions allow.
+    /// Kinds of model that the directions allow.
     pub(crate) fn models(&self) -> &'static [ChartKind] {
         match (self.blocks, self.incoming) {
             (1, 1) => &[ChartKind::Isotropic],
@@ -114,7 +116,7 @@ impl Shape {
         }
     }
 
-    /// Rows of the tensor.
+    /// Number of rows of the tensor.
     pub(crate) fn rows(&self) -> usize {
         self.blocks * self.lines.iter().map(|line| line.positions.len()).product::<usize>()
     }
@@ -143,25 +145,25 @@ fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
     lines
 }
 
-/// One line without what repeats.
+/// Line without repeated entries.
 #[derive(Clone, Debug, PartialEq)]
 struct Kept {
-    /// Kept entry that each stated one equals.
+    /// Kept entry that each stated entry equals.
     source: Vec<u32>,
     positions: Vec<f64>,
     period: Option<f64>,
-    /// Poles whose azimuths are all equal, as kept entries.
+    /// Kept entries that are poles with equal samples at all azimuths.
     poles: Vec<u32>,
 }
 
-/// The planes of a tensor without what repeats in them.
+/// Planes of a tensor without its repeated slices.
 #[derive(Clone, Debug)]
 pub(crate) struct Lattice {
     shape: Shape,
     kept: Vec<Kept>,
 }
 
-/// The slices of one line, compared.
+/// Slices of one line, for comparison.
 struct Slices<'a> {
     same: &'a dyn Fn(usize, usize) -> bool,
     before: usize,
@@ -179,7 +181,8 @@ impl Slices<'_> {
 }
 
 impl Lattice {
-    /// Codes what repeats in a tensor of this shape: an encoder says by `same` which samples are equal, a decoder nothing.
+    /// Codes which slices of a tensor of this shape repeat. `same` tells an encoder which samples are equal; a decoder
+    /// passes `None`.
     pub(crate) fn code<C: BitCoder>(coder: &mut C, shape: Shape, same: Option<&dyn Fn(usize, usize) -> bool>) -> Self {
         let lengths: Vec<usize> = shape.lines.iter().map(|line| line.positions.len()).collect();
         let slices = |axis: usize| {
@@ -236,7 +239,7 @@ impl Lattice {
         Self { shape, kept }
     }
 
-    /// The grid that is coded: all lines, or those of the outgoing axis where incoming entries are coded by themselves.
+    /// Grid that is coded: all lines, or those of the outgoing axis if incoming entries are coded independently.
     pub(crate) fn grid(&self, random: bool) -> Grid {
         let lines: Vec<Line> = self.kept[self.first(random)..]
             .iter()
@@ -249,12 +252,12 @@ impl Lattice {
         if random { self.shape.incoming } else { 0 }
     }
 
-    /// Tensors that are coded after one another, or as streams of their own.
+    /// Number of tensors that are coded one after another, or as streams of their own.
     pub(crate) fn units(&self, random: bool) -> usize {
         self.shape.blocks * self.kept[..self.first(random)].iter().map(|kept| kept.positions.len()).product::<usize>()
     }
 
-    /// The unit that an incoming entry is coded in, where they are coded by themselves.
+    /// Unit that codes an incoming entry, if these are coded independently.
     pub(crate) fn unit_of(&self, entry: usize) -> usize {
         let incoming = 0..self.shape.incoming;
         let units: usize = self.kept[incoming.clone()].iter().map(|kept| kept.positions.len()).product();
@@ -262,12 +265,12 @@ impl Lattice {
         entry / rows.len() * units + rows[entry % rows.len()] as usize
     }
 
-    /// Returns true where copies within a pole are incoming entries.
+    /// Returns true if an incoming pole has copies among the incoming entries.
     pub(crate) fn has_incoming_poles(&self) -> bool {
         self.kept[..self.shape.incoming].iter().any(|kept| !kept.poles.is_empty())
     }
 
-    /// Leaves of all units.
+    /// Number of leaves of all units.
     pub(crate) fn leaves(&self) -> usize {
         self.shape.blocks * self.kept.iter().map(|kept| kept.positions.len()).product::<usize>()
     }
@@ -288,8 +291,8 @@ impl Lattice {
         rows
     }
 
-    /// Directions of the kept incoming entries and of the leaves of one; `None` where nothing is incoming, or other axes are
-    /// in front.
+    /// Directions of the kept incoming entries, and of the leaves of one; `None` without incoming directions, or with
+    /// other axes in front.
     pub(super) fn directions(&self) -> Option<[Vec<Vector>; 2]> {
         let (incoming, outgoing) = self.kept.split_at(self.shape.incoming);
         let of = |(frame, only): (Frame, f64), lines: &[Kept]| -> Option<Vec<Vector>> {
@@ -303,7 +306,7 @@ impl Lattice {
         Some([of(from, incoming)?, of(to, outgoing)?])
     }
 
-    /// Leaf of the unit that each outgoing row of one incoming entry equals, where units are coded separately.
+    /// Leaf of the unit that each outgoing row of one incoming entry equals, if units are coded independently.
     pub(crate) fn outgoing_rows(&self) -> Vec<u32> {
         self.rows_of(self.shape.incoming..self.kept.len())
     }
@@ -321,7 +324,7 @@ impl Lattice {
         for (row, &leaf) in rows.iter().enumerate().rev() {
             first[leaf as usize] = row as u32;
         }
-        // Copies within a pole stand for nothing: they take the pole's own row.
+        // Copies within a pole represent no row: they take the pole's own row.
         let mut last = 0;
         for row in &mut first {
             if *row == u32::MAX {
@@ -332,15 +335,15 @@ impl Lattice {
         first
     }
 
-    /// The lines of a level that leaves out the finest halvings, of these axes out of four.
+    /// Lines of a level; `left_out` lists the axis, out of four, of each finest halving that the level leaves out.
     pub(super) fn coarse_lines(&self, left_out: &[u8]) -> Vec<Nodes> {
         let lines = self.kept.len();
         let halvings = |axis: usize| left_out.iter().filter(|&&halved| usize::from(halved) == axis).count() as u32;
         (0..lines).map(|line| self.nodes(line, halvings(AXES - lines + line))).collect()
     }
 
-    /// A line after so many halvings: every node at the mean of the stated entries that it merges, a closing one left out.
-    /// Without a halving all stated entries remain.
+    /// Line after `halvings` halvings: every node lies at the mean of the stated entries that it merges, without a
+    /// closing one. Without a halving all stated entries remain.
     fn nodes(&self, line: usize, halvings: u32) -> Nodes {
         let (stated, kept) = (&self.shape.lines[line], &self.kept[line]);
         if halvings == 0 {
@@ -377,7 +380,7 @@ impl Lattice {
         (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * nodes + row)).collect()
     }
 
-    /// Node of a level that holds each leaf.
+    /// Node of a level that contains each leaf.
     pub(super) fn nodes_of_leaves(&self, lines: &[Nodes]) -> Vec<u32> {
         let mut nodes: Vec<u32> = (0..self.shape.blocks as u32).collect();
         for (line, kept) in lines.iter().zip(&self.kept) {
@@ -391,13 +394,13 @@ impl Lattice {
         nodes
     }
 
-    /// The shape of the tensor.
+    /// Shape of the tensor.
     pub(crate) fn shape(&self) -> &Shape {
         &self.shape
     }
 }
 
-/// Returns true where all azimuths of one polar entry of `of` are equal.
+/// Returns true if all azimuths of polar entry `entry`, out of `of`, are equal.
 fn is_constant(azimuths: &Slices<'_>, (entry, of): (usize, usize)) -> bool {
     (0..azimuths.before).filter(|outer| outer % of == entry).all(|outer| {
         let first = outer * azimuths.length * azimuths.behind;

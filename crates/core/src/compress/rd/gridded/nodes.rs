@@ -1,13 +1,13 @@
-//! Nodes of one line of a level: what is left of its entries after some halvings are left out.
+//! Nodes of one line of a level: its entries after some halvings are left out.
 
-/// One line of a level.
+/// Line of a level.
 pub(super) struct Nodes {
-    /// Nodes that are decoded.
+    /// Number of decoded nodes.
     pub(super) count: usize,
     /// Angles of the entries of the axis.
     pub(super) positions: Vec<f64>,
     /// Node of each entry of the axis.
     pub(super) entries: Vec<u32>,
-    /// Halvings that are left out; of a line without any all stated entries remain.
+    /// Number of halvings left out; with 0 all stated entries remain.
     pub(super) halvings: u32,
 }

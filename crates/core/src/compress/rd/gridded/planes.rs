@@ -1,4 +1,4 @@
-//! Planes of a lattice: leaves of units on vectors, from rows of a tensor and back.
+//! Planes of a lattice (leaves of units on vectors), from rows of a tensor and back.
 
 use super::super::folding::transposed;
 use super::super::lines::{Grid, PairPyramid};
@@ -14,21 +14,21 @@ pub(super) struct Weights {
     /// `[units, leaves]`, or `[units, planes, leaves]`.
     pub(super) values: Vec<f32>,
     by_plane: bool,
-    /// One set stands for all units.
+    /// True if one set of weights serves all units.
     are_alike: bool,
 }
 
-/// A lattice as planes `[units, vectors, leaves]`.
+/// Lattice as planes `[units, vectors, leaves]`.
 pub(super) struct Planes {
     lattice: Lattice,
     grid: Grid,
-    /// Leaves of a unit.
+    /// Number of leaves of a unit.
     unit: usize,
-    /// Every incoming entry is a stream of its own.
+    /// True if every incoming entry is a stream of its own.
     random: bool,
-    /// Vectors are those of a basis, not entries of rows.
+    /// True if vectors are those of a basis, not entries of rows.
     klt: bool,
-    /// Negative samples weigh like positive ones.
+    /// True if negative samples count like positive ones.
     weighs_negative: bool,
     /// Leaf that each row of the tensor equals.
     rows: Vec<u32>,
@@ -37,7 +37,7 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    /// Codes what repeats in a tensor: an encoder says by `same` which samples are equal, a decoder nothing.
+    /// Codes which slices of a tensor repeat. `same` tells an encoder which samples are equal; a decoder passes `None`.
     pub(super) fn code<C: BitCoder>(
         coder: &mut C,
         shape: Shape,
@@ -60,44 +60,44 @@ impl Planes {
         &self.grid
     }
 
-    /// Tensors that have planes of their own.
+    /// Number of tensors that have planes of their own.
     pub(super) fn units(&self) -> usize {
         self.lattice.units(self.random)
     }
 
-    /// Pyramids that are coded by themselves.
+    /// Number of pyramids that are coded independently.
     pub(super) fn streams(&self) -> usize {
         if self.random { self.units() } else { 1 }
     }
 
-    /// Leaves of one unit.
+    /// Number of leaves of one unit.
     pub(super) fn unit(&self) -> usize {
         self.unit
     }
 
-    /// Leaves of all units.
+    /// Number of leaves of all units.
     pub(super) fn leaves(&self) -> usize {
         self.first.len()
     }
 
-    /// Rows of the tensor.
+    /// Number of rows of the tensor.
     pub(super) fn rows(&self) -> usize {
         self.rows.len()
     }
 
-    /// Samples of a row.
+    /// Number of samples in a row.
     pub(super) fn length(&self) -> usize {
         self.lattice.shape().length()
     }
 
-    /// Rows of leaves, of those of the tensor.
+    /// Selects the rows of the leaves from the rows of the tensor.
     pub(super) fn leaves_of(&self, values: &[f32]) -> Vec<f32> {
         let n = self.length();
         self.first.iter().flat_map(|&row| &values[row as usize * n..][..n]).copied().collect()
     }
 
-    /// Rows of leaves whose principal components are wanted, every so many of more than `most` samples; none without a
-    /// sample of its own.
+    /// Rows for the principal component analysis: leaves with a live sample, subsampled to at most about `most`
+    /// samples.
     pub(super) fn spectra(&self, classes: Option<&[Class]>, leaves: &[f32], most: usize) -> Vec<f32> {
         let n = self.length();
         let stride = leaves.len().div_ceil(most) | 1;
@@ -115,12 +115,12 @@ impl Planes {
         if found.is_empty() { leaves[..n].to_vec() } else { found }
     }
 
-    /// Planes of coefficients `[leaves, vectors]`.
+    /// Converts coefficients `[leaves, vectors]` to planes.
     pub(super) fn of_coefficients<'a>(&self, coefficients: &'a [f32], vectors: usize) -> Cow<'a, [f32]> {
         transposed(coefficients, self.unit, vectors)
     }
 
-    /// Planes of the entries of rows `[leaves, length]`.
+    /// Converts the entries of rows `[leaves, length]` to planes.
     pub(super) fn of_lanes<'a>(&self, leaves: &'a [f32]) -> Cow<'a, [f32]> {
         let n = self.length();
         if n != 3 {
@@ -134,8 +134,8 @@ impl Planes {
         class == Class::Positive || self.weighs_negative && class == Class::Negative
     }
 
-    /// Weights of leaves: 1 where a sample is positive (or negative, if these weigh), 0 elsewhere (it takes what is predicted)
-    /// and for copies within a pole.
+    /// Weights of leaves: 1 where a sample is positive (or negative, if these count), else 0. Copies within a pole also
+    /// have 0. A leaf of weight 0 takes the predicted value.
     pub(super) fn weights(&self, classes: Option<&[Class]>) -> Weights {
         let n = self.length();
         let live = |class: &Class| self.weighs(*class);
@@ -162,7 +162,7 @@ impl Planes {
         Weights { values, by_plane, are_alike }
     }
 
-    /// Leaves that weigh something in every plane.
+    /// Marks the leaves with a nonzero weight in every plane.
     pub(super) fn live_leaves(&self, weights: &Weights) -> Vec<bool> {
         let lanes = if weights.by_plane { self.length() } else { 1 };
         let of_unit = |unit: usize| {
@@ -173,8 +173,8 @@ impl Planes {
         (0..self.units()).flat_map(of_unit).collect()
     }
 
-    /// Means of planes of one stream over the leaves that nodes of a level merge, as a pyramid has them: by weight, without any
-    /// weight of all.
+    /// Means of the planes of one stream over the leaves that each node of a level merges, as a pyramid computes them:
+    /// weighted, or unweighted if all weights are 0.
     pub(super) fn means(&self, planes: &[f32], weights: &Weights, lines: &[Nodes]) -> Vec<f32> {
         let nodes = self.lattice.nodes_of_leaves(lines);
         let count = lines.iter().map(|line| line.count).product();
@@ -194,8 +194,8 @@ impl Planes {
         planes.chunks_exact(self.unit).enumerate().flat_map(mean_of).collect()
     }
 
-    /// Share of positive less share of negative samples among the measured ones, for each node of a level and entry of a row;
-    /// NaN where none is measured. Copies within a pole are left out.
+    /// Fraction of positive minus fraction of negative samples among the measured ones, for each node of a level and
+    /// entry of a row. NaN if none is measured. Copies within a pole are left out.
     pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {
         let n = self.length();
         let nodes = self.lattice.nodes_of_leaves(lines);
@@ -219,25 +219,25 @@ impl Planes {
         sums.into_iter().map(|(sum, measured)| (sum as f64 / measured as f64) as f32).collect()
     }
 
-    /// The pyramids of all streams, one if they are all alike.
+    /// Builds the pyramids of all streams, only one if all streams are alike.
     pub(super) fn pyramids(&self, order: &[u8], weights: &Weights) -> Vec<PairPyramid> {
         let streams = if weights.are_alike { 1 } else { self.streams() };
         (0..streams).into_par_iter().map(|k| self.pyramid(order, weights, k)).collect()
     }
 
-    /// The pyramid of one stream.
+    /// Builds the pyramid of one stream.
     pub(super) fn pyramid(&self, order: &[u8], weights: &Weights, stream: usize) -> PairPyramid {
         let (stream, streams) = if weights.are_alike { (0, 1) } else { (stream, self.streams()) };
         let length = weights.values.len() / streams;
         PairPyramid::new(&self.grid, order, &weights.values[stream * length..][..length], weights.by_plane)
     }
 
-    /// Values of all samples from planes of all units.
+    /// Converts planes of all units to the values of all samples.
     pub(super) fn synthesise(&self, basis: Option<&Basis>, planes: &[f32], values: &mut [f32]) {
         self.synthesise_rows(basis, (planes, self.unit), &self.rows, values);
     }
 
-    /// Values of rows, each equal to some node of units of so many, from planes of the units that hold these.
+    /// Converts planes to the values of `rows`. Each row names the node that it equals, in units of `unit` nodes.
     pub(super) fn synthesise_rows(
         &self,
         basis: Option<&Basis>,

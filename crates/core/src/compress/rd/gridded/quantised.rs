@@ -1,18 +1,18 @@
-//! The quantiser of a grid chunk, and the bound on samples that have no error to keep.
+//! Quantiser of a grid chunk, and the bound on negative samples, whose error is not promised.
 
 use super::super::lines::Quantiser;
 use crate::codec::Class;
 
-/// Unit of values that are no logarithms, in steps.
+/// Unit of values that are not logarithms, in steps.
 const LINEAR_UNIT: f64 = 32.0;
 
-/// The quantiser of a header's step.
+/// Quantiser for a header's step.
 pub(super) fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
     let step = f64::from(step);
     Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns, dead_zone: 0.0 }
 }
 
-/// Keeps the logarithms of negative samples at or below a bound.
+/// Limits the logarithms of negative samples to at most `bound`.
 pub(super) fn bound_negative(bound: Option<f32>, classes: Option<&[Class]>, values: &mut [f32]) {
     if let (Some(bound), Some(classes)) = (bound, classes) {
         for (value, _) in values.iter_mut().zip(classes).filter(|(_, class)| **class == Class::Negative) {

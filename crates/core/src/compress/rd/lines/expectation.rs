@@ -1,14 +1,14 @@
-//! Expected squared errors of predictions where few are known nearby: running means, as a whole and by brightness.
+//! Expected squared errors of predictions with few known neighbours: running means, overall and by brightness.
 
-/// Rate of the running mean.
+/// Rate of the running mean. Raising it adapts faster, with more noise.
 const RATE: f64 = 0.02;
-/// Start of the running mean, in squared units of values.
+/// Initial value of the running mean, in squared units of values.
 const START: f64 = 0.02;
-/// Weight of the running mean beside the sum over details of the same brightness.
+/// Weight of the running mean relative to one detail of the same brightness. Raising it trusts brightness less.
 const WEIGHT: f64 = 4.0;
-/// Factor of the sums of a brightness for each detail of it.
+/// Decay of the sums of a brightness for each new detail in it. Raising it lengthens the memory.
 const DECAY: f64 = 0.98;
-/// Bins of brightness, half a unit wide.
+/// Number of brightness bins, each half a unit wide.
 const BINS: usize = 64;
 
 /// Squared errors of the predictions so far.
@@ -16,23 +16,23 @@ const BINS: usize = 64;
 pub(super) struct Expectation {
     running: f64,
     bins: [(f64, f64); BINS],
-    /// Bins in a step.
+    /// Bins to a step.
     per_step: f64,
 }
 
 impl Expectation {
-    /// Before any prediction; `unit` is that of values in steps, one natural logarithm where values are logarithms.
+    /// Initial state. `unit` is the unit of values in steps: one natural logarithm if values are logarithms.
     pub(super) fn new(unit: f64) -> Self {
         Self { running: START * unit * unit, bins: [(0.0, 0.0); BINS], per_step: 2.0 / unit }
     }
 
-    /// The bin of a mean in steps.
+    /// Bin of a mean given in steps.
     #[inline]
     pub(super) fn bin_of(&self, mean: f64) -> usize {
         ((mean * self.per_step).floor() + 32.0).clamp(0.0, (BINS - 1) as f64) as usize
     }
 
-    /// The squared error to expect at means of a bin.
+    /// Expected squared error at means of a bin.
     #[inline]
     pub(super) fn of(&self, bin: usize) -> f64 {
         let (sum, weight) = self.bins[bin];

@@ -1,33 +1,33 @@
 //! Products of lines: the axes that a pyramid of pairs halves, with the positions of their entries.
 
-/// Axes of a product of lines.
+/// Number of axes of a product of lines.
 pub(crate) const AXES: usize = 4;
 
-/// A line axis: positions of its entries, strictly increasing.
+/// Line axis: positions of its entries, strictly increasing.
 #[derive(Clone, Debug)]
 pub(crate) struct Line {
     /// Positions, in any unit.
     pub(crate) positions: Vec<f64>,
-    /// The circumference, of a circle.
+    /// Circumference of a circle; `None` for an open line.
     pub(crate) period: Option<f64>,
 }
 
 impl Line {
-    /// Evenly spaced entries, around a circle or not.
+    /// Line of evenly spaced entries, closed to a circle or open.
     pub(crate) fn even(length: usize, is_circle: bool) -> Self {
         let positions = (0..length).map(|i| i as f64).collect();
         Self { positions, period: is_circle.then_some(length as f64) }
     }
 }
 
-/// Up to four lines, the last of them last; missing ones in front have one entry.
+/// Up to four lines, aligned at the end; missing ones in front have one entry.
 #[derive(Clone, Debug)]
 pub(crate) struct Grid {
     pub(super) lines: [Line; AXES],
 }
 
 impl Grid {
-    /// The product of at most four lines.
+    /// Product of at most four lines.
     pub(crate) fn new(lines: &[Line]) -> Self {
         let missing = AXES.saturating_sub(lines.len());
         Self {
@@ -37,7 +37,7 @@ impl Grid {
         }
     }
 
-    /// Entries of each axis.
+    /// Number of entries of each axis.
     pub(crate) fn lengths(&self) -> [usize; AXES] {
         std::array::from_fn(|axis| self.lines[axis].positions.len())
     }

@@ -1,30 +1,31 @@
-//! Fixed prediction of details along a line: average interpolation (Donoho 1993) of means over unevenly placed entries.
+//! Fixed prediction of details along a line: average interpolation (Donoho 1993) of means over unevenly spaced entries.
 //!
-//! A polynomial is required to have the known means over the entries of a node and of its neighbours; the difference of its
-//! means over the two children is the prediction. On even lines this is (P₊ − P₋) / 4 with one neighbour on each side and
-//! (22·(P₊ − P₋) − 3·(P₊₊ − P₋₋)) / 64 with two.
+//! A polynomial is fitted to the known means over the entries of a node and of its neighbours. The difference of its
+//! means over the two children is the prediction. On even lines this is (P₊ − P₋) / 4 with one neighbour on each side
+//! and (22·(P₊ − P₋) − 3·(P₊₊ − P₋₋)) / 64 with two.
 
 use super::grid::Line;
 use crate::numeric::dense;
 
-/// Coefficients are multiples of 2⁻¹⁶, so that the last digits of their computation do not matter.
+/// Denominator of coefficients: they are multiples of 2⁻¹⁶, so that the last digits of their computation do not matter.
 const UNITS: f64 = 65_536.0;
-/// Coefficients whose magnitudes add up to more are not trusted: on even lines the sum is 0.78.
+/// Upper bound on the sum of coefficient magnitudes; larger ones are rejected as unstable. On even lines the sum is
+/// 0.78.
 const LARGEST_SUM: f64 = 1.5;
-/// One-sided differences count this much less.
+/// Factor of one-sided differences, which are less reliable.
 const ONE_SIDED: f64 = 0.8;
 
 /// Coefficients of P₊ − P, P₋ − P, P₊₊ − P and P₋₋ − P.
 pub(super) type Coefficients = [f64; 4];
 
-/// Coefficients by node of the line after `halvings` halvings of it; `wraps` where the last node is beside the first.
+/// Coefficients of each node of the line after `halvings` halvings; `wraps` if the last node is next to the first.
 pub(super) fn coefficients(line: &Line, halvings: usize, wraps: bool) -> Vec<Coefficients> {
     let span = 1_usize << halvings;
     let nodes = line.positions.len().div_ceil(span);
     (0..nodes).map(|node| of_node(line, span, (node, nodes), wraps)).collect()
 }
 
-/// Entries of a node `by` nodes away, and how far they are shifted around the circle.
+/// Entries of the node `by` nodes away, and their shift around the circle; `None` beyond an open end.
 fn entries(line: &Line, span: usize, node: usize, nodes: usize, by: isize, wraps: bool) -> Option<(&[f64], f64)> {
     let at = node as isize + by;
     let turns = at.div_euclid(nodes as isize);

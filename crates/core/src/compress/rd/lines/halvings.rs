@@ -1,4 +1,4 @@
-//! Halvings of a grid: which axis, which parents, and the weights of all means over the samples.
+//! Halvings of a grid: axis and parents of each, and the weights of all means over the samples.
 
 use super::grid::{AXES, Grid};
 use super::guess::{Coefficients, coefficients};
@@ -14,7 +14,7 @@ pub(super) struct Halving {
     pub(super) guess: Vec<Coefficients>,
 }
 
-/// Weights of the samples of planes and of all means over them.
+/// Weights of the samples of planes, and of all means over them.
 struct Weights {
     /// Weights after each halving, from the finest to the root.
     levels: Vec<Vec<f32>>,
@@ -22,17 +22,18 @@ struct Weights {
 
 /// All halvings of a grid, and the weights of planes on it.
 pub(super) struct Halvings {
-    /// From the finest.
+    /// Halvings, finest first.
     steps: Vec<Halving>,
-    /// One for each tensor, or for each plane; the last for all that follow.
+    /// Weights of each tensor, or of each plane; the last set serves all that follow.
     weights: Vec<Weights>,
-    /// Planes of one tensor have weights of their own.
+    /// True if the planes of one tensor have weights of their own.
     by_plane: bool,
 }
 
 impl Halvings {
-    /// The halvings of a grid in an order (what it lacks is added, what is too much left out); `weights` of all leaves, for
-    /// each tensor or `by_plane`, one after another, the last for all that follow.
+    /// Computes the halvings of a grid in the given order; missing halvings are added, superfluous ones skipped.
+    /// `weights` are those of all leaves, one set for each tensor or (`by_plane`) plane; the last serves all that
+    /// follow.
     pub(super) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let mut children = grid.lengths();
         let leaves = children.iter().product::<usize>();
@@ -64,12 +65,12 @@ impl Halvings {
         Self { steps: halvings, weights: levels, by_plane }
     }
 
-    /// The halvings from the finest.
+    /// All halvings, finest first.
     pub(super) fn all(&self) -> &[Halving] {
         &self.steps
     }
 
-    /// Weights of a plane, of `vectors` planes to a tensor, after so many halvings.
+    /// Weights of a plane after `level` halvings; there are `vectors` planes to a tensor.
     pub(super) fn weights_of(&self, (plane, vectors): (usize, usize), level: usize) -> &[f32] {
         let set = if self.by_plane { plane } else { plane / vectors.max(1) };
         &self.weights[set.min(self.weights.len() - 1)].levels[level]

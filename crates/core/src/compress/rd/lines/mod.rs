@@ -1,10 +1,11 @@
-//! Planes on a product of lines as a pyramid of pairs: weighted means, halved along one axis at a time, each detail predicted
-//! from all that is decoded.
+//! Planes on a product of lines as a pyramid of pairs: weighted means, halved along one axis at a time. Each detail is
+//! predicted from everything already decoded.
 //!
-//! Two entries with weights w₁, w₂ become their mean and the detail δ = c₁ − c₀. √W·δ, W = w₁w₂ / (w₁ + w₂), is an
-//! orthonormal coefficient (Parseval is exact over weighted samples), so δ has the step Δ / √W. Predictions blend average
-//! interpolation with recursive least squares; residuals are coded by the density that errors nearby suggest. Between bytes
-//! and samples there are f64 additions, multiplications, divisions and square roots in a fixed order, and tables of integers.
+//! Two entries with weights w₁, w₂ become their mean and the detail δ = c₁ − c₀. √W·δ with W = w₁w₂ / (w₁ + w₂) is an
+//! orthonormal coefficient (Parseval is exact over weighted samples), so δ has the step Δ / √W. Predictions blend
+//! average interpolation with recursive least squares. Residuals are coded with the density that errors nearby suggest.
+//! Decoding uses only f64 additions, multiplications, divisions and square roots in a fixed order, and tables of
+//! integers.
 
 mod expectation;
 mod grid;

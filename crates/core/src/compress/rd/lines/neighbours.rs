@@ -1,8 +1,8 @@
-//! Places around a node of a product of lines, as offsets into an array with one more place for what does not exist.
+//! Neighbours of a node in a product of lines, as offsets into an array with one extra place for missing nodes.
 
 use super::grid::AXES;
 
-/// Offset of a place that does not exist: added to any others it lies beyond every array.
+/// Offset of a missing node: added to other offsets it lies beyond every array.
 const NOWHERE: u32 = 1 << 29;
 /// Largest distance along an axis.
 const REACH: usize = 2;
@@ -11,7 +11,7 @@ const DISTANCES: usize = 2 * REACH + 1;
 /// Distance in nodes along each axis.
 pub(super) type Distance = [i8; AXES];
 
-/// Adds distances along axes to nothing.
+/// Builds a distance from its components along axes.
 pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
     let mut distance = [0; AXES];
     for &(axis, by) in parts {
@@ -20,7 +20,7 @@ pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
     distance
 }
 
-/// The nodes of a product of lines, row-major.
+/// Nodes of a product of lines, row-major.
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) lengths: [usize; AXES],
@@ -29,7 +29,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// The nodes of lines of these lengths; the last node of an axis is beside its first where it `wraps`.
+    /// Nodes of lines of these lengths; where an axis `wraps`, its last node is next to its first.
     pub(super) fn new(lengths: [usize; AXES], wraps: [bool; AXES]) -> Self {
         let tables = std::array::from_fn(|axis| {
             let n = lengths[axis] as isize;
@@ -45,17 +45,17 @@ impl Places {
         Self { lengths, tables }
     }
 
-    /// Number of nodes, which is also the offset of what does not exist.
+    /// Number of nodes, which is also the offset of the place for missing nodes.
     pub(super) fn count(&self) -> usize {
         self.lengths.iter().product()
     }
 
-    /// Rows along the last axis.
+    /// Number of rows along the last axis.
     pub(super) fn rows(&self) -> usize {
         self.lengths[..AXES - 1].iter().product()
     }
 
-    /// The coordinates of a row on all axes but the last.
+    /// Coordinates of a row on all axes but the last.
     pub(super) fn coordinates(&self, row: usize) -> [usize; AXES - 1] {
         let mut rest = row;
         let mut coordinates = [0; AXES - 1];
@@ -66,7 +66,7 @@ impl Places {
         coordinates
     }
 
-    /// The places at a distance from the nodes of a row.
+    /// Nodes at a distance from the nodes of a row.
     pub(super) fn along(&self, coordinates: [usize; AXES - 1], distance: Distance) -> Along {
         let first = (0..AXES - 1).map(|axis| self.tables[axis][index(distance[axis])][coordinates[axis]]).sum();
         Along { first, last: index(distance[AXES - 1]) as u32 }
@@ -83,7 +83,7 @@ fn index(distance: i8) -> usize {
     (isize::from(distance) + REACH as isize) as usize
 }
 
-/// The places at some distance from the nodes of a row.
+/// Nodes at one distance from the nodes of a row.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Along {
     first: u32,
@@ -91,7 +91,7 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// The place of a node with these offsets along the last axis, `nowhere` if it does not exist.
+    /// Index of the node with these offsets along the last axis; `nowhere` if it does not exist.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(super) fn at(self, offsets: &[u32; DISTANCES], nowhere: usize) -> usize {

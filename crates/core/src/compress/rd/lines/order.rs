@@ -1,12 +1,12 @@
-//! The order of halvings: along which axis neighbours resemble each other most, level by level.
+//! Order of halvings: at each level, the axis along which neighbours resemble each other most.
 
 use super::grid::{AXES, Grid};
 use super::pairs::{halve, sums};
 use crate::codec::BitCoder;
 
-/// The order of halvings whose details cost least, from the finest: at each, that axis whose details are predicted best from
-/// the original means; with it, about how many bits all details take. `planes` `[planes, leaves]`; `weights` of all leaves, for
-/// each next `run` of planes.
+/// Finds the order of halvings whose details cost least, from the finest, and the estimated bits of all details. Each
+/// step takes the axis whose details are predicted best from the original means. `planes` are `[planes, leaves]`;
+/// `weights` are those of all leaves, one set for each `run` of planes.
 pub(crate) fn order_of_halvings(
     grid: &Grid,
     planes: &[f32],
@@ -51,7 +51,8 @@ pub(crate) fn order_of_halvings(
     }
 }
 
-/// Sum of log₂(1 + |δ − prediction|·√W / step) of details (parent, δ, W), predicted by (m₊ − m₋) / 4, linearly at the ends.
+/// Sum of log₂(1 + |δ − prediction|·√W / step) over details (parent, δ, W). The prediction is (m₊ − m₋) / 4,
+/// extrapolated linearly at the ends.
 fn cost(
     details: &[(usize, f64, f64)],
     means: &[f64],
@@ -61,7 +62,7 @@ fn cost(
     let behind = children[axis + 1..].iter().product::<usize>();
     let parents = children[axis].div_ceil(2);
     let mut bits = 0.0;
-    // Logarithms are taken of products.
+    // One logarithm of a product replaces many logarithms.
     let mut product = 1.0;
     for &(parent, detail, weight) in details {
         let at = parent / behind % parents;
@@ -87,7 +88,7 @@ fn cost(
     bits + libm::log2(product)
 }
 
-/// Codes an order of halvings down to one entry on all axes; any bytes give some order.
+/// Codes an order of halvings down to one entry on all axes; any bytes decode to some order.
 pub(crate) fn code_order<C: BitCoder>(coder: &mut C, grid: &Grid, order: &[u8]) -> Vec<u8> {
     let mut lengths = grid.lengths();
     let mut coded = Vec::new();
@@ -95,7 +96,7 @@ pub(crate) fn code_order<C: BitCoder>(coder: &mut C, grid: &Grid, order: &[u8]) 
         let axes: Vec<usize> = (0..AXES).filter(|&axis| lengths[axis] > 1).collect();
         let Some(&last) = axes.last() else { return coded };
         let wanted = order.get(coded.len()).map_or(last, |&axis| usize::from(axis));
-        // Is it the first of those left, else the second, …: one decision less than there are.
+        // One decision for each remaining axis but the last: is it this one?
         let axis = axes[..axes.len() - 1].iter().copied().find(|&axis| coder.even(axis == wanted)).unwrap_or(last);
         coded.push(axis as u8);
         lengths[axis] = lengths[axis].div_ceil(2);

@@ -1,13 +1,13 @@
-//! Pairs along an axis: sums of weights, weighted means and details.
+//! Pairs of entries along an axis: sums of weights, weighted means and details.
 
 use super::grid::AXES;
 
-/// Entries along an axis as pairs: (entries before the axis, those of it, those behind).
+/// Number of entries before the axis, of the axis, and behind it.
 fn around(children: [usize; AXES], axis: usize) -> (usize, usize, usize) {
     (children[..axis].iter().product(), children[axis], children[axis + 1..].iter().product())
 }
 
-/// Calls `each(parent, first child, second child)` for all parents; the last of an odd number has no second.
+/// Calls `each(parent, first child, second child)` for all parents; the last of an odd number has no second child.
 fn for_each_pair(children: [usize; AXES], axis: usize, mut each: impl FnMut(usize, usize, Option<usize>)) {
     let (before, length, behind) = around(children, axis);
     let mut parent = 0;
@@ -31,7 +31,8 @@ pub(super) fn sums(weights: &[f32], children: [usize; AXES], axis: usize) -> Vec
     sums
 }
 
-/// Replaces values by weighted means over pairs along an axis; calls `detail(parent, δ, W)` where both weigh.
+/// Replaces values by weighted means over pairs along an axis; calls `detail(parent, δ, W)` if both entries have
+/// weight.
 pub(super) fn halve(
     values: &mut Vec<f64>,
     weights: &[f32],

@@ -9,32 +9,32 @@ use crate::codec::{BitCoder, DEPTHS, Expected, ResidualCoder};
 use crate::numeric::recursive::Recursive;
 use crate::numeric::wide;
 
-/// Planes with a system of least squares and with expected errors of their own; all later ones share the last.
+/// Number of plane classes, each with its own least squares and expected errors; all later planes share the last class.
 pub(super) const PLANE_CLASSES: usize = 4;
-/// Quantised magnitudes stay below this.
+/// Upper bound on quantised magnitudes.
 const LARGEST: f64 = (1 << 30) as f64;
-/// Most features, padded.
+/// Upper bound on the number of features, padding included.
 const FEATURES: usize = 40;
-/// Weight of what to expect without neighbours.
+/// Weight of the expected error relative to errors of neighbours. Raising it trusts neighbours less.
 const PRIOR: f64 = 0.5;
-/// Errors of fixed prediction are expected to be this much larger than those of the blend.
+/// Factor on the prior error of fixed prediction relative to that of least squares. Raising it favours least squares.
 const FIXED: f64 = 0.6;
-/// Part of a squared step that every expected squared error has.
+/// Lower bound on every expected squared error, in squared steps.
 const FLOOR: f64 = 0.0125;
-/// Variance of the error of quantisation, in squared steps.
+/// Variance of the quantisation error, in squared steps.
 const QUANTISATION: f64 = 1.0 / 12.0;
-/// Least ridge of least squares, in squared units.
+/// Smallest ridge parameter of least squares, in squared units.
 const RIDGE: f64 = 1e-9;
-/// Largest detail that least squares may predict, in units.
+/// Upper bound on a detail that least squares may predict, in units.
 const LARGEST_PREDICTION: f64 = 6.0;
-/// Weight of the error at the parent of a node, and how much it has shrunk.
+/// Weight of the error inherited from a node's parent, and its factor of decay for each level.
 const INHERITED: (f32, f32) = (0.5, 0.8);
-/// Bounds of the ratio of two expected errors.
+/// Upper bound on the ratio of two expected errors.
 const LARGEST_RATIO: f64 = 1e9;
-/// Largest squared error that is remembered.
+/// Upper bound on a stored squared error.
 const LARGEST_ERROR: f64 = 1e30;
 
-/// The integer nearest to a number of steps.
+/// Nearest integer to a number of steps, clamped.
 #[inline]
 pub(super) fn integer_of(steps: f64) -> i32 {
     steps.round().clamp(-LARGEST, LARGEST) as i32
@@ -49,30 +49,30 @@ pub(super) struct Halved<'a> {
     offsets: Vec<[u32; 5]>,
 }
 
-/// Predictors that earlier details of a plane have trained.
+/// Predictors trained by earlier details of a plane.
 pub(super) struct Learned<'a> {
     pub(super) expectation: &'a mut Expectation,
     pub(super) system: &'a mut Recursive,
-    /// The unit of values in steps.
+    /// Unit of values, in steps.
     pub(super) unit: f64,
-    /// Least squares predict beside the fixed filters.
+    /// True if least squares predict in addition to the fixed filters.
     pub(super) learns: bool,
 }
 
-/// Everything of one plane, in steps; arrays by node have one more entry for what does not exist.
+/// State of one plane, in steps; arrays by node have one extra entry for missing nodes.
 pub(super) struct PlaneOf<'a> {
     /// Number of the class of planes that share contexts.
     pub(super) class: usize,
     pub(super) means: &'a mut [f32],
     /// Weights of the children.
     pub(super) weights: &'a [f32],
-    /// Details of the source, in its own unit.
+    /// Details of the source, in its own unit; `None` in a decoder.
     pub(super) wanted: Option<&'a [f32]>,
-    /// Steps in that unit.
+    /// Steps to that unit.
     pub(super) per_step: f64,
-    /// Wanted residuals within half a step and this part of one become 0.
+    /// Extra width of the zero bin, in steps: wanted residuals within 0.5 + this become 0.
     pub(super) dead_zone: f64,
-    /// Squared error at the parent of each node, negative where there was none.
+    /// Squared error at the parent of each node, negative if there is none.
     pub(super) inherited: Option<&'a [f32]>,
     /// Details of this plane and the two before; 0 where none is decoded.
     pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
@@ -82,7 +82,7 @@ pub(super) struct PlaneOf<'a> {
     pub(super) errors_of_children: &'a mut [f32],
 }
 
-/// Places along one row.
+/// Neighbour places along one row.
 #[derive(Default)]
 struct Row {
     differences: [Along; 4],
@@ -122,7 +122,7 @@ impl<'a> Halved<'a> {
         Self { halving, template, depth: depth.min(DEPTHS - 1), offsets: halving.parents.last_axis() }
     }
 
-    /// Codes the details of a plane and makes its children; returns the number of residuals that are not 0.
+    /// Codes the details of a plane and computes its children; returns the number of nonzero residuals.
     pub(super) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -208,7 +208,7 @@ impl<'a> Halved<'a> {
                     (predicted.blend, inherited)
                 };
                 let mean = f64::from(mean);
-                // Where nothing weighs, both children count alike; where one does, it has the mean.
+                // Without any weight both children share the detail equally; a single weighted child takes the mean.
                 let (down, up) = if weight > 0.0 {
                     (w1 / sum, w0 / sum)
                 } else {
@@ -228,7 +228,7 @@ impl<'a> Halved<'a> {
         kept
     }
 
-    /// The features of a node.
+    /// Computes the features of a node.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn features(&self, row: &Row, plane: &PlaneOf<'_>, x: usize, nowhere: usize) -> [f64; FEATURES] {
@@ -263,7 +263,7 @@ impl<'a> Halved<'a> {
         features
     }
 
-    /// Sums of the errors around a node, and of their weights.
+    /// Weighted sums of the errors around a node, and the sum of the weights.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn errors_around(&self, row: &Row, errors: &[[f32; 4]], x: usize, inherited: f32) -> [f32; 4] {
@@ -287,7 +287,7 @@ impl<'a> Halved<'a> {
     }
 }
 
-/// The first child of the first node of a row.
+/// First child of the first node of a row.
 fn first_child(coordinates: [usize; AXES - 1], axis: usize, children: &[usize; AXES]) -> usize {
     let mut first = 0;
     for b in 0..AXES - 1 {

@@ -1,4 +1,4 @@
-//! The pyramid of pairs: roots, then halving after halving in closed loop, the same function encoding and decoding.
+//! Pyramid of pairs: roots, then one halving after another in closed loop. One function encodes and decodes.
 
 use super::expectation::Expectation;
 use super::grid::{AXES, Grid};
@@ -9,32 +9,34 @@ use super::template::Template;
 use crate::codec::{BitCoder, ResidualCoder, code_number};
 use crate::numeric::recursive::Recursive;
 
-/// Weight of earlier examples when an axis is halved again.
+/// Weight of earlier examples when an axis is halved again. Raising it lengthens the memory of least squares.
 const FADING: f64 = 0.3;
 
 /// Step, unit and predictors of the planes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quantiser {
-    /// The step of orthonormal coefficients, in the unit of the planes.
+    /// Step of orthonormal coefficients, in the unit of the planes.
     pub(crate) step: f64,
-    /// The unit of values: 1 natural logarithm where they are logarithms.
+    /// Unit of values: 1 natural logarithm if they are logarithms.
     pub(crate) unit: f64,
-    /// Least squares predict beside the fixed filters. They gain on large arrays with noise, and lose on small smooth ones.
+    /// True if least squares predict in addition to the fixed filters. They gain on large noisy arrays, and lose on
+    /// small smooth ones.
     pub(crate) learns: bool,
-    /// An encoder's: residuals within half a step and this part of one become 0. Of smooth functions most details are 0, and
-    /// a lone ±1 takes more bits than its error is worth.
+    /// Extra width of the zero bin in an encoder, in steps: residuals within 0.5 + this become 0. In smooth functions
+    /// most details are 0, and an isolated ±1 costs more bits than its error is worth.
     pub(crate) dead_zone: f64,
 }
 
-/// The pyramid of planes `[planes, leaves]` on a grid.
+/// Pyramid of planes `[planes, leaves]` on a grid.
 pub(crate) struct PairPyramid {
     halvings: Halvings,
     templates: [Template; AXES],
 }
 
 impl PairPyramid {
-    /// The pyramid of planes on a grid, halved in an order (what it lacks is added, what is too much left out); `weights` of
-    /// all leaves, for each tensor or `by_plane`, one after another, the last for all that follow.
+    /// Builds the pyramid of planes on a grid, halved in the given order; missing halvings are added, superfluous ones
+    /// skipped. `weights` are those of all leaves, one set for each tensor or (`by_plane`) plane; the last serves all
+    /// that follow.
     pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let long: [bool; AXES] = grid.lengths().map(|n| n > 1);
         let templates = std::array::from_fn(|axis| Template::new(axis, long));
@@ -46,14 +48,14 @@ impl PairPyramid {
         &self.halvings
     }
 
-    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may hold anything.
+    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may have any value.
     pub(crate) fn source(&self, planes: &[f32], vectors: usize) -> Source {
         Source::new(&self.halvings, planes, vectors)
     }
 
-    /// Codes `planes` planes, `vectors` of each of several tensors: an encoder is given their source, a decoder nothing; both
-    /// return what a decoder has, and the number of integers that are not 0. The finest `left_out` halvings are not coded:
-    /// means of their blocks come back.
+    /// Codes `planes` planes, `vectors` for each tensor; `source` is given to an encoder only. Returns the decoded
+    /// planes and the number of nonzero integers. The finest `left_out` halvings are not coded: the planes then hold
+    /// the means of their blocks.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -124,7 +126,7 @@ impl PairPyramid {
         (values, kept)
     }
 
-    /// The class of depths that contexts tell apart.
+    /// Depth class of a level, a context of the residual coder.
     fn depth(&self, level: usize) -> usize {
         let axes = self.templates.iter().filter(|template| template.is_long()).count();
         level / axes.max(1)

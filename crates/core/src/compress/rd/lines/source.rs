@@ -1,4 +1,4 @@
-//! Means and details of planes, finest first: what an encoder quantises.
+//! Means and details of planes, finest first: the input of an encoder's quantiser.
 
 use super::halvings::Halvings;
 use super::pairs::halve;
@@ -11,7 +11,7 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may hold anything.
+    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may have any value.
     pub(super) fn new(halvings: &Halvings, planes: &[f32], vectors: usize) -> Self {
         let leaves = halvings.all().first().map_or(1, |halving| halving.children.iter().product());
         let count = planes.len() / leaves;
@@ -32,12 +32,12 @@ impl Source {
         Self { roots, details }
     }
 
-    /// The mean of a plane.
+    /// Mean of a plane.
     pub(super) fn root(&self, plane: usize) -> f64 {
         self.roots[plane]
     }
 
-    /// The details of a plane at a halving.
+    /// Details of a plane at a halving.
     pub(super) fn details(&self, level: usize, plane: usize, parents: usize) -> &[f32] {
         &self.details[level][plane * parents..][..parents]
     }

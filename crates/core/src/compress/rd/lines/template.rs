@@ -1,28 +1,28 @@
-//! Features that predict a detail, and the places whose errors tell how well it is predicted.
+//! Neighbours that predict a detail, and neighbours whose errors estimate how well it is predicted.
 
 use super::grid::AXES;
 use super::neighbours::{Distance, distance};
 
-/// Planes before the one that is coded whose details are features.
+/// Number of earlier planes whose details are features.
 pub(super) const BEFORE: usize = 2;
 
-/// Places around a node when one axis is halved; axes of one entry have none.
+/// Neighbours of a node when one axis is halved; axes with one entry contribute none.
 pub(super) struct Template {
-    /// Differences from the mean of the node.
+    /// Neighbours whose difference from the node's mean is a feature.
     pub(super) differences: [Distance; 4],
-    /// Differences between two means.
+    /// Pairs of neighbours whose difference is a feature.
     pub(super) slopes: Vec<[Distance; 2]>,
-    /// Details of this plane.
+    /// Neighbours whose detail in this plane is a feature.
     pub(super) details: Vec<Distance>,
-    /// Details of the planes before.
+    /// Neighbours whose details in earlier planes are features.
     pub(super) others: [Distance; 3],
-    /// Errors, and how much they count.
+    /// Neighbours whose errors count, with their weights.
     pub(super) errors: Vec<(Distance, f32)>,
     is_long: bool,
 }
 
 impl Template {
-    /// The places when `axis` is halved; `long` axes have more than one entry.
+    /// Builds the template for halving `axis`; `long` axes have more than one entry.
     pub(super) fn new(axis: usize, long: [bool; AXES]) -> Self {
         let across: Vec<usize> = (0..AXES).filter(|&b| b != axis && long[b]).collect();
         let (mut slopes, mut details) = (Vec::new(), vec![distance(&[(axis, -1)])]);
@@ -65,12 +65,12 @@ impl Template {
         }
     }
 
-    /// Number of features, those of planes before included.
+    /// Number of features, including those of earlier planes.
     pub(super) fn features(&self) -> usize {
         self.differences.len() + self.slopes.len() + self.details.len() + BEFORE * self.others.len()
     }
 
-    /// Returns true where the axis has more than one entry.
+    /// Returns true if the axis has more than one entry.
     pub(super) fn is_long(&self) -> bool {
         self.is_long
     }

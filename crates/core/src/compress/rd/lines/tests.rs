@@ -1,4 +1,4 @@
-//! The pyramid of pairs: what is encoded comes back to the last bit, whatever the lengths, weights and values.
+//! Tests of the pyramid of pairs: decoding is bit-exact, whatever the lengths, weights and values.
 
 use super::*;
 use crate::codec::{Decoder, Encoder};
@@ -6,7 +6,7 @@ use crate::numeric::drawn::{any_list, list, number};
 use arbtest::arbitrary::{Result, Unstructured};
 use arbtest::arbtest;
 
-/// What an encoder makes of planes in the order that it finds: bytes and what a decoder has.
+/// Encodes planes in the order of halvings found for them; returns the bytes and the decoded values.
 fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
     let count = planes.len() / grid.lengths().iter().product::<usize>();
     let mut encoder = Encoder::default();
@@ -55,7 +55,7 @@ fn lobe() -> (Grid, Vec<f32>) {
 
 #[test]
 fn a_smooth_lobe_takes_the_bytes_of_the_prototype() {
-    // Code lengths of the numerical reference without the order of halvings and the end of a range coder.
+    // Code lengths of the numerical reference, without the order of halvings and the end of the range coder.
     let (grid, lobe) = lobe();
     for (step, reference, error) in [(0.2, 60.3, 0.0268), (0.035, 147.3, 0.0072), (0.005, 324.9, 0.0013)] {
         let (bytes, values) = encoded(&grid, &lobe, &[1.0; 24 * 36], step);
@@ -108,7 +108,7 @@ fn errors_of_details_are_errors_of_leaves() {
     let leaves = lobe.iter().zip(&values).zip(&weights);
     let by_leaves: f64 = leaves.map(|((a, b), w)| f64::from(*w) * f64::from(a - b) * f64::from(a - b)).sum();
     assert!((by_details / by_leaves - 1.0).abs() < 1e-4, "{by_details} {by_leaves}");
-    // No detail is more than about half a step off: their means lie in their bins.
+    // No detail is off by more than about half a step.
     assert!(wanted.iter().zip(&found).all(|(a, b)| (a - b).abs() < 1.01 * step));
 }
 

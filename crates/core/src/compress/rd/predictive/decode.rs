@@ -1,4 +1,4 @@
-//! Pyramid chunks → logarithms, of the whole or of one block.
+//! Decodes pyramid chunks to logarithms, of the whole tensor or of one block.
 
 use super::super::super::values::Values;
 use super::super::chart::Chart;
@@ -14,8 +14,9 @@ use crate::domain::Axis;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// The logarithms that a basis chunk and a pyramid chunk behind its levels stand for, without details below level `finest`;
-/// and how many bytes of the latter they depend on. With `finish` they become magnitudes.
+/// Decodes the logarithms of a basis chunk and of a pyramid chunk after its level index, without details below level
+/// `finest`. Also returns the number of bytes of the latter that were needed. With `finish` the values become
+/// magnitudes.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -31,7 +32,7 @@ pub(crate) fn decode(
     Ok(Levels::of(opened, classes, step)?.decode(finest, finish))
 }
 
-/// All blocks of a pyramid that are decoded by themselves.
+/// Decodes all blocks of a pyramid with independent blocks.
 fn decode_random(
     mut opened: Opened<'_>,
     classes: Option<&[Class]>,
@@ -58,22 +59,22 @@ fn decode_random(
     Ok(opened.synthesise(&decoded, finish))
 }
 
-/// A pyramid of one stream, opened as far as all its levels have in common.
+/// Pyramid of one stream, with everything decoded that its levels share.
 pub(crate) struct Levels<'a> {
     opened: Opened<'a>,
     step: f32,
-    /// Of the model.
+    /// Coefficients of the model.
     coefficients: Vec<f64>,
-    /// The model's planes, where they are kept for several levels.
+    /// Planes of the model, cached for several levels.
     model: Option<Vec<f32>>,
     pyramid: Option<Pyramid>,
-    /// Where the pyramid begins, and the bytes in front of its stream.
+    /// Decoder at the start of the pyramid; `start` is the number of bytes in front of its stream.
     decoder: Decoder<'a>,
     start: usize,
 }
 
 impl<'a> Levels<'a> {
-    /// Ready to decode several levels.
+    /// Opens a pyramid for decoding several levels.
     pub(crate) fn new(
         axes: &[Axis],
         classes: Option<&[Class]>,
@@ -98,7 +99,7 @@ impl<'a> Levels<'a> {
         Ok(Self { opened, step, coefficients, model: None, pyramid, decoder, start })
     }
 
-    /// What [`decode`] gives.
+    /// Like [`decode`], for an opened pyramid.
     pub(crate) fn decode(&self, finest: usize, finish: Option<Values>) -> (Vec<f32>, usize) {
         let opened = &self.opened;
         let (fineness, all) = ((self.step, opened.vectors()), 0..opened.representatives.len());
@@ -116,8 +117,8 @@ impl<'a> Levels<'a> {
     }
 }
 
-/// The logarithms of one block, bit for bit those that [`decode`] has: `[leaves, length]`; nothing else is decoded but the
-/// basis and the model.
+/// Decodes the logarithms of one block, bit for bit as [`decode`] does: `[leaves, length]`. Only the basis and the
+/// model are decoded besides.
 pub(crate) fn decode_block(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -153,14 +154,14 @@ pub(crate) fn decode_block(
     Ok(logs)
 }
 
-/// Whether every block of a pyramid is decoded by itself.
+/// Returns true if every block of a pyramid is decoded independently.
 pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
     Ok(Opening::read(&shape, &mut Reader::new(coded, 0))?.random)
 }
 
-/// By block: the number of the representative that stands for it.
+/// Number of the representative of each block.
 pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
@@ -169,7 +170,7 @@ pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError
     Ok(by_block.into_iter().map(|(k, _)| k).collect())
 }
 
-/// What is decoded before any pyramid.
+/// Decoded content in front of the pyramid.
 struct Opened<'a> {
     shape: Shape,
     opening: Opening,
@@ -205,23 +206,23 @@ impl<'a> Opened<'a> {
         self.basis.as_ref().map_or(1, Basis::rank)
     }
 
-    /// The streams of a pyramid whose blocks are decoded by themselves.
+    /// Reads the streams of a pyramid with independent blocks.
     fn streams(&mut self) -> Result<Streams<'a>, CodecError> {
         let blocks = if self.opening.alone { 0 } else { self.representatives.len() };
         Streams::read(&mut self.r, self.chart.is_some(), blocks)
     }
 
-    /// The model's planes of some representatives.
+    /// Planes of the model for some representatives; `None` without a model.
     fn model(&self, coefficients: &[f64], representatives: Range<usize>) -> Option<Vec<f32>> {
         self.chart.as_ref().map(|chart| chart.evaluate(coefficients.to_vec(), self.vectors(), representatives))
     }
 
-    /// Planes of a pyramid that there is none of.
+    /// Zero planes, for a chunk without a pyramid.
     fn no_details(&self) -> Vec<f32> {
         vec![0.0; self.representatives.len() * self.vectors() * self.shape.leaves()]
     }
 
-    /// All logarithms, or with `finish` all magnitudes.
+    /// Synthesises all logarithms, or with `finish` all magnitudes.
     fn synthesise(&self, planes: &[f32], finish: Option<Values>) -> Vec<f32> {
         let mut logs = vec![0.0; self.shape.rows() * self.shape.length()];
         let basis = self.basis.as_ref();
@@ -229,12 +230,12 @@ impl<'a> Opened<'a> {
         logs
     }
 
-    /// The model's coefficients.
+    /// Decodes the coefficients of the model.
     fn coefficients(&self, decoder: &mut Decoder<'_>, step: f32) -> Vec<f64> {
         self.chart.as_ref().map_or_else(Vec::new, |chart| chart.code(decoder, step, self.vectors(), None, &mut 0))
     }
 
-    /// The pyramids of some representatives.
+    /// Builds the pyramids of some representatives.
     fn pyramid(&self, classes: Option<&[Class]>, representatives: Range<usize>) -> Pyramid {
         let (group, all) = (&self.opening.group, &self.representatives);
         let live = live_leaves(&self.shape, group, all, representatives.clone(), classes);

@@ -1,4 +1,4 @@
-//! First number of a pyramid chunk behind its levels: model, streams and symmetries.
+//! First number of a pyramid chunk after its levels: model, streams and symmetries.
 
 use super::super::chart::ChartKind;
 use super::super::shape::Shape;
@@ -6,7 +6,7 @@ use super::super::symmetry::Group;
 use crate::codec::{CodecError, Reader};
 use crate::domain::Symmetry;
 
-/// What a pyramid's first number says.
+/// Decoded first number of a pyramid.
 pub(super) struct Opening {
     pub(super) model: Option<ChartKind>,
     pub(super) alone: bool,
@@ -32,7 +32,7 @@ impl Opening {
     }
 }
 
-/// Generators as one number; none is 0.
+/// Encodes generators as one number; 0 without any.
 pub(super) fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
     let known = Symmetry::of(shape.mesh().domain());
     let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));

@@ -1,4 +1,5 @@
-//! Record batches → rows: every buffer within its message, every number checked, lists of float32 copied whole.
+//! Conversion of record batches to rows. Every buffer is checked to lie within its message, every number is validated,
+//! and lists of float32 are copied whole.
 
 use super::super::columns::{Cell, Columns};
 use super::super::problems::Problems;
@@ -8,14 +9,14 @@ use super::schema::{Column, Element, Kind};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::text::{Brief, snippet};
 
-/// Degrees to which angles in float32 are rounded: 30.1 is written as 30.100000381.
+/// Step in degrees to which angles in float32 are rounded: 30.1 is stored as 30.100000381.
 const FLOAT32_DEGREES: f64 = 1e-4;
-/// The same in radians.
+/// Step in radians to which angles in float32 are rounded.
 const FLOAT32_RADIANS: f64 = 1e-6;
-/// Infinite numbers of a batch that are looked at: more than a report lists.
+/// Upper bound on the infinite numbers of a batch that are examined: more than a report lists.
 const MOST_INFINITE: usize = 100;
 
-/// Why a batch is not taken.
+/// Reason why a batch is refused.
 pub(super) enum Refusal {
     Broken(String),
     Unsupported(String),
@@ -28,27 +29,27 @@ impl From<Broken> for Refusal {
     }
 }
 
-/// Reads batches one after the other.
+/// Reader of consecutive batches.
 pub(super) struct Batches<'a> {
     columns: &'a [Column],
-    /// The number of the first cell of each column.
+    /// Number of the first cell of each column.
     cells: &'a [usize],
     read: &'a Columns,
     cosine: bool,
-    /// Rows read so far.
+    /// Number of rows read so far.
     count: usize,
     pub(super) rows: Rows,
     pub(super) problems: Problems,
-    /// Whether angles of float32 were rounded.
+    /// True if angles of float32 were rounded.
     pub(super) rounded: bool,
 }
 
-/// The numbers of one column in one batch.
+/// Numbers of one column in one batch.
 #[derive(Clone, Copy)]
 struct Numbers<'a> {
     element: Element,
     bytes: &'a [u8],
-    /// One bit a number, the lowest first; none where all are there.
+    /// Validity bits, one per number, lowest bit first; `None` if no number is missing.
     valid: Option<&'a [u8]>,
 }
 
@@ -58,7 +59,7 @@ impl Numbers<'_> {
         self.valid.is_none_or(|bits| bits.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1))
     }
 
-    /// Number `i`; `None` where it is missing.
+    /// Returns number `i`; `None` if it is missing.
     #[inline]
     fn get(&self, i: usize) -> Option<f64> {
         let size = self.element.size();
@@ -67,7 +68,7 @@ impl Numbers<'_> {
     }
 }
 
-/// What is left of the nodes and buffers of a batch.
+/// Cursor over the nodes and buffers of a batch that are not consumed yet.
 struct Parts<'a> {
     nodes: Vec<[usize; 2]>,
     buffers: Vec<&'a [u8]>,
@@ -76,7 +77,7 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// The next column's numbers, `count` in all; they are inside `lists` lists of `each`, or plain.
+    /// Takes the numbers of the next column. They are plain, or in `rows` lists of `each` numbers.
     fn numbers(&mut self, element: Element, rows: usize, each: Option<usize>) -> Result<Numbers<'a>, Refusal> {
         let outer = match each {
             None => None,
@@ -101,7 +102,7 @@ impl<'a> Parts<'a> {
         Ok(Numbers { element, bytes, valid: inner })
     }
 
-    /// The bits of the next node, which must have `count` entries; `None` where none is missing.
+    /// Takes the validity bits of the next node, which must have `count` entries; `None` if no entry is missing.
     fn validity(&mut self, count: usize) -> Result<Option<&'a [u8]>, Refusal> {
         let [length, nulls] = self.nodes.get(self.node).copied().ok_or(Broken)?;
         let bits = self.buffers.get(self.buffer).copied().ok_or(Broken)?;
@@ -171,7 +172,7 @@ impl<'a> Batches<'a> {
                 }
             };
             let numbers = parts.numbers(element, count, each)?;
-            // From here on there are as many bytes as the rows need.
+            // Allocation is safe from here on: the body has at least as many bytes as the rows need.
             self.rows.directions.resize(first_row + count, [0.0; 4]);
             let cells = &read.cells[first..first + each.unwrap_or(1)];
             match cells {
@@ -200,7 +201,8 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// The nodes and buffers of a batch: as many as the columns have, and no byte in two buffers.
+    /// Returns the nodes and buffers of a batch. Checks that their number matches the columns and that no two buffers
+    /// overlap.
     fn parts<'b>(&self, batch: Table<'_>, body: &'b [u8]) -> Result<Parts<'b>, Refusal> {
         let (nodes, buffers) = (batch.list(1, 16)?, batch.list(2, 16)?);
         let expected = self.columns.iter().fold((0, 0), |(nodes, buffers), column| {
@@ -246,7 +248,7 @@ impl<'a> Batches<'a> {
         self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
     }
 
-    /// Reads angle `k` of the directions from `first_row` on.
+    /// Reads the column of angle `k` for the directions from number `first_row` on.
     fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, first_row: usize) {
         let Some(angle) = self.read.angles[k] else { return };
         let unit = if angle.radians { FLOAT32_RADIANS } else { FLOAT32_DEGREES };
@@ -256,7 +258,7 @@ impl<'a> Batches<'a> {
                 && let Some(stored) = found
             {
                 let rounded = (stored / unit).round() * unit;
-                // The product has last bits of its own: the quotient of whole numbers has none.
+                // The product has rounding errors; a quotient of whole numbers has none.
                 let rounded = (rounded * 1e9).round() / 1e9;
                 self.rounded |= rounded != stored;
                 found = Some(rounded);
@@ -281,7 +283,7 @@ impl<'a> Batches<'a> {
         lambdas
     }
 
-    /// Appends lists of float32 that are rows as they are, `count` numbers in all.
+    /// Appends lists of float32 that already have the layout of rows; `count` numbers in total.
     fn whole_rows(&mut self, name: &str, numbers: Numbers<'_>, count: usize) {
         let (stored, _) = numbers.bytes.as_chunks::<4>();
         let mut infinite = false;
@@ -300,7 +302,7 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Puts the numbers of a column into the cells of every row, from `base` on.
+    /// Copies the numbers of a column into their cells of every row, from value `base` on.
     fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize) {
         let width = self.read.width();
         for row in 0..(self.rows.values.len() - base) / width {
@@ -321,7 +323,7 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Files the values from `base` on under their wavelengths and their directions, those from `first_row` on.
+    /// Assigns wavelengths and directions to the values from `base` on; the directions start at `first_row`.
     fn file(&mut self, base: usize, first_row: usize, lambdas: &[u32]) {
         let width = self.read.width();
         let rows = &mut self.rows;
@@ -353,7 +355,7 @@ impl<'a> Batches<'a> {
         if self.read.is_wide() {
             return;
         }
-        // One direction for each run of rows.
+        // One direction per run of rows.
         let mut kept = first_row;
         for row in first_row..rows.directions.len() {
             let direction = rows.directions[row];
@@ -370,7 +372,7 @@ impl<'a> Batches<'a> {
     }
 }
 
-/// Whether the numbers of a column are all the values of every row, in order, as they are kept.
+/// Returns true if the column holds all values of every row in stored order and format.
 fn is_whole_row(cells: &[Cell], numbers: Numbers<'_>, width: usize) -> bool {
     let in_order = cells.len() == width && cells.iter().enumerate().all(|(i, cell)| *cell == Cell::Value(i));
     in_order && numbers.element == Element::F32 && numbers.valid.is_none()

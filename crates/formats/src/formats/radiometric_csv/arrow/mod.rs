@@ -1,10 +1,13 @@
 //! `radiometric-arrow`: the columns and header keys of `radiometric-csv` as an Arrow IPC stream or file.
 //!
-//! The keys are metadata of the schema, the columns have the same names; one column `values` of lists of one length may
-//! stand for `v400`, `v405` and so on, its wavelengths in the key `wavelengths`. A null or NaN is a missing value. The
-//! body of a message is read in place; its metadata are five small tables of a flatbuffer, read here with every offset
-//! checked, as an array library would be more code to trust (Apache Arrow, "Arrow Columnar Format", format version 1.5;
-//! the fields are numbered as in `Message.fbs` and `Schema.fbs`). A file is a stream between two marks.
+//! The keys are metadata of the schema and the columns have the same names. A single column `values` of equally long
+//! lists may replace `v400`, `v405` and so on; the key `wavelengths` then holds its wavelengths. A null or NaN is a
+//! missing value.
+//!
+//! The body of a message is read in place. Its metadata are five small flatbuffer tables, read here with every offset
+//! checked, because an array library would be more code to trust. Reference: Apache Arrow, "Arrow Columnar Format",
+//! format version 1.5; the fields are numbered as in `Message.fbs` and `Schema.fbs`. A file is a stream between two
+//! signatures.
 
 mod batch;
 mod flat;
@@ -44,13 +47,13 @@ pub(in crate::formats) const READER: Reader = Reader {
     read,
 };
 
-/// What goes before each message, and what a file starts with.
+/// Marker before each message, and signature of a file.
 const CONTINUES: &[u8] = b"\xff\xff\xff\xff";
 const FILE: &[u8] = b"ARROW1\0\0";
-/// Bytes of the metadata of one message: a schema of all the columns that are read has fewer.
+/// Upper bound on the metadata of one message in bytes; the largest schema that is read is smaller.
 const MAX_METADATA: usize = 1 << 24;
 
-/// What the header of a message is, by its number in the union `MessageHeader`.
+/// Types of message headers, as numbered in the union `MessageHeader`.
 const SCHEMA: u8 = 1;
 const DICTIONARY: u8 = 2;
 const BATCH: u8 = 3;
@@ -129,7 +132,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Wavelengths that were stored in float32 become the decimal numbers that they stand for: 550.1, not 550.099976.
+/// Replaces wavelengths stored in float32 by the shortest decimal numbers they represent: 550.1, not 550.099976.
 fn decimal_wavelengths(values: &mut [f64]) {
     for value in values {
         let single = *value as f32;
@@ -141,7 +144,8 @@ fn decimal_wavelengths(values: &mut [f64]) {
     }
 }
 
-/// The columns as those of a row of names, lists spelled out; and the number of the first name of each column.
+/// Returns the columns in the form of a text file's row of names, with one name per list entry, and the number of the
+/// first name of each column.
 fn columns(
     schema: &Schema,
     header: &Header,
@@ -178,7 +182,7 @@ fn columns(
     Ok((read, cells))
 }
 
-/// A name for each entry of a list.
+/// Returns a name for each entry of a list.
 fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -> Result<Vec<String>, FormatError> {
     if !matches!(letter, "v" | "s") {
         return Ok((0..length).map(|i| format!("{letter}{i} of {}", column.name)).collect());
@@ -207,7 +211,7 @@ fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -
     if listed.len() == length { Ok(listed) } else { Err(needs(format!("but {} wavelengths are stated", listed.len()))) }
 }
 
-/// The messages of a stream.
+/// Reader of the messages of a stream.
 struct Messages<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -216,14 +220,14 @@ struct Messages<'a> {
 /// One message.
 struct Message<'a> {
     kind: u8,
-    /// Where it starts.
+    /// Byte offset of its start.
     at: usize,
     header: Table<'a>,
     body: &'a [u8],
 }
 
 impl<'a> Messages<'a> {
-    /// The next message; `None` at the mark of the end.
+    /// Returns the next message; `None` at the end-of-stream marker.
     fn next(&mut self) -> Result<Option<Message<'a>>, FormatError> {
         let at = self.at;
         let Some(rest) = self.bytes.get(at..).filter(|rest| !rest.is_empty()) else {

@@ -1,4 +1,4 @@
-//! The schema of a stream: header keys, and which of its columns are numbers, lists of them, or nothing that is read.
+//! Schema of a stream: header keys, and the type of each column (numbers, lists of numbers, or not read).
 
 use super::super::header::Field;
 use super::flat::{Broken, Table};
@@ -14,7 +14,7 @@ pub(super) enum Element {
 }
 
 impl Element {
-    /// Bytes of one number.
+    /// Returns the size of one number in bytes.
     pub(super) fn size(self) -> usize {
         match self {
             Self::F32 => 4,
@@ -23,7 +23,7 @@ impl Element {
         }
     }
 
-    /// The number that starts `bytes`, which has its size.
+    /// Returns the number stored in `bytes`, which have its size.
     #[inline]
     pub(super) fn value(self, bytes: &[u8]) -> f64 {
         if let (Self::F64, Some(bytes)) = (self, bytes.first_chunk()) {
@@ -44,13 +44,13 @@ impl Element {
     }
 }
 
-/// What a column holds.
+/// Content of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Numbers(Element),
-    /// A list of so many numbers in each row.
+    /// Fixed-length list of this many numbers in each row.
     Lists(Element, usize),
-    /// Not read; it takes so many nodes and buffers of a batch.
+    /// Not read; skipped by the number of its nodes and buffers in a batch.
     Other {
         nodes: usize,
         buffers: usize,
@@ -58,7 +58,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// How many nodes and buffers of a batch are the column's.
+    /// Returns the numbers of nodes and buffers of the column in a batch.
     pub(super) fn parts(self) -> (usize, usize) {
         match self {
             Self::Numbers(_) => (1, 2),
@@ -75,13 +75,13 @@ pub(super) struct Column {
     pub(super) kind: Kind,
 }
 
-/// What a schema says.
+/// Contents of a schema.
 pub(super) struct Schema {
     pub(super) fields: Vec<Field>,
     pub(super) columns: Vec<Column>,
 }
 
-/// Why a schema is not taken.
+/// Reason why a schema is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     Malformed,
@@ -95,10 +95,10 @@ impl From<Broken> for Refusal {
     }
 }
 
-/// Keys of the metadata, fields inside each other, and fields in all that are looked at.
+/// Upper bounds on the metadata keys that are read, and on the nesting depth of fields.
 const MAX_KEYS: usize = 1000;
 const MAX_DEPTH: usize = 8;
-/// Characters of a value that are kept.
+/// Number of characters kept of a value.
 const MAX_TEXT: usize = 1 << 20;
 
 /// Reads the table `Schema` (Arrow, `Schema.fbs`).
@@ -115,7 +115,7 @@ pub(super) fn read(schema: Table<'_>) -> Result<Schema, Refusal> {
         let pair = keys.table(i)?;
         let (key, value) = (pair.text(0)?.unwrap_or_default(), pair.text(1)?.unwrap_or_default());
         let (key, value) = (key.trim().to_lowercase(), value.trim());
-        // Writers keep the schemas of other libraries under such keys.
+        // Other libraries store their own schemas under these keys.
         if !matches!(key.as_str(), "pandas" | "arrow:schema" | "huggingface") {
             fields.push(Field { key, value: value.chars().take(MAX_TEXT).collect(), line: 0 });
         }
@@ -130,7 +130,7 @@ pub(super) fn read(schema: Table<'_>) -> Result<Schema, Refusal> {
         let field = described.table(i)?;
         let name = field.text(0)?.unwrap_or_default();
         let kind = kind(field, name, MAX_DEPTH, &mut looked_at)?;
-        // The names are read as those of a row of text.
+        // The names are parsed like a text row, so commas and control characters are replaced.
         let name = name.chars().take(256).map(|c| if c == ',' || c.is_control() { '\u{fffd}' } else { c }).collect();
         columns.push(Column { name, kind });
     }
@@ -145,7 +145,7 @@ fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Re
             "columns inside columns, expected at most {MAX_DEPTH} levels and {MOST} in all"
         )));
     }
-    // Indices of a dictionary.
+    // Dictionary-encoded values are indices.
     if field.table(4)?.is_some() {
         return Ok(Kind::Other { nodes: 1, buffers: 2 });
     }
@@ -159,17 +159,17 @@ fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Re
         Ok(Kind::Other { nodes: all.0, buffers: all.1 })
     };
     let ty = field.table(3)?;
-    // The numbers of the union `Type`.
+    // Type codes of the union `Type`.
     match field.byte(2)? {
-        // Null, and run ends with their values.
+        // Null; run-end encoded values.
         1 => Ok(Kind::Other { nodes: 1, buffers: 0 }),
         22 => parts(0),
         2 | 3 => Ok(element(field)?.map_or(Kind::Other { nodes: 1, buffers: 2 }, Kind::Numbers)),
-        // Booleans, decimals, times, bytes of one width.
+        // Booleans, decimals, times, fixed-size binary.
         6..=11 | 15 | 18 => Ok(Kind::Other { nodes: 1, buffers: 2 }),
-        // Bytes and texts.
+        // Variable-size binary and texts.
         4 | 5 | 19 | 20 => Ok(Kind::Other { nodes: 1, buffers: 3 }),
-        // Lists of any length, maps.
+        // Variable-size lists, maps.
         12 | 17 | 21 => parts(2),
         13 => parts(1),
         16 => {
@@ -187,7 +187,7 @@ fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Re
     }
 }
 
-/// The number type of a field, if it is one that is read.
+/// Returns the number type of a field; `None` if it is not read.
 fn element(field: Table<'_>) -> Result<Option<Element>, Broken> {
     if field.table(4)?.is_some() {
         return Ok(None);

@@ -20,7 +20,7 @@ fn grid(acquisition: Acquisition) -> AngleGrid {
     }
 }
 
-/// What the script that wrote the files computed, in float32.
+/// Expected values in float32, as computed by the script that wrote the files.
 fn expected(theta_i: f64, theta_o: f64, lambda: f64) -> f32 {
     (0.1 + theta_i * 0.001 + theta_o * 0.002 + lambda * 1e-4) as f32
 }

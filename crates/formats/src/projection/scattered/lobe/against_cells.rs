@@ -1,4 +1,5 @@
-//! Whether cells hold a lobe as well: both predict the samples about it from their neighbours.
+//! Test whether cells alone represent a lobe as well: both variants predict the samples about it from their
+//! neighbours.
 
 use super::beside::{points, predicted as made};
 use super::choose::Found;
@@ -6,16 +7,17 @@ use super::scan::Scan;
 use super::solve::predicted;
 use crate::projection::scattered::rows::Rows;
 
-/// Samples that are predicted, about.
+/// Approximate number of predicted samples.
 const JUDGES: usize = 800;
-/// Half-widths about the centre within which they lie.
+/// Radius about the centre of the lobe that contains these samples, in half-widths.
 const WITHIN: f64 = 4.0;
-/// A lobe beside the cells must have this part of their cost, and this much less, to be carried.
+/// Largest ratio, and least difference, of the robust costs with and without the lobe at which it is carried. Lowering
+/// the ratio or raising the difference carries fewer lobes.
 const BETTER: f64 = 0.85;
 const LEAST_GAIN: f64 = 10.0;
 
-/// Whether a lobe beside cells of what it leaves (`left`) predicts the samples about it clearly better than cells of
-/// them.
+/// Returns true if a lobe with cells fitted to the rest (`left`) predicts the samples about it clearly better than
+/// cells alone.
 pub(super) fn is_better(scan: &Scan<'_>, found: &Found, left: &Rows<'_>) -> bool {
     let prepared = found.shape.prepared();
     let within = (WITHIN * found.shape.width()).max(2.0 * found.spacing);

@@ -1,37 +1,38 @@
-//! The colour of a lobe whose shape is known: one factor for each band.
+//! Colour of a lobe of known shape: one factor for each band.
 
 use super::choose::Found;
 use super::scan::Scan;
 use super::solve::predicted;
 
-/// A sample of which less than this part is of the lobe tells the colour of the base.
+/// Ratio of lobe to base below which a sample counts for the colour of the base.
 const OF_BASE: f64 = 0.05;
-/// Samples that tell it at least; with fewer, all do.
+/// Least number of such samples; with fewer, all samples count.
 const FEWEST: usize = 8;
-/// Rounds of weights, in which samples far off lose theirs.
+/// Number of rounds of reweighting, in which outliers lose weight.
 const ROUNDS: usize = 8;
-/// A band has a colour if its samples have this much of the lobe above their noise.
+/// Least sum of squared lobe values, in units of the noise, for a colour of a band. Raising it leaves more bands
+/// without a colour of their own.
 const SEEN: f64 = 1.0;
 
-/// Factors of the bands of a scan's rows.
+/// Factors of the bands of a scan.
 #[derive(Clone, Debug)]
 pub(super) struct Colours {
-    /// For each band the lobe in parts of its grey value.
+    /// Value of the lobe in each band, relative to its grey value (mean over bands).
     pub(super) lobe: Vec<f64>,
-    /// For each incidence and band the base in parts of its grey value.
+    /// Value of the base for each incidence and band, relative to its grey value.
     pub(super) bases: Vec<Vec<f64>>,
-    /// Bands without samples of the lobe.
+    /// Number of bands without samples of the lobe.
     pub(super) unseen: usize,
 }
 
-/// The colours of a lobe and of the base beneath it.
+/// Fits the colours of a lobe and of the base beneath it.
 pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     let width = scan.rows.width;
     if width == 1 {
         return Colours { lobe: vec![1.0], bases: vec![vec![1.0]; found.near.groups.len()], unseen: 0 };
     }
     let prepared = found.shape.prepared();
-    // Rows with base and lobe, by incidence.
+    // Row, base and lobe of the samples, by incidence.
     let groups: Vec<Vec<(u32, f64, f64)>> = (found.near.groups.iter().zip(&found.bases))
         .map(|(group, base)| {
             let of = |sample| {
@@ -52,7 +53,8 @@ pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     Colours { lobe, bases, unseen }
 }
 
-/// The base of one incidence in each band, in parts of its grey value: the median over samples without the lobe.
+/// Returns the base of one incidence in each band, relative to its grey value: the median over samples without the
+/// lobe.
 fn base(scan: &Scan<'_>, group: &[(u32, f64, f64)], width: usize) -> Vec<f64> {
     let plain: Vec<u32> = group.iter().filter(|at| at.2 < OF_BASE * at.1).map(|at| at.0).collect();
     let all: Vec<u32> = group.iter().map(|at| at.0).collect();
@@ -70,7 +72,8 @@ fn base(scan: &Scan<'_>, group: &[(u32, f64, f64)], width: usize) -> Vec<f64> {
     (0..width).map(&mut of).collect()
 }
 
-/// The factor of one band by weighted least squares, robustly; `None` where no sample has it.
+/// Fits the factor of one band by robust weighted least squares. Returns `None` if no sample of the band shows the
+/// lobe.
 fn factor(
     scan: &Scan<'_>,
     groups: &[Vec<(u32, f64, f64)>],

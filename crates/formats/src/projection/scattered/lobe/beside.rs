@@ -1,4 +1,4 @@
-//! What the neighbours of a sample make at its place without it: what cells would hold there.
+//! Prediction of samples from their neighbours without themselves: the value that cells would have there.
 
 use crate::projection::scattered::cells::{Fitted, Scratch};
 use crate::projection::scattered::noise::without_itself;
@@ -6,10 +6,11 @@ use crate::projection::scattered::plan::Plan;
 use crate::projection::scattered::rows::Rows;
 use rayon::prelude::*;
 
-/// A sample by its cloud and its point there.
+/// Position of a sample: number of the cloud, and number of the point in it.
 pub(super) type Point = (usize, u32);
 
-/// Where each of `rows`, which are in increasing order, lies in the clouds; in the order of these.
+/// Returns the positions of `rows`, which must increase, in the clouds, each with its index in `rows`. The order is
+/// that of the clouds.
 pub(super) fn points(plan: &Plan, rows: &[u32]) -> Vec<(Point, usize)> {
     let own = |(cloud, of): (usize, &crate::projection::scattered::cloud::Cloud)| {
         let found = of.rows[..of.own()].iter().zip(0..).filter_map(|(row, point)| {
@@ -21,7 +22,8 @@ pub(super) fn points(plan: &Plan, rows: &[u32]) -> Vec<(Point, usize)> {
     plan.clouds.iter().enumerate().flat_map(own).collect()
 }
 
-/// Mean over the bands of `rows` of what the neighbours of a point make there, and of what it is.
+/// Predicts each point from its neighbours. Returns the means over the bands of `rows` of the prediction and of the
+/// sample.
 pub(super) fn predicted(plan: &Plan, rows: &Rows<'_>, points: &[Point]) -> Vec<Option<[f64; 2]>> {
     let of = |scratch: &mut Scratch, &(cloud, point): &Point| {
         let fitted = plan.fitted(rows, cloud);
@@ -36,7 +38,7 @@ fn grey(fitted: &Fitted<'_>, point: u32, scratch: &mut Scratch) -> Option<f64> {
     mean(&scratch.row)
 }
 
-/// The mean of the bands that are there.
+/// Returns the mean of the bands that are not missing.
 fn mean(row: &[f32]) -> Option<f64> {
     let values = row.iter().map(|&value| f64::from(value)).filter(|value| !value.is_nan());
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));

@@ -1,4 +1,4 @@
-//! No more light than comes in: what a lobe may have beside the cells.
+//! Energy conservation: bound on the light of a lobe beside the cells.
 
 use super::bands::Colours;
 use super::scan::Scan;
@@ -6,11 +6,10 @@ use crate::domain::{Direction, Domain, Lobe, LobeUnder};
 use crate::projection::scattered::incidences::Incidence;
 use std::f64::consts::PI;
 
-/// An albedo that is found without the areas of samples, below which none is above 1.
+/// Approximate albedo, found without the areas of samples, below which the exact one cannot exceed 1.
 const SAFE: f64 = 0.7;
 
-/// The factor, at most 1, by which a lobe may be as bright as it is: with it no albedo is above 1 that is not without
-/// the lobe.
+/// Returns a factor of at most 1 for the lobe. With it, no albedo exceeds 1 unless it does without the lobe.
 ///
 /// `left` are the values without the lobe, `[row, band]`.
 pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f32]) -> f64 {
@@ -24,7 +23,7 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
         }
         let (weights, are_areas) = incidence.weights(&scan.plan.directions, Domain::Hemisphere, true);
         if !are_areas {
-            // Without areas the base is as bright as nothing.
+            // Without areas the base cannot be integrated and counts as black.
             least = least.min(limited(under.light(), &colours.lobe, &vec![0.0; width]));
             continue;
         }
@@ -44,7 +43,7 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
     least
 }
 
-/// The largest albedo of a band, about: of the mean of the values by cosines. It needs no areas.
+/// Returns the largest approximate albedo of a band, from means of the values weighted by cosines. It needs no areas.
 fn rough(scan: &Scan<'_>, incidence: &Incidence, under: &LobeUnder, colours: &Colours, left: &[f32]) -> f64 {
     let width = scan.rows.width;
     let (mut sums, mut cosines) = (vec![0.0; width], vec![1e-9; width]);
@@ -61,7 +60,7 @@ fn rough(scan: &Scan<'_>, incidence: &Incidence, under: &LobeUnder, colours: &Co
     bands.map(|((sum, total), colour)| PI * sum / total + light * colour).fold(0.0, f64::max)
 }
 
-/// The factor with which light of these colours fits beside a base.
+/// Returns the factor by which light of these colours fits beside a base.
 fn limited(light: f64, colours: &[f64], bases: &[f64]) -> f64 {
     let fits = |(&colour, &base): (&f64, &f64)| {
         let left = 1.0 - base;

@@ -1,7 +1,7 @@
-//! Whether samples lie high about a centre: most scans end here.
+//! Search for samples that lie high about a centre: most scans end here.
 //!
-//! Each sample near the centre is predicted from its neighbours, as cells are made of them. Where too few lie clearly
-//! above that, there is no lobe that cells could not hold.
+//! Each sample near the centre is predicted from its neighbours, as cells are. If too few samples clearly exceed the
+//! prediction, cells can represent any lobe.
 
 use super::beside::{points, predicted as made};
 use super::near::{Near, TERMS};
@@ -12,37 +12,37 @@ use crate::domain::LobeCentre;
 use crate::domain::vector::norm;
 use crate::projection::scattered::incidences::Incidence;
 
-/// Samples nearer to the centre than this, in distances between samples, are looked at.
+/// Radius about the centre of the samples that must lie high, in sample spacings.
 const INNER: f64 = 2.0;
-/// Those nearer than this are fitted at first.
+/// Radius about the centre of the samples that the first fits use, in sample spacings.
 const OUTER: f64 = 6.0;
-/// Samples of all directions that tell the noise.
+/// Approximate number of samples from all directions that estimate the noise.
 const JUDGES: usize = 300;
-/// Standard deviations, and difference of logarithms, by which a sample must lie above its neighbours.
+/// Standard deviations, and difference of natural logarithms, by which a high sample exceeds its neighbours.
 const HIGH: f64 = 4.0;
 const LEAST: f64 = 0.05;
-/// Samples that must lie high: neighbours hide one of three.
+/// Least number of high samples: neighbours hide one of three.
 const FEWEST: usize = 2;
-/// Least noise: smaller than any instrument has, and than a base is smooth.
+/// Least relative noise: below that of any instrument, and below the unevenness of a base.
 const LEAST_NOISE: f64 = 1e-3;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
 const OF_MEDIAN: f64 = 1.4826;
-/// Rounds of the fit of the base, with a noise that is hardly known and with the one found.
+/// Rounds of the fit of the base, and relative noise assumed in the first fit.
 const ROUNDS: usize = 10;
 const FIRST_NOISE: f64 = 0.02;
 
-/// A centre about which samples lie high.
+/// A centre with high samples about it.
 pub(super) struct Candidate {
     pub(super) near: Near,
-    /// The usual distance between samples there.
+    /// Usual spacing of the samples there.
     pub(super) spacing: f64,
-    /// Standard deviation of logarithms about what their neighbours make.
+    /// Standard deviation of logarithms about the prediction of their neighbours.
     pub(super) noise: f64,
-    /// The base of the ring about the centre.
+    /// Base of each incidence, fitted to the ring about the centre.
     pub(super) bases: Vec<[f64; TERMS]>,
 }
 
-/// The samples about `centre`, if enough lie high there.
+/// Returns the samples about `centre` if enough of them lie high there.
 pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate> {
     let usual = scan.plan.spacing;
     let spacing = Near::new(scan, centre, 4.0 * usual).spacing(scan.plan.unfolded)?.clamp(0.1 * usual, 3.0 * usual);
@@ -55,9 +55,11 @@ pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate
     Some(Candidate { near, spacing, noise, bases })
 }
 
-/// The noise of samples about what their neighbours make, if enough near the centre lie above that by more.
+/// Returns the noise of samples about the prediction of their neighbours, if enough samples near the centre exceed it
+/// by more.
 fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
-    // About the direction back, incidences whose mirror direction is as near show what is about that.
+    // Excludes incidences whose mirror direction is as near as the direction back: they show the lobe about the
+    // former.
     let is_apart = |row: u32| {
         let [x, y, _] = scan.plan.directions[row as usize].0;
         near.centre != LobeCentre::Source || 2.0 * norm([x, y, 0.0]) > near.radius
@@ -71,7 +73,7 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     let inner = near.all().filter(|sample| sample.distance < INNER * spacing);
     let mut inner: Vec<u32> = inner.map(|sample| sample.row).filter(|&row| is_apart(row)).collect();
     inner.sort_unstable();
-    // All rows, at no regular distance.
+    // A selection of all rows, at irregular distances.
     let count: usize = scan.incidences.iter().map(|incidence| incidence.rows().len()).sum();
     let step = (count / JUDGES).max(1) | 1;
     let mut judges: Vec<u32> = scan.incidences.iter().flat_map(Incidence::rows).copied().step_by(step).collect();
@@ -82,7 +84,8 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     (high >= FEWEST).then_some(noise)
 }
 
-/// The standard deviation of residuals by the median of their magnitudes, after a fit of so many terms.
+/// Returns the robust standard deviation of residuals from the median of their magnitudes. `used` is the number of
+/// fitted terms.
 pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     if magnitudes.is_empty() {
         return LEAST_NOISE;
@@ -93,7 +96,7 @@ pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     (OF_MEDIAN * *median * (count as f64 / left as f64).sqrt()).max(LEAST_NOISE)
 }
 
-/// The standard deviation of all samples about a base and a lobe, or a base alone.
+/// Returns the standard deviation of all samples about a base, with or without a lobe.
 pub(super) fn noise_of(near: &Near, bases: &[[f64; TERMS]], shape: Option<super::shape::Shape>) -> f64 {
     let prepared = shape.map(|shape| shape.prepared());
     let mut residuals = Vec::new();

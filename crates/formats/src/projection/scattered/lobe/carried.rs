@@ -1,37 +1,37 @@
-//! The lobe that a projection carries beside its cells, and what is said of it.
+//! Narrow lobe that a projection carries beside its cells, with its notes and warnings.
 
 use crate::domain::{Lobe, LobeCentre};
 use serde::Serialize;
 
-/// Samples within half the maximum below which the scan does not resolve a lobe.
+/// Least number of samples within half maximum of a resolved lobe.
 pub(super) const RESOLVED: u64 = 3;
 
-/// A lobe beside the cells of a projection: the measurement is the sum of both.
+/// A narrow lobe beside the cells of a projection: the measurement is the sum of both.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CarriedLobe {
-    /// Its function, with a colour for each wavelength of the tensor.
+    /// Function of the lobe, with a colour for each wavelength of the tensor.
     pub lobe: Lobe,
-    /// Full widths at half the maximum along both axes under normal incidence, in degrees of outgoing directions.
+    /// Full widths at half maximum along both axes at normal incidence, in degrees of outgoing directions.
     pub full_width: [f64; 2],
-    /// Samples of all incidences within half the maximum.
+    /// Number of samples of all incidences within half maximum.
     pub samples_within_half: u64,
-    /// Whether these are enough to tell the width of the lobe and its light.
+    /// True if these samples suffice to determine the width of the lobe and its light.
     pub is_resolved: bool,
-    /// The least and the largest mean of its albedo over the measured incidences, for a colour of 1, with which the
-    /// samples agree; `None` where many samples tell it.
+    /// Smallest and largest light of a lobe that agrees with the samples: mean albedo over the measured incidences,
+    /// for a colour of 1. `None` if many samples determine it.
     pub light_range: Option<[f64; 2]>,
-    /// The same of the lobe itself.
+    /// Light of the lobe itself: mean albedo over the measured incidences, for a colour of 1.
     pub light: f64,
-    /// Elevations of the incidences that it was fitted to, in degrees.
+    /// Elevations of the incidences to which the lobe was fitted, in degrees.
     pub incidences: Vec<f64>,
-    /// The part of its light that was taken from it, as more light than comes in would have been reflected.
+    /// Fraction of the light removed because more light than comes in would have been reflected; `None` if none was.
     pub reduced: Option<f64>,
-    /// Bands without a sample of it, which have the colour of their neighbours.
+    /// Number of bands without a sample of the lobe; they have the colour of their neighbours.
     pub unseen_bands: usize,
 }
 
 impl CarriedLobe {
-    /// A sentence on the lobe.
+    /// Returns a sentence for the user on the lobe.
     pub fn note(&self) -> String {
         let count = self.samples_within_half;
         let lie = if count == 1 { "sample lies" } else { "samples lie" };
@@ -49,7 +49,7 @@ impl CarriedLobe {
         )
     }
 
-    /// A warning of a lobe that the scan does not resolve.
+    /// Returns a warning if the scan does not resolve the lobe.
     pub fn warning(&self) -> Option<String> {
         let [low, high] = self.light_range.filter(|_| !self.is_resolved)?;
         let about = if self.lobe.centre() == LobeCentre::Source { "direction back" } else { "mirror direction" };

@@ -1,4 +1,4 @@
-//! Which lobe the samples show: about which centre, how wide, with which tail; or none.
+//! Choice of the lobe that the samples show: its centre, width and tail, or no lobe.
 
 use super::candidates::{Candidate, deviation, noise_of};
 use super::near::{FOLDS, Near, Sample, TERMS};
@@ -9,40 +9,41 @@ use crate::domain::LobeCentre;
 use crate::domain::vector::norm;
 use rayon::prelude::*;
 
-/// Half-widths that fits start from, in distances between samples, and the factor between them.
+/// Smallest half-width that fits start from, in sample spacings; factor between starts; number of widths; and tails.
 const NARROWEST_START: f64 = 0.1;
 const WIDER: f64 = 1.6;
 const WIDTHS: usize = 7;
 const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
-/// Rounds that starts compete after, and how many of them go on.
+/// Numbers of rounds after which starts compete, and how many of them continue.
 const ROUNDS: [(usize, usize); 3] = [(1, 8), (5, 2), (30, 1)];
-/// A coordinate whose first fit costs so many times as much as the best, and this much, goes no further.
+/// Factor and margin by which the first fit of a coordinate system may cost more than the best and still continue.
 const WORSE: f64 = 1.5;
 const MUCH_WORSE: f64 = 100.0;
-/// Bounds of half-widths in distances between samples.
+/// Bounds of half-widths, in sample spacings.
 const NARROWEST: f64 = 0.04;
 const WIDEST: f64 = 4.0;
-/// Radius of the samples that a lobe is fitted to, in half-widths, and at most.
+/// Radius of the samples that a lobe is fitted to, in half-widths, and its upper bound as a chord.
 const REACH: f64 = 8.0;
 const FARTHEST: f64 = 0.7;
-/// Rounds of a fit without a part of the samples, from the fit to all.
+/// Rounds of a fit without one fold of the samples, starting from the fit to all.
 const FOLD_ROUNDS: usize = 10;
-/// What a lobe must gain of the robust cost of withheld samples, and of that for each sample of it.
+/// Least reduction of the robust cost of withheld samples by a lobe. Raising it finds fewer lobes.
 const LEAST_GAIN: f64 = 15.0;
-/// What another centre, or a second width, must gain above that.
+/// Further reduction of the cost demanded of another centre or a second width.
 const OTHER_GAIN: f64 = 3.0;
-/// A sample with this part of the lobe tells how well that fits, if there are so many; misfits of so many times the
-/// noise are none.
+/// Least share of the lobe in a sample that tests the form of the lobe, and least number of such samples. Misfits
+/// below the multiple `MISFIT` of the noise are ignored.
 const OF_LOBE: f64 = 0.2;
 const ENOUGH_OF_LOBE: usize = 8;
 const MISFIT: f64 = 1.5;
-/// Samples of one incidence that are kept beyond the lobe, about: they tell the base and the tail.
+/// Approximate number of samples of one incidence kept beyond the lobe, where they determine base and tail.
 const THIN: usize = 160;
-/// Half-widths, and distances between samples, within which all are kept.
+/// Radius within which all samples are kept, in sums of the half-width and the sample spacing.
 const ALL_WITHIN: f64 = 3.0;
-/// Samples that must lie above the base.
+/// Least number of samples above the base.
 const FEWEST: usize = 3;
-/// A sample is of the lobe if this part of it is; those of them that lie above the base must be as many as `MOST` says.
+/// Predicted excess over the base, in natural logarithms, from which a sample belongs to the lobe. At least the
+/// fraction `MOST` of these must lie above the base.
 const SHARE: f64 = 0.1;
 const MOST: f64 = 0.7;
 
@@ -55,7 +56,7 @@ pub(super) struct Found {
     pub(super) shape: Shape,
     pub(super) bases: Vec<[f64; TERMS]>,
     pub(super) free: [bool; NUMBERS],
-    /// How much less the robust cost of withheld samples is than without a lobe.
+    /// Reduction of the robust cost of withheld samples by the lobe.
     pub(super) gain: f64,
     pub(super) cost: f64,
 }
@@ -77,12 +78,12 @@ impl Found {
     }
 }
 
-/// Bounds of the logarithm of a width.
+/// Returns the bounds of the logarithm of a half-width.
 fn bounds(centre: LobeCentre, spacing: f64) -> [f64; 2] {
     [NARROWEST, WIDEST].map(|width| libm::log(width * spacing / of_outgoing(centre)))
 }
 
-/// Which numbers are free: as many of the peak as there are incidences.
+/// Returns which numbers are fitted: as many of the peak as there are incidences.
 fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
     let [low, high] = near.range();
     let joint = near.groups.iter().any(|group| group.iter().any(|sample| sample.terms[TERMS - 1] != 0.0));
@@ -93,7 +94,7 @@ fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
     [true, count > 1, count > 2, true, true, has_two_widths, has_two_widths]
 }
 
-/// The best lobe about the centre of a candidate, in each of the coordinates there.
+/// Returns the best lobe about the centre of a candidate, over the coordinate systems there.
 pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     let centres: &[LobeCentre] = if candidate.near.centre == LobeCentre::Source {
         &[LobeCentre::Source]
@@ -103,7 +104,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     let mut first: Vec<(Near, Fit)> = centres.iter().filter_map(|&centre| started(scan, candidate, centre)).collect();
     let least = first.iter().map(|(_, fit)| fit.cost).fold(f64::INFINITY, f64::min);
     first.retain(|(_, fit)| fit.cost <= WORSE * least + MUCH_WORSE);
-    // All coordinates with the same samples, as far as the widest lobe reaches.
+    // All coordinate systems use the same samples, as far as the widest lobe reaches.
     let widths = first.iter().map(|(_, fit)| fit.shape.map_or(0.0, |shape| shape.width()));
     let width = widths.fold(0.0, f64::max);
     let radius = (REACH * width).min(FARTHEST).max(candidate.near.radius);
@@ -118,7 +119,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
             *found = stretched(found.clone());
         }
     }
-    // Samples are as certain as the best of the lobes says.
+    // Uncertainties of the samples follow from the misfit of the best lobe.
     fitted.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let first = doubted(fitted.first()?.clone());
     let none = withheld(&first.problem(), &Fit { shape: None, ..first.fit() });
@@ -141,7 +142,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     best.filter(|found| found.gain > LEAST_GAIN && is_seen(found))
 }
 
-/// A fit of a lobe to the samples within the ring of the candidate.
+/// Fits a lobe to the samples within the ring of the candidate, from several starts.
 fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option<(Near, Fit)> {
     let near = Near::new(scan, centre, candidate.near.radius);
     if near.groups.len() != candidate.bases.len() {
@@ -163,7 +164,7 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
     }
     let of = |&(width, tail): &(f64, f64)| start(&near, &candidate.bases, (centre, width, tail), candidate.noise);
     let mut fits: Vec<Fit> = starts.iter().filter_map(of).collect();
-    // The best of all go on, for longer and longer.
+    // The best continue, for more and more rounds.
     for (rounds, left) in ROUNDS {
         fits = fits.into_par_iter().map(|fit| problem.fit(fit, rounds)).collect();
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -172,7 +173,7 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
     fits.into_iter().next().map(|best| (near, best))
 }
 
-/// A lobe of this width and tail, as high as the samples that lie above the base make it in their middle.
+/// Returns a start with this width and tail. Its height is the median over the samples above the base.
 fn start(
     near: &Near,
     bases: &[[f64; TERMS]],
@@ -198,7 +199,7 @@ fn start(
     Some(Fit { shape: Some(Shape { centre, numbers }), bases: bases.to_vec(), cost: f64::INFINITY })
 }
 
-/// The same lobe fitted to the samples within `radius`: all of those within `all`, and of the others some.
+/// Refits the lobe to the samples within `radius`: all of those within `all`, and a selection of the others.
 fn widened(
     scan: &Scan<'_>,
     candidate: &Candidate,
@@ -208,7 +209,7 @@ fn widened(
     let shape = fit.shape?;
     let wide = Near::new(scan, shape.centre, radius).thinned(all, THIN);
     let scale = radius / near.radius;
-    // t is less another mean, and groups may have come to it.
+    // t is relative to another mean now, and there may be more incidences.
     let [p0, p1, p2, ..] = shape.numbers;
     let by = wide.mean_t - near.mean_t;
     let mut numbers = shape.numbers;
@@ -242,14 +243,14 @@ fn widened(
     Some(Found { noise, ..found })
 }
 
-/// The fit from where it was.
+/// Repeats the fit, starting from its result.
 pub(super) fn refitted(found: Found) -> Found {
     let fit = found.problem().fit(found.fit(), 40);
     Found { shape: fit.shape.unwrap_or(found.shape), bases: fit.bases, cost: fit.cost, ..found }
 }
 
-/// Counts samples of the lobe as less certain by as much as they depart from it beyond noise, where they do: no lobe is
-/// quite of the form that is fitted.
+/// Raises the uncertainty of samples of the lobe by their misfit beyond the noise, if there is any. No real lobe has
+/// exactly the fitted form.
 fn doubted(mut found: Found) -> Found {
     let prepared = found.shape.prepared();
     let mut residuals = Vec::new();
@@ -277,7 +278,7 @@ fn doubted(mut found: Found) -> Found {
     refitted(found)
 }
 
-/// The robust cost of all samples, each predicted by a fit without its fold, which begins with `start`.
+/// Returns the robust cost of all samples, each predicted by a fit without its fold, starting from `start`.
 fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     let of = |fold: u32| {
         let problem = Problem { without: Some(fold), ..*problem };
@@ -287,7 +288,7 @@ fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     costs.iter().sum()
 }
 
-/// Whether enough samples lie above the base, and most of those that should.
+/// Returns true if enough samples lie above the base, including most of those that should.
 fn is_seen(found: &Found) -> bool {
     let prepared = found.shape.prepared();
     let (mut high, mut of_lobe) = (0, 0);
@@ -295,7 +296,7 @@ fn is_seen(found: &Found) -> bool {
         for sample in group {
             let at = predicted(sample, base, Some(&prepared));
             let limit = (4.0 * found.noise.max(sample.stated)).max(0.05);
-            // Above the base by about as much as the lobe says.
+            // At least half of the excess over the base that the lobe predicts.
             if at.log - at.base > limit.max(SHARE) {
                 of_lobe += 1;
                 high += usize::from(sample.log - at.base > 0.5 * (at.log - at.base));
@@ -305,7 +306,7 @@ fn is_seen(found: &Found) -> bool {
     high >= FEWEST && high as f64 >= MOST * f64::from(of_lobe)
 }
 
-/// A lobe with two widths, where withheld samples are clearly better predicted by it.
+/// Returns the lobe with two widths if that predicts withheld samples clearly better.
 fn stretched(found: Found) -> Found {
     let mut best = found.clone();
     for eighth in 0..4 {
@@ -325,12 +326,13 @@ fn stretched(found: Found) -> Found {
     if two + 3.0 * OTHER_GAIN < one { best } else { found }
 }
 
-/// Samples of all incidences within half the maximum.
+/// Returns the number of samples of all incidences within half maximum.
 pub(super) fn within_half(found: &Found) -> u64 {
     found.near.groups.iter().map(|group| count(found, group)).sum()
 }
 
-/// Samples within half the maximum under an incidence, in the middle of all: as many as lie there if they are even.
+/// Returns the usual number of samples within half maximum under an incidence: the median, but no more than the sample
+/// spacing suggests.
 pub(super) fn usually_within_half(found: &Found) -> f64 {
     let half = found.shape.width() / found.spacing;
     let even = std::f64::consts::PI * half * half;

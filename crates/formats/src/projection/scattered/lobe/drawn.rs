@@ -1,11 +1,11 @@
-//! Scans that tests draw: directions under a spiral, with noise.
+//! Random scans for tests: directions on a spiral, with noise.
 
 use crate::domain::Direction;
 use crate::formats::Scattered;
 
 pub(super) const BASE: f64 = 0.3 / std::f64::consts::PI;
 
-/// Independent numbers, even between 0 and 1 (`SplitMix64`, Steele and others 2014).
+/// Independent random numbers, uniform between 0 and 1 (`SplitMix64`, Steele and others 2014).
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
@@ -16,13 +16,13 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Of standard deviation 1 (Box and Muller 1958).
+    /// Returns a normal deviate with standard deviation 1 (Box and Muller 1958).
     pub(super) fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.even()).ln()).sqrt() * (std::f64::consts::TAU * self.even()).cos()
     }
 }
 
-/// Samples under a spiral, turned from each elevation to the next.
+/// Returns samples on a spiral, rotated from each elevation to the next.
 pub(super) fn spiral(
     truth: impl Fn(Direction, Direction) -> f64,
     elevations: &[f64],

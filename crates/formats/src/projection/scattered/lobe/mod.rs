@@ -1,13 +1,13 @@
-//! A lobe that cells cannot hold: found in the samples of all incidences together, and carried beside the cells.
+//! Lobes narrower than cells: found in the samples of all incidences together, and carried beside the cells.
 //!
-//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with what their neighbours make there ([`beside`]):
-//!    a scan without high samples there has no lobe ([`candidates`]).
-//! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre; withheld
-//!    samples choose between these, and against no lobe ([`choose`]).
-//! 3. Each band has its own factor ([`bands`]). Cells are fitted to what the lobe leaves of the samples ([`residual`]),
-//!    if that predicts samples better than cells alone do ([`against_cells`]).
-//! 4. No more light is reflected than comes in ([`bound`]); where few samples see the lobe, the light that it may have
-//!    is told ([`range`]). That is the lobe which is [`carried`].
+//! 1. Samples about a centre ([`near`]) of a [`scan`] are compared with the prediction of their neighbours
+//!    ([`beside`]). A scan without high samples there has no lobe ([`candidates`]).
+//! 2. A lobe ([`shape`]) and a base under each incidence are fitted together ([`solve`]), about each centre. Withheld
+//!    samples decide between these, and against no lobe ([`choose`]).
+//! 3. Each band has its own factor ([`bands`]). Cells are fitted to the samples minus the lobe ([`residual`]), if that
+//!    predicts samples better than cells alone do ([`against_cells`]).
+//! 4. The lobe is limited to conserve energy ([`bound`]). If few samples see it, the possible range of its light is
+//!    reported ([`range`]). The result is [`carried`].
 
 mod against_cells;
 mod bands;
@@ -41,24 +41,24 @@ use carried::RESOLVED;
 use choose::Found;
 use scan::Scan;
 
-/// Samples within half the maximum under one incidence with which cells hold a lobe.
+/// Number of samples within half maximum under one incidence above which cells represent the lobe well enough.
 const ENOUGH: f64 = 16.0;
-/// Samples of all incidences within half the maximum that tell the light of a lobe so well that no range of it is
-/// given.
+/// Number of samples of all incidences within half maximum from which no range of the light is given: they determine
+/// it.
 const CERTAIN: u64 = 12;
-/// The least factor of a lobe that is too bright.
+/// Least factor applied to a lobe that is too bright.
 const DARKEST: f64 = 1e-3;
 
-/// A lobe, and what it leaves of the samples.
+/// A lobe, and the samples without it.
 pub(super) struct Split {
     pub(super) carried: CarriedLobe,
-    /// The values without the lobe, `[row, band]`.
+    /// Values without the lobe, `[row, band]`.
     pub(super) left: Vec<f32>,
-    /// Values that lie off their neighbours by its light.
+    /// Number of values that differ from their neighbours because of the lobe.
     pub(super) values: u64,
 }
 
-/// The lobe of a reflection that cells cannot hold, if its samples show one.
+/// Finds the lobe of a reflection that cells cannot represent; `None` if the samples show none.
 pub(super) fn split(
     plan: &Plan,
     rows: &Rows<'_>,
@@ -103,7 +103,7 @@ pub(super) fn split(
     let whole = light / (scale * factor);
     let range = || {
         let [low, high] = range::range(&found, &elevations, whole).map(|light| light * scale);
-        // A lobe that was too bright by its samples has less light now.
+        // A lobe that was dimmed to conserve energy may lie below the range.
         [low.min(light), high.max(light)]
     };
     let light_range = (samples_within_half < CERTAIN).then(range);
@@ -121,8 +121,8 @@ pub(super) fn split(
     Some(Split { carried, left, values })
 }
 
-/// The lobe with a colour for each wavelength of the tensor, their mean 1, and the factor by which its grey value has
-/// grown.
+/// Returns the lobe with a colour for each wavelength of the tensor, normalised to a mean of 1. Also returns the
+/// factor by which its grey value grew.
 fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, f64)> {
     let mut on_axis = vec![0.0_f32; channels.to()];
     channels.write(colours, &mut on_axis);
@@ -137,7 +137,7 @@ fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, 
     Lobe::new(LobeParameters { peak, colours, ..lobe.parameters() }).ok().map(|lobe| (lobe, mean))
 }
 
-/// The elevations of the incidences that a lobe was fitted to, in degrees.
+/// Returns the elevations of the incidences to which a lobe was fitted, in degrees.
 fn elevations(scan: &Scan<'_>, found: &Found) -> Vec<f64> {
     let wi =
         |group: &Vec<near::Sample>| -> Option<Vector> { Some(scan.plan.directions[group.first()?.row as usize].0) };

@@ -1,5 +1,4 @@
-//! Samples about the centre of a lobe: their logarithms, and where they lie in the coordinates of the lobe and of the
-//! base.
+//! Samples about the centre of a lobe: logarithms, and coordinates for the lobe and for the base.
 
 use super::scan::Scan;
 use crate::domain::LobeCentre;
@@ -7,21 +6,21 @@ use crate::domain::vector::{Vector, norm, sub};
 use crate::projection::scattered::cloud::slope;
 use crate::projection::scattered::relative::{ORIGINS, places};
 
-/// Terms of the logarithm of the base under one incidence: a quadratic of the place about the centre, and a slope in t
-/// where samples of many incidences are taken together.
+/// Number of terms of the logarithm of the base under one incidence. They are a quadratic in the place about the
+/// centre, and a slope in t if samples of many incidences are taken together.
 pub(super) const TERMS: usize = 7;
-/// Parts into which samples are divided so that each part is predicted from the others.
+/// Number of folds for cross-validation: each is predicted from the others.
 pub(super) const FOLDS: u32 = 5;
-/// Incidences with fewer samples about the centre are left out.
+/// Least number of samples about the centre under an incidence; others are skipped.
 const FEWEST: usize = 8;
-/// The sample nearest to the centre, by number, whose distance tells how far samples lie apart.
+/// Rank of the sample, by distance from the centre, whose distance gives the sample spacing.
 const DENSITY: usize = 12;
 
 /// A sample near the centre.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub(super) row: u32,
-    /// Logarithm of its grey value.
+    /// Natural logarithm of the grey value.
     pub(super) log: f64,
     /// Stated standard deviation of that logarithm; 0 if none is stated.
     pub(super) stated: f64,
@@ -29,29 +28,29 @@ pub(super) struct Sample {
     pub(super) distance: f64,
     /// Terms of the base.
     pub(super) terms: [f64; TERMS],
-    /// Place in the plane of the lobe; about a direction only its distance from the origin matters.
+    /// Place in the plane of the lobe. About a direction only its distance from the origin matters.
     pub(super) place: [f64; 2],
-    /// −ln cos θi, less its mean over all incidences.
+    /// t = −ln cos θi, minus its mean over all incidences.
     pub(super) t: f64,
-    /// Cosines of both directions.
+    /// Cosines of the incoming and the outgoing polar angle.
     pub(super) cosines: [f64; 2],
     pub(super) fold: u32,
 }
 
-/// The samples near one centre, by incidence.
+/// Samples near one centre, by incidence.
 #[derive(Clone, Debug)]
 pub(super) struct Near {
     pub(super) centre: LobeCentre,
-    /// The largest chord to the centre that counts.
+    /// Largest chord to the centre.
     pub(super) radius: f64,
     pub(super) groups: Vec<Vec<Sample>>,
-    /// The mean of t, which places of samples are less by.
+    /// Mean of t over the incidences, subtracted from the t of the samples.
     pub(super) mean_t: f64,
 }
 
 impl Near {
-    /// The samples of `scan` within `radius` of `centre`; those about the mirror direction and in half vectors are the
-    /// same.
+    /// Collects the samples of `scan` within `radius` of `centre`. They are the same for the mirror direction and for
+    /// half vectors.
     pub(super) fn new(scan: &Scan<'_>, centre: LobeCentre, radius: f64) -> Self {
         let mut groups: Vec<Vec<Sample>> = Vec::new();
         for incidence in scan.incidences {
@@ -78,7 +77,7 @@ impl Near {
         near
     }
 
-    /// The same with about `count` of the samples of each incidence that are farther than `all`.
+    /// Keeps all samples within `all` of the centre, and about `count` of the farther ones of each incidence.
     pub(super) fn thinned(mut self, all: f64, count: usize) -> Self {
         for group in &mut self.groups {
             let far = group.iter().filter(|sample| sample.distance > all).count();
@@ -93,7 +92,7 @@ impl Near {
         self
     }
 
-    /// Sets the folds: neighbours in the order of their distances are in different ones.
+    /// Assigns folds: consecutive samples, sorted by distance, are in different ones.
     fn divide(&mut self) {
         let at = |&(i, k): &(usize, usize)| self.groups[i][k];
         let all = self.groups.iter().enumerate().flat_map(|(i, group)| (0..group.len()).map(move |k| (i, k)));
@@ -104,7 +103,8 @@ impl Near {
         }
     }
 
-    /// The usual distance between samples near the centre, in radians; `None` where no incidence has enough of them.
+    /// Returns the usual spacing of samples near the centre, in radians. Returns `None` if no incidence has enough
+    /// samples.
     pub(super) fn spacing(&self, is_half: bool) -> Option<f64> {
         let mut found: Vec<f64> = Vec::new();
         for group in &self.groups {
@@ -117,12 +117,12 @@ impl Near {
         found.get(found.len() / 2).map(|spacing| spacing * half)
     }
 
-    /// All samples.
+    /// Yields all samples.
     pub(super) fn all(&self) -> impl Iterator<Item = &Sample> {
         self.groups.iter().flatten()
     }
 
-    /// The least and the largest t.
+    /// Returns the smallest and the largest t.
     pub(super) fn range(&self) -> [f64; 2] {
         let ts = self.all().map(|sample| sample.t + self.mean_t);
         let [low, high] = ts.fold([f64::INFINITY, 0.0], |[low, high], t| [t.min(low), t.max(high)]);
@@ -157,7 +157,7 @@ fn sample(scan: &Scan<'_>, centre: LobeCentre, row: u32, radius: f64) -> Option<
     })
 }
 
-/// Where `wo` lies beside the centre, along and across the plane of incidence.
+/// Returns the offset of `wo` from the centre, along and across the plane of incidence.
 fn beside(wi: Vector, wo: Vector, which: usize) -> [f64; 2] {
     let place = sub(places(crate::domain::Quantity::Brdf, (wi, wo))[which], ORIGINS[which]);
     [place[1], place[2]]

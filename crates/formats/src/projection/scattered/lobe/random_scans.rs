@@ -1,4 +1,4 @@
-//! Random scans with a lobe and without: what is carried of them, against the light that they have.
+//! Random scans with and without a lobe: comparison of the projected light with the true one.
 
 use super::super::super::{AxesRequest, Projected, project};
 use super::super::tests::acquisition;
@@ -8,17 +8,17 @@ use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::formats::{Acquisition, Scattered};
 
-/// A BRDF of wi and wo.
+/// True BRDF as a function of wi and wo.
 type Truth = dyn Fn(Direction, Direction) -> f64;
 
-/// How a random scan goes over the outgoing directions.
+/// Pattern of a random scan over the outgoing directions.
 #[derive(Clone, Copy, Debug)]
 enum Way {
     Spiral,
     Random,
     /// Denser about the mirror direction.
     Adaptive,
-    /// One side of the plane of incidence.
+    /// One side of the plane of incidence only.
     Half,
 }
 
@@ -29,7 +29,7 @@ pub(super) struct Case {
     pub(super) what: String,
 }
 
-/// A Gaussian about the mirror direction over the base.
+/// Returns a Gaussian lobe about the mirror direction over a base; `width` is its full width in degrees.
 fn gaussian(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     let width = width.to_radians();
     move |wi, wo| {
@@ -39,7 +39,7 @@ fn gaussian(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// A GGX lobe about as wide at half its maximum under normal incidence, over the base.
+/// Returns a GGX lobe over a base; `width` is about its full width at half maximum in degrees at normal incidence.
 pub(super) fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     let square = (width.to_radians() / (4.0 * 0.6436)).powi(2);
     move |wi, wo| {
@@ -53,7 +53,7 @@ pub(super) fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Directi
     }
 }
 
-/// A gloss of this roughness over the base.
+/// Returns a gloss of this roughness over a base.
 fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     move |wi, wo| {
         let [[a, b, c], [x, y, z]] = [wi.xyz(), wo.xyz()];
@@ -63,13 +63,13 @@ fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// Rises to grazing directions.
+/// BRDF that rises toward grazing directions.
 fn velvet(wi: Direction, wo: Direction) -> f64 {
     let off = |d: Direction| (1.0 - d.cos_theta().powi(2)).powi(4);
     0.05 + 0.3 * off(wo) + 0.1 * off(wi) * off(wo)
 }
 
-/// A scan drawn from a seed, with this share of outliers ten times too high.
+/// Draws a scan from a seed, with this fraction of outliers ten times too high.
 pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
     let mut random = Random(seed);
     loop {
@@ -130,7 +130,7 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
     }
 }
 
-/// The light under an incidence, by a grid that is fine about the mirror direction.
+/// Integrates the light under an incidence, on a grid that is fine about the mirror direction.
 pub(super) fn light(truth: &dyn Fn(Direction, Direction) -> f64, theta: f64) -> f64 {
     let wi = Direction::from_degrees(theta, 0.0);
     let [x, y, z] = wi.xyz();
@@ -155,7 +155,7 @@ pub(super) fn light(truth: &dyn Fn(Direction, Direction) -> f64, theta: f64) -> 
     sum
 }
 
-/// The light of cells and lobe under each elevation; cells without a value count as the base.
+/// Returns the light of cells and lobe under each elevation; cells without a value count as the base.
 pub(super) fn kept(projected: &Projected, elevations: &[f64]) -> Vec<f64> {
     let axes = projected.measurement.tensor.axes();
     let mesh = axes.iter().find_map(|axis| if let Axis::Triangles(mesh) = axis { Some(*mesh) } else { None }).unwrap();
@@ -229,7 +229,7 @@ fn random_figures() {
     );
 }
 
-/// The light of cells and lobe less the base, in parts of the lobe's, of lobes of many widths.
+/// Prints errors of the light without the base, relative to that of the lobe, for lobes of many widths.
 #[test]
 #[ignore = "figures"]
 fn width_figures() {
@@ -263,7 +263,7 @@ fn width_figures() {
     }
 }
 
-/// Projections of single scans that no random one is like.
+/// Prints results for single scans unlike the random ones.
 #[test]
 #[ignore = "figures"]
 fn odd_figures() {

@@ -1,37 +1,39 @@
-//! Light that a lobe may have, by the samples: fits whose width is held where the best one's is not.
+//! Range of the light of a lobe that agrees with the samples, from fits with widths other than the best.
 
 use super::choose::Found;
 use super::shape::{NUMBERS, Shape, WIDTH};
 use super::solve::{Fit, Problem};
 use crate::domain::{Direction, Lobe};
 
-/// How much the robust cost may rise: two standard deviations.
+/// Rise of the robust cost over the best fit that still agrees with the samples: two standard deviations. Raising it
+/// widens the range.
 const RISE: f64 = 4.0;
-/// The first step of the logarithm of the width; each is twice the one before.
+/// First step of the logarithm of the width, doubled after each success; and upper bound on the steps.
 const STEP: f64 = 2e-3;
 const STEPS: usize = 12;
-/// Halvings of the last step.
+/// Upper bound on the halvings of the last step.
 const HALVINGS: usize = 3;
 /// Rounds of each fit.
 const ROUNDS: usize = 12;
-/// Standard deviations of the light of lobes of one width, and their least: that of a lobe which is not quite of the
-/// form that is fitted.
+/// Standard deviations of the light of lobes of one width that widen the range. `LEAST` is the least standard
+/// deviation: no real lobe has exactly the fitted form.
 const DEVIATIONS: f64 = 2.0;
 const LEAST: f64 = 0.01;
-/// Incidences at which the light of each lobe is found, about.
+/// Approximate number of incidences at which the light of each lobe is computed.
 const FEW: usize = 3;
-/// Change of a number that the change of the light is measured by.
+/// Step of the numerical derivatives of the light.
 const SMALL: f64 = 1e-3;
 
-/// The mean of the albedo of a lobe over incidences, for a colour of 1.
+/// Returns the mean albedo of a lobe over incidences (elevations in degrees), for a colour of 1.
 pub(super) fn light(lobe: &Lobe, incidences: &[f64]) -> f64 {
     let under = |theta: &f64| lobe.under(Direction::from_degrees(*theta, 0.0)).map_or(0.0, |under| under.light());
     incidences.iter().map(under).sum::<f64>() / incidences.len().max(1) as f64
 }
 
-/// The least and the largest light of lobes with which the samples agree; that of the one found is `whole`.
+/// Returns the smallest and the largest light of lobes that agree with the samples. `whole` is the light of the best
+/// lobe.
 pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
-    // A few of the incidences tell how the light changes.
+    // A few of the incidences show how the light changes.
     let few: Vec<f64> = incidences.iter().copied().step_by(incidences.len().div_ceil(FEW).max(1)).collect();
     let of = |shape: Shape| {
         let parameters = shape.parameters(found.near.mean_t, found.near.range());
@@ -52,7 +54,7 @@ pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
             if !(problem.widths[0]..=problem.widths[1]).contains(&shape.numbers[WIDTH]) {
                 break;
             }
-            // The light stays, about.
+            // Keeps the light about constant.
             shape.numbers[0] -= 2.0 * side * step;
             let next = problem.fit(Fit { shape: Some(shape), ..inside.clone() }, ROUNDS);
             if next.cost > best.cost + RISE {
@@ -76,11 +78,11 @@ pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
     [of_all * ends[0] / factor, (of_all * ends[1] * factor).min(1.0)]
 }
 
-/// Standard deviation of the logarithm of the light of lobes of one width.
+/// Returns the standard deviation of the logarithm of the light of lobes of one width.
 fn deviation(problem: &Problem<'_>, best: &Fit, own: f64, of: &impl Fn(Shape) -> Option<f64>) -> f64 {
     let Some(shape) = best.shape else { return f64::INFINITY };
     let slope = |i: usize| {
-        // Tails are held below 1/2.
+        // Tails are bounded by 1/2.
         let small = if shape.numbers[i] + SMALL > 0.5 && i == super::shape::TAIL { -SMALL } else { SMALL };
         let mut numbers = shape.numbers;
         numbers[i] += small;

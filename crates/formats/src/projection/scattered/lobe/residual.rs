@@ -1,4 +1,4 @@
-//! What a lobe leaves of the samples: the values that cells are fitted to.
+//! Samples without a lobe: the values to which cells are fitted.
 
 use super::bands::Colours;
 use super::choose::Found;
@@ -7,22 +7,23 @@ use super::scan::Scan;
 use super::solve::predicted;
 use crate::domain::{Direction, Lobe};
 
-/// Part of a value that is left of it at least where the base beneath the lobe is not known.
+/// Least fraction of a value that is left if the base beneath the lobe is unknown.
 const LEAST_LEFT: f64 = 0.5;
-/// Part of the base that is left at least.
+/// Least fraction of the base that is left.
 const LEAST_OF_BASE: f64 = 0.01;
-/// Difference of logarithms that the lobe makes of a sample that would lie off its neighbours by it.
+/// Difference of natural logarithms, caused by the lobe, from which a sample counts as differing from its neighbours.
 const OFF: f64 = 0.3;
 
-/// The values less the lobe, `[row, band]`, and how many of them lie off their neighbours by its light.
+/// Returns the values without the lobe, `[row, band]`, and the number of values that differ from their neighbours
+/// because of it.
 ///
-/// Where the lobe is brighter than the base beneath it, only that part of the difference from their sum is left that
-/// the base has in it: noise in parts of the value stays what it is, and an error of the lobe does not grow.
+/// If the lobe is brighter than the base beneath it, the difference from the sum of both is scaled by base / lobe.
+/// Relative noise then stays constant, and an error of the lobe does not grow.
 pub(super) fn residual(scan: &Scan<'_>, found: &Found, lobe: &Lobe, colours: &Colours) -> (Vec<f32>, u64) {
     let width = scan.rows.width;
     let prepared = found.shape.prepared();
     let count = scan.plan.directions.len();
-    // The grey base of each row, and the number of its incidence.
+    // Grey base of each row, and the number of its incidence.
     let mut known: Vec<Option<(f64, usize)>> = vec![None; count];
     let all = Near::new(scan, found.shape.centre, found.near.radius);
     for (number, (group, base)) in all.groups.iter().zip(&found.bases).enumerate() {

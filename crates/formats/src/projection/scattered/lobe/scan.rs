@@ -1,15 +1,15 @@
-//! A scan as lobes are looked for in it: one grey value for each sample.
+//! Scan prepared for the search of lobes: one grey value for each sample.
 
 use crate::projection::scattered::incidences::Incidence;
 use crate::projection::scattered::plan::Plan;
 use crate::projection::scattered::rows::{Kind, Rows};
 
-/// The samples of a scan.
+/// Samples of a scan.
 pub(super) struct Scan<'a> {
     pub(super) plan: &'a Plan,
     pub(super) rows: &'a Rows<'a>,
     pub(super) incidences: &'a [Incidence],
-    /// Logarithms of grey values, the means over bands; NaN where such a mean is not positive or there is no value.
+    /// Natural logarithms of grey values (means over bands). NaN if the mean is not positive or there is no value.
     pub(super) logs: Vec<f64>,
 }
 
@@ -28,14 +28,14 @@ impl<'a> Scan<'a> {
         Self { plan, rows, incidences, logs }
     }
 
-    /// Stated standard deviation of the logarithm of a row's grey value; 0 if none is stated.
+    /// Returns the stated standard deviation of the logarithm of a row's grey value; 0 if none is stated.
     pub(super) fn stated(&self, row: u32) -> f64 {
         let certainty = self.rows.certainty.get(row as usize).map_or(0.0, |certainty| certainty[1]);
         if certainty > 0.0 { 1.0 / (certainty * self.rows.width as f64).sqrt() } else { 0.0 }
     }
 }
 
-/// Geometric means of the bands over all their positive values.
+/// Returns the geometric mean of each band over its positive values.
 fn usual(rows: &Rows<'_>) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0_f64); rows.width];
     for row in 0..rows.kinds.len() as u32 {
@@ -46,7 +46,7 @@ fn usual(rows: &Rows<'_>) -> Vec<f64> {
     sums.into_iter().map(|(sum, count)| if count > 0.0 { libm::exp(sum / count) } else { 0.0 }).collect()
 }
 
-/// The mean over bands of a row that lacks some: its others, in parts of what is usual there.
+/// Returns the mean over bands of an incomplete row: missing bands follow the usual spectrum.
 fn of_part(row: &[f32], usual: &[f64]) -> f64 {
     let (mut sum, mut part, mut whole) = (0.0, 0.0, 0.0);
     for (&value, &usual) in row.iter().zip(usual) {

@@ -1,23 +1,24 @@
-//! The numbers of a lobe that are fitted, and its logarithm with its derivatives at a sample.
+//! Fitted numbers of a lobe, and its logarithm and derivatives at a sample.
 
 use super::near::Sample;
 use crate::domain::{LobeCentre, LobeParameters};
 use std::f64::consts::LN_2;
 
-/// Numbers of a lobe.
+/// Number of fitted numbers of a lobe.
 pub(super) const NUMBERS: usize = 7;
-/// Where each number is, behind the three of the peak.
+/// Indices of the numbers, after the three of the peak.
 pub(super) const WIDTH: usize = 3;
 pub(super) const TAIL: usize = 4;
 pub(super) const STRETCH: usize = 5;
 pub(super) const ANGLE: usize = 6;
-/// The least tail in a fit; below twice this a lobe is a Gaussian.
+/// Least tail in a fit. Below twice this value a lobe is stored as a Gaussian.
 pub(super) const LEAST_TAIL: f64 = 1e-3;
-/// Roughness of a GGX surface over the half-width of its lobe, as lobes have it.
+/// Ratio of the roughness of a GGX surface to the half-width of its lobe.
 const ROUGHNESS_OF_WIDTH: f64 = 1.553_773_974_030_037_3;
 
-/// Numbers of a lobe: p₀, p₁, p₂ of the logarithm of its peak in t less its mean, the logarithm of the (geometric mean)
-/// half-width, the tail, the logarithm of the first width over that mean, and the angle of its axis.
+/// Fitted numbers of a lobe, in this order. First come p₀, p₁ and p₂ of the logarithm of its peak, in t minus its
+/// mean. The logarithm of the (geometric mean) half-width and the tail follow. Last are the logarithm of the first
+/// width over that mean, and the angle of its axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shape {
     pub(super) centre: LobeCentre,
@@ -31,18 +32,18 @@ pub(super) struct Value {
 }
 
 impl Shape {
-    /// Half-widths along both axes.
+    /// Returns the half-widths along both axes.
     pub(super) fn widths(&self) -> [f64; 2] {
         let [mean, stretch] = [WIDTH, STRETCH].map(|i| self.numbers[i]);
         [libm::exp(mean + stretch), libm::exp(mean - stretch)]
     }
 
-    /// The (geometric mean) half-width in outgoing directions under normal incidence, in radians.
+    /// Returns the (geometric mean) half-width in outgoing directions at normal incidence, in radians.
     pub(super) fn width(&self) -> f64 {
         libm::exp(self.numbers[WIDTH]) * of_outgoing(self.centre)
     }
 
-    /// What the core makes a lobe of. Its t is not less its mean.
+    /// Converts to the parameters of a `Lobe`, whose t is absolute, not relative to its mean.
     pub(super) fn parameters(&self, mean_t: f64, range: [f64; 2]) -> LobeParameters {
         let [p0, p1, p2, _, tail, stretch, angle] = self.numbers;
         let widths = self.widths();
@@ -57,7 +58,7 @@ impl Shape {
         }
     }
 
-    /// What does not depend on the sample.
+    /// Precomputes everything that is independent of the sample.
     pub(super) fn prepared(&self) -> Prepared {
         let tail = self.numbers[TAIL].max(LEAST_TAIL);
         let slope = libm::expm1(tail * LN_2);
@@ -75,12 +76,12 @@ impl Shape {
     }
 }
 
-/// Radians of outgoing directions under normal incidence over the unit of a width.
+/// Returns radians of outgoing directions at normal incidence per unit of a half-width.
 pub(super) fn of_outgoing(centre: LobeCentre) -> f64 {
     if centre == LobeCentre::HalfVector { 2.0 } else { 1.0 }
 }
 
-/// A shape, ready for many samples.
+/// A shape with precomputed factors.
 pub(super) struct Prepared {
     peak: [f64; 3],
     /// Inverse half-widths.
@@ -89,12 +90,12 @@ pub(super) struct Prepared {
     tail: f64,
     slope: f64,
     slope_by_tail: f64,
-    /// The square of the roughness; `None` without masking.
+    /// Squared roughness; `None` without masking.
     square: Option<f64>,
 }
 
 impl Prepared {
-    /// The lobe at a sample. The masking's small derivative by the width is left out.
+    /// Evaluates the lobe at a sample. The small derivative of the masking by the width is ignored.
     #[inline]
     pub(super) fn at(&self, sample: &Sample) -> Value {
         let ([cos, sin], [x, y], t) = (self.turn, sample.place, sample.t);
@@ -120,7 +121,7 @@ impl Prepared {
         }
     }
 
-    /// Logarithm of G.
+    /// Returns the logarithm of the masking term G.
     #[inline]
     fn masking(&self, sample: &Sample) -> f64 {
         let Some(square) = self.square else { return 0.0 };

@@ -1,50 +1,51 @@
-//! The fit of a lobe and of the base beneath it: Levenberg and Marquardt's steps, with a robust loss.
+//! Fit of a lobe and of the base beneath it: Levenberg-Marquardt steps with a robust loss.
 //!
-//! Each incidence has a base of its own, so that the normal equations are those of the lobe bordered by a small block
-//! for each incidence, which is eliminated.
+//! Each incidence has its own base. The normal equations are therefore those of the lobe bordered by a small block for
+//! each incidence, which is eliminated.
 
 use super::near::{Near, Sample, TERMS};
 use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, Prepared, STRETCH, Shape, TAIL, WIDTH};
 use crate::domain::LobeCentre;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 
-/// Rounds at most.
+/// Upper bound on the rounds.
 const ROUNDS: usize = 40;
-/// A fit has ended where a round lessens the cost by less than this part or this much.
+/// A fit ends when a round lowers the cost by less than this fraction or this amount.
 const ENOUGH: f64 = 1e-5;
 const LITTLE: f64 = 1e-2;
-/// Damping at first, and its factors after steps that fail and that succeed.
+/// Initial damping, and its factors after failed and successful steps.
 const DAMPING: f64 = 1e-3;
 const HARDER: f64 = 8.0;
 const SOFTER: f64 = 0.2;
 /// Damping beyond which no step is expected to succeed.
 const MOST_DAMPING: f64 = 1e8;
-/// The longest step of the logarithm of a width, and of a peak.
+/// Longest step of the logarithm of a width. Steps of the logarithm of a peak are limited to 1/0.3 of it.
 const LONGEST: f64 = 0.7;
-/// The longest step of a term of a base.
+/// Longest step of a term of a base.
 const LONGEST_OF_BASE: f64 = 3.0;
-/// Logarithms of a base are expected within this over the radius: where too few samples tell.
+/// Prior standard deviation of the terms of a base: changes of the logarithm over the radius. It decides if too few
+/// samples do.
 const BASE_DEVIATION: f64 = 1.5;
-/// What p₁ and p₂ are expected to be, as (mean, standard deviation): peaks rise with the angle of incidence.
+/// Priors of p₁ and p₂ as (mean, standard deviation): peaks rise with the angle of incidence.
 const RISE: [(f64, f64); 2] = [(0.5, 1.0), (0.0, 0.5)];
-/// The same of p₁ in half vectors, where a lobe of constant light rises with 1/cos²θi.
+/// Prior of p₁ in half vectors as (mean, standard deviation): a lobe of constant light rises with 1/cos²θi there.
 const RISE_OF_HALF_VECTORS: (f64, f64) = (2.0, 1.0);
-/// Standard deviation of the logarithm of the ratio of a width to the mean of both.
+/// Prior standard deviation of the logarithm of the ratio of a width to the geometric mean of both.
 const STRETCH_DEVIATION: f64 = 1.0;
 
-/// What is fitted to which samples.
+/// A fit problem: samples, noise, and free numbers.
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) near: &'a Near,
     /// Standard deviation of the logarithms of samples.
     pub(super) noise: f64,
-    /// Which numbers of the lobe are free.
+    /// Marks the free numbers of the lobe.
     pub(super) free: [bool; NUMBERS],
-    /// The fold that is left out.
+    /// Fold that is left out.
     pub(super) without: Option<u32>,
-    /// Samples nearer to the centre are left out.
+    /// Chord to the centre below which samples are left out.
     pub(super) beyond: f64,
-    /// Bounds of the logarithm of the width.
+    /// Bounds of the logarithm of the half-width.
     pub(super) widths: [f64; 2],
 }
 
@@ -56,7 +57,7 @@ pub(super) struct Fit {
     pub(super) cost: f64,
 }
 
-/// The normal equations of one incidence.
+/// Normal equations of one incidence.
 #[derive(Clone, Copy)]
 struct Block {
     lobe: [[f64; NUMBERS]; NUMBERS],
@@ -67,13 +68,13 @@ struct Block {
     cost: f64,
 }
 
-/// The equations of a lobe, from which those of the bases are eliminated.
+/// Equations of a lobe after elimination of the bases.
 struct Reduced {
-    /// The factored matrix, its rows and columns scaled to a diagonal of 1.
+    /// Factored matrix; rows and columns are scaled to a diagonal of 1.
     matrix: [[f64; NUMBERS]; NUMBERS],
     right: [f64; NUMBERS],
     scales: [f64; NUMBERS],
-    /// The factored matrix and the right-hand side of each base.
+    /// Factored matrix and right-hand side of each base.
     factored: Vec<([[f64; TERMS]; TERMS], [f64; TERMS])>,
 }
 
@@ -82,7 +83,7 @@ impl Problem<'_> {
         Some(sample.fold) != self.without && sample.distance >= self.beyond
     }
 
-    /// The base alone.
+    /// Fits the base without a lobe.
     pub(super) fn base(&self) -> Fit {
         let medians = self.near.groups.iter().map(|group| {
             let mut logs: Vec<f64> =
@@ -96,7 +97,7 @@ impl Problem<'_> {
         self.fit(start, ROUNDS)
     }
 
-    /// Steps from `start`, so many at most.
+    /// Iterates from `start`, for `rounds` at most.
     pub(super) fn fit(&self, start: Fit, rounds: usize) -> Fit {
         let mut best = start;
         let mut blocks = self.blocks(&best);
@@ -121,7 +122,7 @@ impl Problem<'_> {
         best
     }
 
-    /// The robust cost, with what is expected beforehand.
+    /// Returns the robust cost, including the priors.
     fn cost(&self, fit: &Fit, blocks: &[Block]) -> f64 {
         let samples: f64 = blocks.iter().map(|block| block.cost).sum();
         let bases: f64 = fit.bases.iter().flat_map(|base| &base[1..]).map(|b| (b / BASE_DEVIATION).powi(2)).sum();
@@ -132,7 +133,7 @@ impl Problem<'_> {
         samples + bases + lobe
     }
 
-    /// How far each number is above what is expected, and the certainty of that.
+    /// Returns the deviation of each number from its prior mean, and the inverse variance of the prior.
     fn expected(&self, shape: &Shape) -> [(f64, f64); NUMBERS] {
         let mut expected = [(0.0, 0.0); NUMBERS];
         let mut rise = RISE;
@@ -199,7 +200,7 @@ impl Problem<'_> {
         block
     }
 
-    /// Standard deviation of a sum of the free numbers of a lobe, each times its factor.
+    /// Returns the standard deviation of a linear combination of the free numbers of a lobe.
     pub(super) fn deviation(&self, fit: &Fit, factors: [f64; NUMBERS]) -> f64 {
         let step = self.reduced(fit, &self.blocks(fit), 0.0);
         let held = std::array::from_fn(|i| if self.free[i] { factors[i] * step.scales[i] } else { 0.0 });
@@ -207,7 +208,7 @@ impl Problem<'_> {
         inner(&half, &half).sqrt()
     }
 
-    /// The fit after a damped step.
+    /// Returns the fit after a damped step.
     fn step(&self, from: &Fit, blocks: &[Block], damping: f64) -> Fit {
         let Reduced { matrix, right, scales, factored } = self.reduced(from, blocks, damping);
         let shape = from.shape.map(|shape| {
@@ -237,7 +238,7 @@ impl Problem<'_> {
         Fit { shape, bases: bases.collect(), cost: f64::INFINITY }
     }
 
-    /// The damped equations of the lobe alone.
+    /// Returns the damped equations of the lobe alone.
     fn reduced(&self, from: &Fit, blocks: &[Block], damping: f64) -> Reduced {
         let (mut matrix, mut right) = ([[0.0; NUMBERS]; NUMBERS], [0.0; NUMBERS]);
         let certainty = 1.0 / (BASE_DEVIATION * BASE_DEVIATION);
@@ -275,7 +276,7 @@ impl Problem<'_> {
             }
             (matrix[i][i], right[i]) = (1.0, 0.0);
         }
-        // Equal scales, as pivots are clamped against the first.
+        // Equal scales: pivots are clamped relative to the first.
         let scales: [f64; NUMBERS] = std::array::from_fn(|i| 1.0 / matrix[i][i].max(1e-300).sqrt());
         for i in 0..NUMBERS {
             right[i] *= scales[i];
@@ -287,7 +288,7 @@ impl Problem<'_> {
         Reduced { matrix, right, scales, factored }
     }
 
-    /// The robust cost of the samples of a fold, as `fit` predicts them.
+    /// Returns the robust cost of the samples of a fold, as `fit` predicts them.
     pub(super) fn cost_of(&self, fit: &Fit, fold: u32) -> f64 {
         let prepared = fit.shape.map(|shape| shape.prepared());
         let mut cost = 0.0;
@@ -302,18 +303,18 @@ impl Problem<'_> {
     }
 }
 
-/// What a fit predicts at a sample.
+/// Prediction of a fit at a sample.
 pub(super) struct Predicted {
     /// Logarithm of the sum of base and lobe.
     pub(super) log: f64,
     /// Logarithm of the base.
     pub(super) base: f64,
-    /// The part of the lobe in that sum, 0 … 1.
+    /// Share of the lobe in that sum, 0 to 1.
     pub(super) share: f64,
     slopes: [f64; NUMBERS],
 }
 
-/// The sum of base and lobe at a sample.
+/// Evaluates the sum of base and lobe at a sample.
 #[inline]
 pub(super) fn predicted(sample: &Sample, base: &[f64; TERMS], shape: Option<&Prepared>) -> Predicted {
     let base = inner(base, &sample.terms);

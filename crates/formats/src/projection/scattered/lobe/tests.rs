@@ -1,4 +1,4 @@
-//! Tests of lobes beside cells: their light, their colours, and scans that have none.
+//! Tests of narrow lobes beside cells: light, colours, and scans without a lobe.
 
 use super::candidates::candidate;
 use super::choose::{Found, best};
@@ -26,7 +26,7 @@ fn truth(centre: LobeCentre, width: f64, tail: f64) -> impl Fn(Direction, Direct
         let parameters =
             LobeParameters { centre, peak: [0.0; 3], range: [0.0, 2.0], widths, angle: 0.0, tail, colours: vec![] };
         let under = Lobe::new(parameters).unwrap().under(wi).unwrap();
-        // Light that is lost below the horizon is not made up for.
+        // Light lost below the horizon is not compensated.
         let whole = std::f64::consts::PI
             * half
             * half
@@ -52,7 +52,7 @@ fn projected(scattered: Scattered) -> Projected {
     project(&acquisition(Quantity::Brdf, scattered), &AxesRequest::default()).unwrap()
 }
 
-/// The light of what was found over that of the truth, under each elevation.
+/// Ratio of the light of the fitted lobe to the true light, under each elevation.
 fn ratios(found: &Found, lobe: impl Fn(Direction, Direction) -> f64) -> Vec<f64> {
     let carried = Lobe::new(found.shape.parameters(found.near.mean_t, found.near.range())).unwrap();
     let of = |&theta: &f64| carried.under(Direction::from_degrees(theta, 0.0)).unwrap().light() / light(&lobe, theta);
@@ -88,7 +88,7 @@ fn cells_and_lobe_have_all_light() {
             let expected = light(truth, theta);
             assert!((found / expected - 1.0).abs() < 0.02, "{theta}: {found} of {expected}, {}", carried.note());
         }
-        // Cells hold the base, and samples of the lobe are not rejected.
+        // Cells represent the base, and samples of the lobe are not rejected.
         let report = projected.coverage.scatter.as_ref().unwrap();
         assert!(report.rejected.values == 0 && report.lobe > 20, "{report:?}");
         let cells = projected.measurement.tensor.samples().iter().filter(|cell| !cell.is_nan());
@@ -163,7 +163,7 @@ fn bands_have_their_own_colours() {
     let of = |(i, &(wi, wo)): (usize, &([f64; 2], [f64; 2]))| {
         let shape = lobe(Direction::from_degrees(wi[0], wi[1]), Direction::from_degrees(wo[0], wo[1]));
         let noise = 1.0 + 0.01 * random.normal();
-        // The last band is missing in every third row.
+        // Every third row lacks the last band.
         let last = if i % 3 == 0 { f64::NAN } else { 2.0 * BASE + 0.2 * shape };
         [BASE + shape, 0.5 * BASE + 0.6 * shape, last].map(|value| (value * noise) as f32)
     };
