@@ -167,8 +167,8 @@ struct Manifest {
     /// `samples_within_half` counts the samples of all incidences within half its maximum; `is_resolved` is true for
     /// three or more. `light` is the mean of its albedo over the `incidences` (degrees) that it was fitted to, and
     /// `light_range` are its limits if few samples constrain it. `reduced` is the part of its light that was removed so
-    /// that no albedo exceeds 1. `unseen_bands` counts the bands whose colour is that of their neighbours. Absent if the
-    /// cells hold everything.
+    /// that no albedo exceeds 1. `unseen_bands` counts the bands whose colour is that of their neighbours. Absent if
+    /// the cells hold everything.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     lobe: Option<Value>,

@@ -71,7 +71,8 @@ impl Plan {
     /// Reconstructs a part of the samples, row-major over the remaining axes. Other samples are not computed. Sums over
     /// the coefficients of a single index are in f64.
     ///
-    /// # Panics If the number of coefficients is not that of the axes' entries, the number of parts is not that of
+    /// # Panics
+    /// If the number of coefficients is not that of the axes' entries, the number of parts is not that of
     /// axes, or an index is out of range.
     pub fn reconstruct(&self, coefficients: &[f32], parts: &[Part]) -> Vec<f32> {
         assert_eq!(coefficients.len(), self.samples(), "as many coefficients as the plan's axes have entries");

@@ -19,7 +19,7 @@ const LARGEST_ANGLE: f64 = 3.2;
 /// Largest colour factor of a spectral sample.
 const LARGEST_COLOUR: f32 = 65_536.0;
 
-/// Parameters of a lobe, as defined by [`Lobe`].
+/// Parameters of a lobe, as defined by [`Lobe`](super::Lobe).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LobeParameters {
     /// Centre of the lobe.

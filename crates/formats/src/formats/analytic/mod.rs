@@ -3,7 +3,8 @@
 //! ```json
 //! {"wavelume": "virtual", "quantity": "brdf",
 //!  "model": {"sum": [{"lobe": {"lambert": {"reflectance": "red"}}},
-//!                    {"lobe": {"ggx": {"alpha": {"isotropic": 0.15}, "fresnel": {"cauchy": {"a": 1.46, "b": 0.0085}}}}}]},
+//!                    {"lobe": {"ggx": {"alpha": {"isotropic": 0.15},
+//!                                      "fresnel": {"cauchy": {"a": 1.46, "b": 0.0085}}}}}]},
 //!  "axes": ["hemi:1", "hemi:4", "lambda:380:5:75"], "sampling": "average",
 //!  "noise": {"relative": 0.003, "seed": 1}}
 //! ```
