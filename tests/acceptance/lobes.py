@@ -225,7 +225,7 @@ def main(arguments):
         return plot(options["--plot"], binary, options["--before"], int(options["--seed"]))
     cases = [(kind, width) for kind in KINDS for width in WIDTHS] if options["--all"] else FEW
     failed = 0
-    print("light of a lobe of albedo 0.3 on a base of 0.3, found less true: % of the albedo, worst of eight elevations;")
+    print("light of a lobe of albedo 0.3 on a base of 0.3, less that of the surface: % of the albedo, worst of eight elevations;")
     print("of the lobe alone: % of its light, mean and worst")
     print(f"{'lobe':<7}{'width':>6}{'before':>9}{'now':>8}{'mean':>8}{'worst':>8}  warnings")
     with tempfile.TemporaryDirectory() as directory:
