@@ -190,7 +190,7 @@ struct Skipped {
 #[serde(untagged)]
 #[expect(dead_code, reason = "describes the two answers in the OpenAPI document")]
 enum Uploaded {
-    /// Answer for a single file.
+    /// Answer to the upload of a single file.
     One(Box<Measurement>),
     /// Answer for a zip archive.
     Several(Unpacked),

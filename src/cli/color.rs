@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to describe by its colours
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction in degrees [default: 0,0]

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to decode
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to evaluate
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction in degrees, for quantities that have one

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to export
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Format to write: rgl, merl, mbsdf, lm63, eulumdat, spd, csv, tabphase or npy

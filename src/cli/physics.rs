@@ -17,7 +17,7 @@ const PROMISED: f64 = 0.01;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to report on
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Print one line of JSON, with the albedo of every incoming direction

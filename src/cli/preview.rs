@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to draw
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// PNG to write; an existing one is replaced whole

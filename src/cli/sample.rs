@@ -16,7 +16,7 @@ const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material
+    /// Material to draw directions from
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// Incoming direction in degrees, for quantities that have one

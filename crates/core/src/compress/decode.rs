@@ -310,7 +310,8 @@ fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError>
     Ok((header, chunks))
 }
 
-/// Decodes the light corrections of all blocks; `None` without a light chunk.
+/// Decodes the corrections of the light (directional albedo or flux) of all blocks, in steps; `None` without a light
+/// chunk.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];

@@ -157,7 +157,8 @@ impl Light {
 pub(crate) struct Correcting<'a> {
     /// Step of a logarithm; negative if odd steps apply to negative samples, see [`shift`].
     step: f32,
-    /// Classes of samples on a grid of angles. A positive step leaves negative samples there unchanged.
+    /// Class (positive, negative, zero or masked) of each sample on a grid of angles; `None` if all samples are
+    /// corrected alike. Negative samples are not corrected if the step is positive.
     classes: Option<&'a [Class]>,
     /// Upper bound on the logarithm of a negative sample's magnitude.
     bound: f32,

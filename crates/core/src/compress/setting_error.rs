@@ -96,19 +96,19 @@ pub enum SettingError {
     #[error("basis klt: {0}")]
     Klt(#[from] KltError),
     /// Symmetry that the domain of the directions does not have.
-    #[error("a symmetry of another domain")]
+    #[error("the symmetry does not map the directions of the measurement to themselves")]
     Symmetry,
     /// Model of appearance on axes that it does not support.
-    #[error("a model that makes no sense here")]
+    #[error("the model of the lobe needs incoming and outgoing directions, which these axes do not have")]
     Model,
     /// Target that bounds no error where an error bound is needed.
-    #[error("this target bounds no error")]
+    #[error("the target (ratio, bytes or step) promises no error; give an error target, for example er_l2 0.01")]
     Unbounded,
     /// The lossless target with a policy that allows errors.
     #[error("the rd policy is not lossless")]
     NotLossless,
     /// Spectra, sampled for ranking bases, that do not form a measurement.
-    #[error("a sample of the spectra does not make a measurement: {0}")]
+    #[error("the spectral bases cannot be ranked, as the spectra drawn for it form no measurement: {0}")]
     Sample(TensorError),
     /// Samples that do not form a tensor.
     #[error(transparent)]

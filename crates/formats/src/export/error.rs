@@ -141,10 +141,10 @@ pub enum OptionError {
         last: f64,
     },
     /// The format needs wavelengths and the material has none.
-    #[error("no wavelengths")]
+    #[error("the material has no wavelengths, which this format needs")]
     NoWavelengths,
     /// The format takes decoded samples, not a material.
-    #[error("npy holds the samples of a decoded material, expected those")]
+    #[error("format npy takes decoded samples, not a material; decode the material first")]
     Undecoded,
 }
 

@@ -81,8 +81,8 @@ impl Lines {
         to.iter_mut().enumerate().all(|(i, to)| self.nodes(vector_of(wi, i)).map(|nodes| *to = nodes).is_some())
     }
 
-    /// Applies [`Lines::carried`] to one incoming place of each direction, unless it is the only one. `there` holds the
-    /// outgoing directions on entry and the aligned ones on return.
+    /// Moves the outgoing directions `there` of a block, in place, to the directions where the lobe under a stated
+    /// incidence is as far from its centre ([`Lines::carried`]). A direction with a single incidence stays.
     fn carried_block(
         &self,
         slot: usize,

@@ -190,7 +190,8 @@ impl Warps {
         inside
     }
 
-    /// Shape numbers of the linear density at the corners of squares of leaves.
+    /// Reads the unnormalised linear density at the four corners of one square of leaves (two triangles) for each
+    /// direction of a block.
     #[inline(always)]
     fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
         let points = self.mesh().vertices().len();

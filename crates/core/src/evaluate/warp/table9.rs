@@ -80,7 +80,8 @@ impl Scene {
     }
 }
 
-/// Mean and variance over n × n strata, which give the moments of the density to about a percent.
+/// Returns mean and variance of `weight` over one random point in each cell of an n × n grid on the unit square,
+/// accurate to about a percent.
 fn moments(n: usize, weight: impl Fn([f64; 2]) -> f64) -> [f64; 2] {
     let mut rng = Pcg32::new(0x7a_b1e9, 1);
     let mut sums = [0.0; 2];

@@ -6,7 +6,8 @@ const RATE: f64 = 0.02;
 const START: f64 = 0.02;
 /// Weight of the running mean relative to one detail of the same brightness. Raising it trusts brightness less.
 const WEIGHT: f64 = 4.0;
-/// Decay of the sums of a brightness for each new detail in it. Raising it lengthens the memory.
+/// Factor on the running sums of a brightness bin whenever another detail of that bin is coded. Raising it lengthens
+/// the memory.
 const DECAY: f64 = 0.98;
 /// Number of brightness bins, each half a unit wide.
 const BINS: usize = 64;
