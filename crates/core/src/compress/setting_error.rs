@@ -102,7 +102,7 @@ pub enum SettingError {
     #[error("the model of the lobe needs incoming and outgoing directions, which these axes do not have")]
     Model,
     /// Target that bounds no error where an error bound is needed.
-    #[error("the target (ratio, bytes or step) promises no error; give an error target, for example er_l2 0.01")]
+    #[error("this target promises no error of the samples; give one that does, for example er_l2 0.01")]
     Unbounded,
     /// The lossless target with a policy that allows errors.
     #[error("the rd policy is not lossless")]
