@@ -642,7 +642,8 @@ class Lobe:
         if not (wi[2] > 0 and wo[2] >= 0):
             return 0 * self.colours
         t = min(max(-math.log(wi[2]), self.range[0]), self.range[1])
-        masking = 1
+        masking, d = 1, -math.log(wi[2]) - t
+        beyond = 0 if self.centre != 1 else 2 * d if d < 0 else min(2 * d, d + math.log(1.5))
         if self.centre == 1:
             x, y, z = (a + b for a, b in zip(wi, wo))
             a, b = x / z, y / z
@@ -658,7 +659,7 @@ class Lobe:
         cos, sin = math.cos(self.angle), math.sin(self.angle)
         x = ((a * cos + b * sin) / self.widths[0]) ** 2 + ((b * cos - a * sin) / self.widths[1]) ** 2
         fall = 2**-x if self.tail == 0 else (1 + (2**self.tail - 1) * x) ** (-1 / self.tail)
-        peak = math.exp(min(self.peak[0] + t * (self.peak[1] + t * self.peak[2]), 40))
+        peak = math.exp(min(self.peak[0] + t * (self.peak[1] + t * self.peak[2]) + beyond, 40))
         return self.colours * min(peak * fall * masking, 1e25)
 
 

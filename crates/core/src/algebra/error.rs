@@ -92,8 +92,8 @@ pub enum AlgebraError {
     },
     /// A material stores a lobe beside its cells, which sums and products of materials cannot represent.
     #[error(
-        "material {at} has a lobe beside its cells, which is no part of sums and products of materials; combine the \
-         measurements instead, or compress this one on directions without it"
+        "material {at} has a lobe beside its cells, which sums and products of materials do not support; combine the \
+         measurements before they are compressed"
     )]
     Lobe {
         /// Number of the operand, from 1.

@@ -76,6 +76,12 @@ impl Lobed {
         }
     }
 
+    /// Returns the value of the lobe at a place, by the number of the spectral sample.
+    pub(super) fn at(&self, place: Place<'_>) -> impl Fn(usize) -> f32 {
+        let shape = self.shape(place);
+        move |lambda| shape * self.lobe.colours()[lambda]
+    }
+
     /// Inner product of the lobe's spectrum with weights.
     pub(super) fn weighted(&self, place: Place<'_>, weights: &[f32]) -> f32 {
         self.shape(place) * self.colour(weights)

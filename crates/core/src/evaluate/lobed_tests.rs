@@ -215,6 +215,26 @@ fn densities_add_up_to_1_and_each_cell_gets_its_share() {
 }
 
 #[test]
+fn weights_leave_out_bands_that_are_masked() {
+    let mut measurement = cells(elevations());
+    let mut samples = measurement.tensor.samples().to_vec();
+    samples.iter_mut().step_by(LAMBDAS).for_each(|sample| *sample = f32::NAN);
+    measurement.tensor = Tensor::new(measurement.tensor.axes().to_vec(), samples).unwrap();
+    let material = Material::open(&file(&measurement, Some(lobe(LobeCentre::Mirror, 3.0)))).unwrap();
+    let wi = Direction::from_degrees(30.0, 0.0);
+    for u in points(100) {
+        let sample = material.sample(&[], Some(wi), u, SampleOptions::default()).unwrap().unwrap();
+        let mut spectrum = [0.0; LAMBDAS];
+        let place = Place { index: &[], wi: Some(wi), wo: Some(sample.direction) };
+        material.evaluate(place, Interpolation::Smooth, &mut spectrum).unwrap();
+        assert!(spectrum[0].is_nan());
+        let mean = 0.5 * f64::from(spectrum[1] + spectrum[2]);
+        let expected = mean * sample.direction.cos_theta() / sample.pdf;
+        assert!((sample.weight / expected - 1.0).abs() < 1e-4, "{} {expected}", sample.weight);
+    }
+}
+
+#[test]
 fn one_wavelength_is_drawn_by_its_own_colour() {
     let ([bytes, _], lobe) = all().remove(0);
     let whole = Material::open(&bytes).unwrap();

@@ -105,10 +105,11 @@ impl<'a> Sampler<'a> {
     ) -> Result<Option<DirectionSample>, EvaluateError> {
         let Some(Draw { direction, pdf, .. }) = self.drawn(index, wi, u, options)? else { return Ok(None) };
         let place = Place { index, wi, wo: Some(direction) };
-        let mut value = self.function.weighted_known(place, form_of(options), self.trees.weights())?;
-        if let Some((lobe, _)) = self.lobe {
-            value += lobe.weighted(place, self.trees.weights());
-        }
+        let (form, weights) = (form_of(options), self.trees.weights());
+        let value = match self.lobe {
+            None => self.function.weighted_known(place, form, weights)?,
+            Some((lobe, _)) => self.function.weighted_known_beside(place, form, weights, lobe.at(place))?,
+        };
         Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
     }
 

@@ -109,6 +109,24 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum })
     }
 
+    /// Like [`Function::weighted_known`], of the sum of the function and of `beside`, whose value at a spectral sample
+    /// enters where the function is known.
+    pub(super) fn weighted_known_beside(
+        &self,
+        place: Place<'_>,
+        how: Interpolation,
+        weights: &[f32],
+        beside: impl Fn(usize) -> f32,
+    ) -> Result<f32, EvaluateError> {
+        let sum = self
+            .weighted_by(place, how, weights, |value| known_sum(weights, &|lambda| value(lambda) + beside(lambda)))?;
+        let more = match self.form() {
+            Form::Planes { .. } => weights.iter().enumerate().map(|(lambda, w)| w * beside(lambda)).sum(),
+            Form::Samples(_) => 0.0,
+        };
+        Ok(if sum.is_nan() { 0.0 } else { sum + more })
+    }
+
     /// Inner product at `place`, computed by `sum` if every sample is kept; NaN if a cell of planes is masked.
     fn weighted_by(
         &self,

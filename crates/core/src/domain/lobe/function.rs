@@ -10,6 +10,9 @@ use serde::Serialize;
 ///
 /// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi clamped to the measured range.
 ///
+/// Beyond that range the peak of a lobe in half vectors goes with 1/cos² θi, as on a microfacet surface, while f·cos θo
+/// grows to 1.5 times its last value at most.
+///
 /// x is the squared distance of wo from the centre in half-widths, along two axes of the surface if the widths differ.
 /// k falls from 1 at x = 0 to 1/2 at x = 1; the tail parameter determines the rest: 2^(−x) for tail 0, the GGX
 /// distribution for tail 1/2.

@@ -158,6 +158,26 @@ fn the_light_is_the_sum_of_the_means_over_triangles() {
 }
 
 #[test]
+fn beyond_the_measured_incidences_a_microfacet_lobe_keeps_its_albedo() {
+    let wide = LobeParameters {
+        range: [0.2, 0.5],
+        peak: [3.0, 2.0, 0.0],
+        ..lobe(LobeCentre::HalfVector, 2.0, 0.0).parameters()
+    };
+    let lobe = Lobe::new(wide).unwrap();
+    let light = |theta: f64| lobe.under(Direction::from_degrees(theta, 0.0)).unwrap().light();
+    // A peak of exp(2·t) is that of constant albedo; the range ends at 35° and 52.7°.
+    let within = light(45.0);
+    assert!((light(0.0) / within - 1.0).abs() < 0.01 && (light(20.0) / within - 1.0).abs() < 0.01, "{}", light(0.0));
+    assert!((light(60.0) / within - 1.0).abs() < 0.02, "{}", light(60.0));
+    let at_mirror = |theta: f64| {
+        let wo = Direction::from_degrees(theta, 180.0);
+        lobe.shape(Direction::from_degrees(theta, 0.0), wo) * wo.cos_theta()
+    };
+    assert!(at_mirror(89.0) <= 1.501 * at_mirror(52.67));
+}
+
+#[test]
 fn numbers_out_of_bounds_are_refused() {
     let good = lobe(LobeCentre::Mirror, 2.0, 0.0).parameters();
     let wrong = [

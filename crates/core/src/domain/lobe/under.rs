@@ -28,6 +28,18 @@ pub struct LobeUnder {
     cos_i: f64,
 }
 
+/// Logarithm of the factor by which f·cos θo may grow beyond the last measured incidence: 1.5.
+const LARGEST_GROWTH: f64 = 0.405_465_108_108_164_4;
+
+/// Returns the change of the logarithm of the peak of a microfacet lobe at a distance in t from the measured range.
+///
+/// The peak of such a lobe goes with 1/cos² θi, so that its albedo stays. Towards grazing incidence f·cos θo grows to
+/// 1.5 times its last value at most.
+#[inline]
+fn beyond_range(distance: f64) -> f64 {
+    if distance > 0.0 { (2.0 * distance).min(distance + LARGEST_GROWTH) } else { 2.0 * distance }
+}
+
 impl LobeUnder {
     /// The lobe of `parameters` under `wi`; `None` where light does not come from above.
     #[inline]
@@ -37,14 +49,16 @@ impl LobeUnder {
         if cos_i.is_nan() || cos_i <= 0.0 {
             return None;
         }
-        let t = (-libm::log(cos_i)).max(range[0]).min(range[1]);
+        let asked = -libm::log(cos_i);
+        let t = asked.max(range[0]).min(range[1]);
+        let beyond = if centre == LobeCentre::HalfVector { beyond_range(asked - t) } else { 0.0 };
         let (sin, cos) = if angle == 0.0 { (0.0, 1.0) } else { libm::sincos(angle) };
         let [w0, w1] = widths;
         let roughness = (centre == LobeCentre::HalfVector).then(|| ROUGHNESS_OF_WIDTH * (w0 * w1).sqrt());
         Some(Self {
             around: Around::new(centre, wi),
             profile: Profile::new(tail),
-            peak: libm::exp((p0 + t * (p1 + t * p2)).min(LARGEST_LOG)),
+            peak: libm::exp((p0 + t * (p1 + t * p2) + beyond).min(LARGEST_LOG)),
             to_widths: [[cos / w0, sin / w0], [-sin / w1, cos / w1]],
             widths,
             turn: [cos, sin],

@@ -9,7 +9,6 @@
 //!                 for each pole among the remaining polar angles, of a grid with more than one remaining azimuth: are
 //!                 all its azimuths equal (then the first of them has weight, and the others are copies)
 //! ```
-//! ```
 //! Lines are those of the incoming axis, then those of the outgoing one, polar angles before azimuths.
 
 use super::super::chart::ChartKind;

@@ -4,12 +4,10 @@ use super::choose::Found;
 use super::scan::Scan;
 use super::solve::predicted;
 
-/// Ratio of lobe to base below which a sample counts for the colour of the base.
-const OF_BASE: f64 = 0.05;
-/// Least number of such samples; with fewer, all samples count.
-const FEWEST: usize = 8;
 /// Number of rounds of reweighting, in which outliers lose weight.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 12;
+/// Least factor of lobe and base.
+const LEAST: f64 = 1e-6;
 /// Least sum of squared lobe values, in units of the noise, for a colour of a band. Raising it leaves more bands
 /// without a colour of their own.
 const SEEN: f64 = 1.0;
@@ -31,7 +29,7 @@ pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     if width == 1 {
         return Colours { lobe: vec![1.0], bases: vec![vec![1.0]; found.near.groups.len()], unseen: 0 };
     }
-    let prepared = found.shape.prepared();
+    let (prepared, noise) = (found.shape.prepared(), found.noise);
     // Row, base and lobe of the samples, by incidence.
     let groups: Vec<Vec<(u32, f64, f64)>> = (found.near.groups.iter().zip(&found.bases))
         .map(|(group, base)| {
@@ -42,8 +40,12 @@ pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
             group.iter().map(of).collect()
         })
         .collect();
-    let bases: Vec<Vec<f64>> = groups.iter().map(|group| base(scan, group, width)).collect();
-    let found: Vec<Option<f64>> = (0..width).map(|band| factor(scan, &groups, &bases, band, found.noise)).collect();
+    let (mut bases, mut found) = (vec![vec![1.0; width]; groups.len()], Vec::with_capacity(width));
+    for band in 0..width {
+        let fitted = fitted(scan, &groups, band, noise);
+        bases.iter_mut().zip(fitted.bases).for_each(|(bases, base)| bases[band] = base);
+        found.push(fitted.lobe);
+    }
     let unseen = found.iter().filter(|found| found.is_none()).count();
     let nearest = |band: usize| {
         let far = |other: &usize| (other.abs_diff(band), *other);
@@ -53,55 +55,66 @@ pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     Colours { lobe, bases, unseen }
 }
 
-/// Returns the base of one incidence in each band, relative to its grey value: the median over samples without the
-/// lobe.
-fn base(scan: &Scan<'_>, group: &[(u32, f64, f64)], width: usize) -> Vec<f64> {
-    let plain: Vec<u32> = group.iter().filter(|at| at.2 < OF_BASE * at.1).map(|at| at.0).collect();
-    let all: Vec<u32> = group.iter().map(|at| at.0).collect();
-    let rows = if plain.len() >= FEWEST { plain } else { all };
-    let mut parts = Vec::with_capacity(rows.len());
-    let mut of = |band: usize| {
-        parts.clear();
-        parts.extend(rows.iter().filter_map(|&row| {
-            let part = f64::from(scan.rows.row(row)[band]) / libm::exp(scan.logs[row as usize]);
-            (!part.is_nan()).then_some(part)
-        }));
-        let middle = parts.len() / 2;
-        if parts.is_empty() { 1.0 } else { *parts.select_nth_unstable_by(middle, f64::total_cmp).1 }
-    };
-    (0..width).map(&mut of).collect()
+/// Factors of one band.
+struct Fitted {
+    /// Factor of the lobe; `None` if no sample of the band shows it.
+    lobe: Option<f64>,
+    /// Factor of the base under each incidence.
+    bases: Vec<f64>,
 }
 
-/// Fits the factor of one band by robust weighted least squares. Returns `None` if no sample of the band shows the
-/// lobe.
-fn factor(
-    scan: &Scan<'_>,
-    groups: &[Vec<(u32, f64, f64)>],
-    bases: &[Vec<f64>],
-    band: usize,
-    noise: f64,
-) -> Option<f64> {
-    let mut factor = 1.0;
+/// Sums of weighted products over the samples of one incidence.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    base_base: f64,
+    base_lobe: f64,
+    lobe_lobe: f64,
+    base_value: f64,
+    lobe_value: f64,
+}
+
+/// Fits the factors of one band, that of the lobe and that of the base under each incidence, together by robust
+/// weighted least squares. The tail of a lobe reaches as far as the samples do, so neither is known without the other.
+fn fitted(scan: &Scan<'_>, groups: &[Vec<(u32, f64, f64)>], band: usize, noise: f64) -> Fitted {
+    let (mut lobe, mut bases) = (1.0_f64, vec![1.0_f64; groups.len()]);
+    let mut is_seen = true;
     for _ in 0..ROUNDS {
+        let sums: Vec<Sums> = (groups.iter().zip(&bases))
+            .map(|(group, colour)| sums(scan, group, band, (*colour, lobe, noise)))
+            .collect();
         let (mut product, mut square) = (0.0, 0.0);
-        for (group, colour) in groups.iter().zip(bases) {
-            for &(row, base, lobe) in group.iter().filter(|at| at.2 > 1e-3 * at.1) {
-                let value = f64::from(scan.rows.row(row)[band]);
-                if value.is_nan() {
-                    continue;
-                }
-                let base = base * colour[band];
-                let scale = noise * (base + lobe * factor).max(1e-3 * lobe).max(f64::MIN_POSITIVE);
-                let residual = (value - base - lobe * factor) / scale;
-                let weight = 1.0 / (scale * scale * (1.0 + residual * residual).sqrt());
-                product += weight * lobe * (value - base);
-                square += weight * lobe * lobe;
+        for sums in sums.iter().filter(|sums| sums.base_base > 0.0) {
+            product += sums.lobe_value - sums.base_lobe * sums.base_value / sums.base_base;
+            square += sums.lobe_lobe - sums.base_lobe * sums.base_lobe / sums.base_base;
+        }
+        is_seen = square >= SEEN;
+        lobe = if is_seen { (product / square).max(LEAST) } else { 1.0 };
+        for (base, sums) in bases.iter_mut().zip(sums) {
+            if sums.base_base > 0.0 {
+                *base = ((sums.base_value - lobe * sums.base_lobe) / sums.base_base).max(LEAST);
             }
         }
-        if square < SEEN {
-            return None;
-        }
-        factor = (product / square).max(1e-6);
     }
-    Some(factor)
+    Fitted { lobe: is_seen.then_some(lobe), bases }
+}
+
+/// Sums over the samples of one incidence, weighted by their noise about base and lobe with these factors.
+fn sums(scan: &Scan<'_>, group: &[(u32, f64, f64)], band: usize, (colour, factor, noise): (f64, f64, f64)) -> Sums {
+    let mut sums = Sums::default();
+    for &(row, base, lobe) in group {
+        let value = f64::from(scan.rows.row(row)[band]);
+        if value.is_nan() {
+            continue;
+        }
+        let expected = base * colour + lobe * factor;
+        let scale = noise * expected.max(LEAST * (base + lobe)).max(f64::MIN_POSITIVE);
+        let residual = (value - expected) / scale;
+        let weight = 1.0 / (scale * scale * (1.0 + residual * residual).sqrt());
+        sums.base_base += weight * base * base;
+        sums.base_lobe += weight * base * lobe;
+        sums.lobe_lobe += weight * lobe * lobe;
+        sums.base_value += weight * base * value;
+        sums.lobe_value += weight * lobe * value;
+    }
+    sums
 }

@@ -55,7 +55,15 @@ impl CarriedLobe {
         let about = if self.lobe.centre() == LobeCentre::Source { "direction back" } else { "mirror direction" };
         Some(format!(
             "a lobe narrower than the scan resolves: fewer than three samples of all incidences lie within half its \
-             maximum; its light lies between {low:.2} and {high:.2} (albedo): more samples about the {about} tell"
+             maximum; its albedo, the mean over incidences and bands, lies between {} and {}; measure more densely about \
+             the {about}",
+            three_digits(low),
+            three_digits(high)
         ))
     }
+}
+
+/// Returns a number with three significant digits, as many as samples can show.
+fn three_digits(number: f64) -> f64 {
+    format!("{number:.2e}").parse().unwrap_or(number)
 }

@@ -9,16 +9,21 @@ pub(super) struct Scan<'a> {
     pub(super) plan: &'a Plan,
     pub(super) rows: &'a Rows<'a>,
     pub(super) incidences: &'a [Incidence],
-    /// Natural logarithms of grey values (means over bands). NaN if the mean is not positive or there is no value.
+    /// Natural logarithms of grey values (means over bands, those that no row lacks if there are any). NaN if the mean is not positive or there is no value.
     pub(super) logs: Vec<f64>,
 }
 
 impl<'a> Scan<'a> {
     pub(super) fn new(plan: &'a Plan, rows: &'a Rows<'a>, incidences: &'a [Incidence]) -> Self {
         let is_partial = rows.kinds.contains(&Kind::Partial);
-        let usual = if is_partial { usual(rows) } else { Vec::new() };
+        let complete = if is_partial { complete(rows) } else { Vec::new() };
+        let usual = if is_partial && complete.is_empty() { usual(rows) } else { Vec::new() };
         let grey = |row: usize| match rows.kinds[row] {
             Kind::Missing => f64::NAN,
+            _ if !complete.is_empty() => {
+                let row = rows.row(row as u32);
+                complete.iter().map(|&band| f64::from(row[band])).sum::<f64>() / complete.len() as f64
+            }
             Kind::Partial => of_part(rows.row(row as u32), &usual),
             Kind::Positive | Kind::Whole => rows.light[row][1],
         };
@@ -33,6 +38,16 @@ impl<'a> Scan<'a> {
         let certainty = self.rows.certainty.get(row as usize).map_or(0.0, |certainty| certainty[1]);
         if certainty > 0.0 { 1.0 / (certainty * self.rows.width as f64).sqrt() } else { 0.0 }
     }
+}
+
+/// Returns the bands that all rows with values have. A grey value of these is the same mixture of lobe and base in every
+/// row, which that of other bands is not.
+fn complete(rows: &Rows<'_>) -> Vec<usize> {
+    let mut is_complete = vec![true; rows.width];
+    for row in (0..rows.kinds.len()).filter(|&row| !matches!(rows.kinds[row], Kind::Missing)) {
+        is_complete.iter_mut().zip(rows.row(row as u32)).for_each(|(is, value)| *is &= !value.is_nan());
+    }
+    (0..rows.width).filter(|&band| is_complete[band]).collect()
 }
 
 /// Returns the geometric mean of each band over its positive values.

@@ -153,6 +153,35 @@ fn one_incidence_and_the_direction_back_are_enough() {
     assert!(peak.is_finite() && (back.shape.width().to_degrees() - 1.0).abs() < 0.05, "{:?}", back.shape);
 }
 
+/// A tail as long as that of GGX reaches every sample from which the base is known.
+#[test]
+fn colours_of_lobe_and_base_are_told_apart_beneath_a_long_tail() {
+    for (tail, missing_under) in [(0.5, None), (0.3, None), (0.5, Some(20.0))] {
+        let lobe = truth(LobeCentre::HalfVector, 3.0, tail);
+        let mut data = spiral(|wi, wo| BASE + 1e-9 * lobe(wi, wo), &ELEVATIONS[1..6], 0.0, 17);
+        data.spectral = Some(Axis::Wavelength(WavelengthGrid::even(400.0, 100.0, 3).unwrap()));
+        let mut random = Random(31);
+        let pairs: Vec<_> = data.incoming.iter().copied().zip(data.outgoing.iter().copied()).collect();
+        data.values.clear();
+        for (wi, wo) in pairs {
+            let shape = lobe(Direction::from_degrees(wi[0], wi[1]), Direction::from_degrees(wo[0], wo[1]));
+            let noise = 1.0 + 0.01 * random.normal();
+            let row = [3.0 * BASE + shape, BASE + 0.6 * shape, 0.3 * BASE + 0.4 * shape];
+            let is_missing = |band: usize| band == 1 && missing_under == Some(wi[0]);
+            let value = |band: usize| if is_missing(band) { f32::NAN } else { (row[band] * noise) as f32 };
+            data.values.extend((0..3).map(value));
+        }
+        let carried = projected(data).lobe.unwrap();
+        let colours = carried.lobe.colours();
+        for (&found, expected) in colours.iter().zip([1.0, 0.6, 0.4]) {
+            assert!((f64::from(found) * (2.0 / 3.0) / expected - 1.0).abs() < 0.02, "{tail}: {colours:?}");
+        }
+        let wi = Direction::from_degrees(20.0, 0.0);
+        let ratio = carried.lobe.under(wi).unwrap().light() * f64::from(colours[0]) / light(&lobe, 20.0);
+        assert!((ratio - 1.0).abs() < 0.03, "{tail} {missing_under:?}: {ratio}");
+    }
+}
+
 #[test]
 fn bands_have_their_own_colours() {
     let lobe = truth(LobeCentre::HalfVector, 2.0, 0.3);
