@@ -166,7 +166,7 @@ fn colours_of_lobe_and_base_are_told_apart_beneath_a_long_tail() {
         for (wi, wo) in pairs {
             let shape = lobe(Direction::from_degrees(wi[0], wi[1]), Direction::from_degrees(wo[0], wo[1]));
             let noise = 1.0 + 0.01 * random.normal();
-            let row = [3.0 * BASE + shape, BASE + 0.6 * shape, 0.3 * BASE + 0.4 * shape];
+            let row = [1.5 * BASE + shape, 0.5 * BASE + 0.6 * shape, 0.15 * BASE + 0.4 * shape];
             let is_missing = |band: usize| band == 1 && missing_under == Some(wi[0]);
             let value = |band: usize| if is_missing(band) { f32::NAN } else { (row[band] * noise) as f32 };
             data.values.extend((0..3).map(value));
