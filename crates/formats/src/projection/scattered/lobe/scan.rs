@@ -9,7 +9,8 @@ pub(super) struct Scan<'a> {
     pub(super) plan: &'a Plan,
     pub(super) rows: &'a Rows<'a>,
     pub(super) incidences: &'a [Incidence],
-    /// Natural logarithms of grey values (means over bands, those that no row lacks if there are any). NaN if the mean is not positive or there is no value.
+    /// Natural logarithms of grey values (means over bands, those that no row lacks if there are any). NaN if the mean
+    /// is not positive or there is no value.
     pub(super) logs: Vec<f64>,
 }
 
@@ -40,8 +41,8 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// Returns the bands that all rows with values have. A grey value of these is the same mixture of lobe and base in every
-/// row, which that of other bands is not.
+/// Returns the bands that all rows with values have. A grey value of these is the same mixture of lobe and base in
+/// every row, which that of other bands is not.
 fn complete(rows: &Rows<'_>) -> Vec<usize> {
     let mut is_complete = vec![true; rows.width];
     for row in (0..rows.kinds.len()).filter(|&row| !matches!(rows.kinds[row], Kind::Missing)) {
