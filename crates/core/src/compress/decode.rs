@@ -100,8 +100,7 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
 /// Complete chunks are verified; the chunk that the prefix cuts has no checksum. Labels are in the metadata at the end.
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     let (mut header, container) = Container::prefix(bytes, announced)?;
-    read_between(&mut header, &container)?;
-    read_lobe(&mut header, &container)?;
+    read_stated(&mut header, &container)?;
     let grid = if header.grid_levels { Some(container.require(ChunkKind::Grid)?) } else { None };
     let finest = match grid {
         Some(chunk) => gridded::levels_of(chunk.reader(), chunk.offset + chunk.length)?.0.len() as u8,
@@ -275,27 +274,21 @@ pub fn payload_digest(bytes: &[u8]) -> Result<blake3::Hash, CodecError> {
 
 pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> {
     let (mut header, container) = Container::read(bytes, announced)?;
-    read_between(&mut header, &container)?;
-    read_lobe(&mut header, &container)?;
+    read_stated(&mut header, &container)?;
     Ok((header, container))
 }
 
-/// Reads the interpolation between incidences into a header that announces it.
-fn read_between(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
-    if header.between.is_none() {
-        return Ok(());
+/// Reads the functions beside the samples into a header that announces them: the interpolation between incidences, and
+/// the lobe beside the cells.
+fn read_stated(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
+    if header.between.is_some() {
+        let mut r = container.require(ChunkKind::Between)?.reader();
+        let between = Between::read(&mut r)?;
+        if !between.fits(header.quantity, &header.axes) {
+            return Err(r.malformed("an interpolation between incidences that does not fit quantity and axes"));
+        }
+        header.between = Some(between);
     }
-    let mut r = container.require(ChunkKind::Between)?.reader();
-    let between = Between::read(&mut r)?;
-    if !between.fits(header.quantity, &header.axes) {
-        return Err(r.malformed("an interpolation between incidences that does not fit quantity and axes"));
-    }
-    header.between = Some(between);
-    Ok(())
-}
-
-/// Reads the lobe beside the cells into a header that announces it.
-fn read_lobe(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
     if header.has_lobe {
         let mut r = container.require(ChunkKind::Lobe)?.reader();
         header.lobe = Some(lobe_chunk::read(&mut r, header.quantity, &header.axes)?);

@@ -37,6 +37,7 @@ use super::between::Between;
 use super::metadata_chunk::metadata_kind;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
+use super::settings::Settings;
 use super::spectral_basis::basis_of;
 use super::stated::{read_error, write_error};
 use super::summary::Summary;
@@ -212,6 +213,18 @@ impl Header {
             factor: 1.0,
             kept: 0,
             errors: ErrorReport::default(),
+        }
+    }
+
+    /// States the functions beside the samples that `settings` ask for: the share of straight lines, the interpolation
+    /// between incidences, and the lobe beside the cells.
+    pub(crate) fn stating(self, settings: &Settings) -> Self {
+        Self {
+            straight_lines: settings.straight_lines,
+            between: settings.between.stated(),
+            has_lobe: settings.lobe.is_some(),
+            lobe: settings.lobe.clone(),
+            ..self
         }
     }
 

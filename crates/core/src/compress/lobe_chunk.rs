@@ -23,11 +23,9 @@ const TWO_WIDTHS: u8 = 4;
 /// directions over the triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe that
 /// turns with the surface also needs incoming azimuths.
 pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
-    let (Some(samples), Ok(layout)) = (spectrum_length(quantity, axes), Layout::of(quantity, axes)) else {
-        return false;
-    };
-    let is_isotropic = layout.incoming.is_some_and(|axis| matches!(axes[axis], Axis::Elevation(_)));
-    lobe.colours().len() == samples && !(is_isotropic && lobe.is_anisotropic())
+    // The incoming axis is the first of those that can have a lobe.
+    spectrum_length(quantity, axes) == Some(lobe.colours().len())
+        && !(lobe.is_anisotropic() && matches!(axes[0], Axis::Elevation(_)))
 }
 
 /// Number of samples of a spectrum; `None` if a measurement on these axes cannot have a lobe.

@@ -41,13 +41,8 @@ fn tensor_of(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Tensor, CodecError> {
 /// Adds the lobe to the samples of incoming entries, starting at entry `first`.
 fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples: &mut [f32]) {
     let (Some(incoming), Some(Axis::Triangles(mesh))) = (axes.first(), axes.get(1)) else { return };
-    let wi = |entry: usize| match incoming {
-        Axis::Elevation(degrees) => degrees.get(entry).map(|&theta| Direction::from_degrees(theta, 0.0)),
-        Axis::Triangles(mesh) => (entry < mesh.len()).then(|| mesh.centroid(entry)),
-        _ => None,
-    };
     for (entry, samples) in (first..).zip(samples.chunks_mut(mesh.len() * lobe.colours().len())) {
-        if let Some(wi) = wi(entry) {
+        if let Some(wi) = incoming.direction(entry) {
             lobe_means(lobe, wi, (*mesh, sampling), samples);
         }
     }

@@ -62,11 +62,7 @@ pub(crate) fn compress(
         has_classes: classes.is_some(),
         floor,
         factor,
-        straight_lines: settings.straight_lines,
-        between: settings.between.stated(),
-        has_lobe: settings.lobe.is_some(),
-        lobe: settings.lobe.clone(),
-        ..Header::of(measurement, Policy::Lossless)
+        ..Header::of(measurement, Policy::Lossless).stating(settings)
     };
     let chunks = classes.into_iter().chain([(ChunkKind::Exact, encoder.finish())]).collect();
     finish(Parts { header, chunks }, measurement, settings.metadata.as_deref())

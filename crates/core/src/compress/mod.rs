@@ -72,6 +72,8 @@ pub use policy::Policy;
 pub use promise::shortfall;
 pub use setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
 pub use settings::Settings;
+#[doc(hidden)]
+pub use settings::absolute_floor;
 pub use summary::Summary;
 pub use target::{DeltaE, Target};
 pub use unreachable_error::UnreachableError;
@@ -115,7 +117,7 @@ pub fn compress_numbers(
     }
     let settings = &Settings { target: promise::stateable(settings.target)?, ..settings.clone() };
     let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
-    let floor = settings::absolute_floor(measurement, settings);
+    let floor = absolute_floor(measurement, settings.floor);
     let tally = Tally::default();
     let bases = match policy {
         Policy::Lossless => Vec::new(),

@@ -87,7 +87,7 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
 }
 
 /// Floor in the unit of a sample, as the file stores it; 0 without a floor.
-pub(super) fn absolute_floor(measurement: &Measurement, settings: &Settings) -> f32 {
+pub fn absolute_floor(measurement: &Measurement, floor: Option<f64>) -> f32 {
     let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
-    settings.floor.map_or(0.0, |floor| (floor * maximum()) as f32)
+    floor.map_or(0.0, |floor| (floor * maximum()) as f32)
 }

@@ -361,10 +361,7 @@ impl<'a> Work<'a> {
     fn parts_of(&self, kept: Vec<f32>) -> Parts {
         let plan = (self.settings.policy, self.transforms.as_slice());
         let mut parts = parts_of(self.measurement, plan, self.floor, self.classes.clone(), &self.rows, kept);
-        parts.header.straight_lines = self.settings.straight_lines;
-        parts.header.between = self.settings.between.stated();
-        parts.header.has_lobe = self.settings.lobe.is_some();
-        parts.header.lobe.clone_from(&self.settings.lobe);
+        parts.header = parts.header.stating(self.settings);
         parts
     }
 }

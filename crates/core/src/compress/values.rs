@@ -55,7 +55,7 @@ impl Values {
     }
 
     /// Returns the class of a sample. Negative samples smaller than the floor become zeros where logarithms are coded.
-    /// Their sign is not worth its bits, and the error stays below the floor.
+    /// Coding their sign would cost more than it is worth, and their error stays below the floor.
     pub(crate) fn class_of(self, sample: f32, floor: f32) -> Class {
         if sample.is_nan() {
             Class::Masked

@@ -1,5 +1,6 @@
 //! Axes of a tensor, and their roles for a quantity: directions, wavelength or plain indices.
 
+use super::direction::Direction;
 use super::direction_grid::DirectionGrid;
 use super::limits::{MAX_AXES, MAX_ENTRIES, MAX_SAMPLES};
 use super::quantity::Quantity;
@@ -83,6 +84,17 @@ impl Axis {
     /// Returns true if the entries are wavelengths or colour channels.
     pub fn is_spectral(&self) -> bool {
         matches!(self, Self::Wavelength(_) | Self::Rgb)
+    }
+
+    /// Returns the direction that an entry represents: that of an elevation at azimuth 0, the centroid of a triangle,
+    /// or the node of a grid. `None` for axes without directions.
+    pub fn direction(&self, entry: usize) -> Option<Direction> {
+        match self {
+            Self::Elevation(degrees) => Some(Direction::from_degrees(degrees[entry], 0.0)),
+            Self::Triangles(mesh) => Some(mesh.centroid(entry)),
+            Self::Grid(grid) => Some(grid.direction(entry)),
+            _ => None,
+        }
     }
 
     /// Returns a short description for people: `hemisphere:4 (1024 triangles)`, `380..750 nm (75)`, `12 elevations`.

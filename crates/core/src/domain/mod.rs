@@ -38,6 +38,8 @@ pub use errors::{ErrorAccumulator, ErrorReport};
 pub use lattice::Symmetry;
 pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
 pub use lobe::{CENTRES, Lobe, LobeCentre, LobeError, LobeParameters, LobeUnder};
+#[doc(hidden)]
+pub use lobe::{ROUGHNESS_OF_WIDTH, microfacets};
 pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]
 pub use quantity::named;

@@ -69,16 +69,9 @@ impl Geometry {
         let indices: Vec<usize> = axes[..layout.indices].iter().map(Axis::len).collect();
         let length = |axis: Option<usize>| axis.map_or(1, |axis| axes[axis].len());
         let shape = [length(layout.incoming), length(layout.outgoing), length(layout.spectral)];
-        let incoming_directions = match &incoming {
-            Incoming::None => vec![[0.0, 0.0, 1.0]],
-            Incoming::Triangles(lookup) => {
-                let mesh = lookup.mesh();
-                (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect()
-            }
-            Incoming::Elevations(values) => {
-                values.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect()
-            }
-            Incoming::Grid(grid) => (0..grid.len()).map(|entry| grid.direction(entry).xyz()).collect(),
+        let incoming_directions = match layout.incoming.map(|axis| &axes[axis]) {
+            None => vec![[0.0, 0.0, 1.0]],
+            Some(axis) => (0..axis.len()).filter_map(|entry| axis.direction(entry)).map(Direction::xyz).collect(),
         };
         let (quantity, unit, sampling) = (measurement.quantity, measurement.unit, measurement.sampling);
         let (axes, layout) = (axes.to_vec(), layout.clone());

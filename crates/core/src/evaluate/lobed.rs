@@ -6,7 +6,6 @@ use super::spectrum::between;
 use crate::compress::lobe_means;
 use crate::domain::{Direction, Lobe, LobeUnder, WavelengthGrid};
 use rayon::prelude::*;
-use std::f64::consts::FRAC_PI_2;
 use std::sync::OnceLock;
 
 /// Number of wavelengths processed at a time.
@@ -21,6 +20,8 @@ const MOST: f64 = 0.98;
 #[derive(Debug)]
 pub(super) struct Lobed {
     lobe: Lobe,
+    /// Mean of the colours over a spectrum, by which directions are drawn unless a wavelength is chosen.
+    mean_colour: f32,
     /// Directional albedo for a colour of 1, at incidences of azimuth 0.
     light: OnceLock<[f64; INCIDENCES]>,
 }
@@ -34,7 +35,13 @@ pub(super) struct LobePart {
 
 impl Lobed {
     pub(super) fn new(lobe: Lobe) -> Self {
-        Self { lobe, light: OnceLock::new() }
+        let weight = 1.0 / lobe.colours().len() as f32;
+        let mean_colour = lobe.colours().iter().map(|colour| colour * weight).sum();
+        Self { lobe, mean_colour, light: OnceLock::new() }
+    }
+
+    pub(super) fn mean_colour(&self) -> f32 {
+        self.mean_colour
     }
 
     /// Memory in bytes, without the size of the type.
@@ -128,7 +135,7 @@ impl Lobed {
             let mut table = [0.0; INCIDENCES];
             for (i, light) in table.iter_mut().enumerate().skip(1) {
                 let cos = i as f64 / (INCIDENCES - 1) as f64;
-                let wi = Direction::from_radians(FRAC_PI_2 - libm::asin(cos), 0.0);
+                let wi = Direction::from_radians(libm::acos(cos), 0.0);
                 *light = self.lobe.under(wi).map_or(0.0, |lobe| lobe.light());
             }
             // At the horizon the neighbouring value is used: the lobe is not evaluated there.

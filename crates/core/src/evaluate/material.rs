@@ -455,7 +455,8 @@ impl Material {
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
-        Ok(Sampler::new(&cells.function, cells.lobe.as_deref(), cells.mean_trees(lookup)))
+        let lobe = cells.lobe.as_deref().map(|lobe| (lobe, lobe.mean_colour()));
+        Ok(Sampler::new(&cells.function, lobe, cells.mean_trees(lookup)))
     }
 
     #[inline]
@@ -571,13 +572,16 @@ impl Cells {
 
     /// Samples of cells, including the means of the lobe.
     fn measurement(&self) -> Result<Measurement, EvaluateError> {
-        let mut measurement = self.function.measurement()?;
-        if self.lobe.is_some() {
-            let slices = self.function.geometry().shape()[0];
-            let samples = (0..slices).flat_map(|slice| self.slice(slice)).collect();
-            measurement.tensor = Tensor::new(measurement.tensor.axes().to_vec(), samples)?;
+        let measurement = self.function.measurement()?;
+        let Some(lobe) = &self.lobe else { return Ok(measurement) };
+        let geometry = self.function.geometry();
+        let [_, outgoing, lambdas] = geometry.shape();
+        let axes = measurement.tensor.axes().to_vec();
+        let mut samples = measurement.tensor.into_samples();
+        for (slice, samples) in samples.chunks_exact_mut(outgoing * lambdas).enumerate() {
+            lobe.add_means(geometry, slice, samples);
         }
-        Ok(measurement)
+        Ok(Measurement { tensor: Tensor::new(axes, samples)?, ..measurement })
     }
 
     #[inline]

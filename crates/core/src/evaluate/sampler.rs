@@ -52,8 +52,8 @@ pub(super) struct Sampler<'a> {
 
 impl<'a> Sampler<'a> {
     #[inline]
-    pub(super) fn new(function: &'a Function, lobe: Option<&'a Lobed>, trees: &'a Trees) -> Self {
-        Self { function, lobe: lobe.map(|lobe| (lobe, lobe.colour(trees.weights()))), trees }
+    pub(super) fn new(function: &'a Function, lobe: Option<(&'a Lobed, f32)>, trees: &'a Trees) -> Self {
+        Self { function, lobe, trees }
     }
 
     #[inline]

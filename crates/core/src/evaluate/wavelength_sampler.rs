@@ -14,7 +14,8 @@ use crate::domain::Direction;
 #[derive(Debug)]
 pub struct WavelengthSampler<'a> {
     function: &'a Function,
-    lobe: Option<&'a Lobed>,
+    /// Lobe beside the function, and its colour at the wavelength.
+    lobe: Option<(&'a Lobed, f32)>,
     stated: Option<&'a Stated>,
     trees: Trees,
 }
@@ -42,6 +43,7 @@ impl<'a> WavelengthSampler<'a> {
         if t > 0.0 {
             weights[below + 1] = t as f32;
         }
+        let lobe = lobe.map(|lobe| (lobe, lobe.colour(&weights)));
         Ok(Self { function, lobe, stated, trees: mean.by(function, lookup, &weights) })
     }
 

@@ -201,10 +201,6 @@ impl<'a> Candidate<'a> {
             klt: self.layer.basis() == SpectralBasis::Klt,
             predicted: self.layer.is_predicted(),
             gridded: self.layer.is_gridded(),
-            straight_lines: self.settings.straight_lines,
-            between: self.settings.between.stated(),
-            has_lobe: self.settings.lobe.is_some(),
-            lobe: self.settings.lobe.clone(),
             linear: self.plane.values.is_linear(),
             step: steps.first.step,
             light_step: self.light.as_ref().map_or(0.0, |(_, step)| *step),
@@ -214,7 +210,7 @@ impl<'a> Candidate<'a> {
             kept: self.layer.kept(steps.first),
             errors: self.plane.counts,
             // The length of the pyramid is known when the file is assembled.
-            ..Header::of(self.measurement, Policy::Rd)
+            ..Header::of(self.measurement, Policy::Rd).stating(self.settings)
         }
     }
 

@@ -263,6 +263,11 @@ pub(super) fn has_chart(shape: &Shape, kind: ChartKind) -> bool {
     incoming(shape, kind).is_some()
 }
 
+/// Directions of the entries of an axis; `None` if it has none.
+fn directions(axis: &Axis) -> Option<Vec<Vector>> {
+    (0..axis.len()).map(|entry| axis.direction(entry).map(Direction::xyz)).collect()
+}
+
 /// Incoming direction of every block; `None` if the shape does not fit the model.
 fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
     let zonal = kind == ChartKind::Zonal;
@@ -270,12 +275,9 @@ fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
         return None;
     }
     match shape.block_axes() {
-        [Axis::Triangles(mesh)] if zonal == (mesh.domain() == Domain::Sphere) => {
-            Some((0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect())
-        }
-        [Axis::Elevation(degrees)] if !zonal => {
-            Some(degrees.iter().map(|&theta| Direction::from_degrees(theta, 0.0).xyz()).collect())
-        }
+        [Axis::Triangles(mesh)] if zonal != (mesh.domain() == Domain::Sphere) => None,
+        [axis @ Axis::Triangles(_)] => directions(axis),
+        [axis @ Axis::Elevation(_)] if !zonal => directions(axis),
         _ => None,
     }
 }

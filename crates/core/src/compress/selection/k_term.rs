@@ -1,6 +1,6 @@
 //! K-term approximations of a spectrum: largest coefficients, largest coefficients refitted, and greedy selection.
 //!
-//! Where the relative error is meant, each sample is weighted by its inverse: er(L2)² = mean ((s' − s)/s)².
+//! For relative errors each sample is weighted by its inverse: er(L2)² = mean ((s' − s)/s)².
 
 use super::Dictionary;
 use crate::numeric::dense::{dot, scale};

@@ -4,6 +4,7 @@ mod around;
 mod centre;
 mod function;
 mod integrals;
+mod microfacets;
 mod parameters;
 mod profile;
 #[cfg(test)]
@@ -12,5 +13,7 @@ mod under;
 
 pub use centre::{CENTRES, LobeCentre};
 pub use function::Lobe;
+#[doc(hidden)]
+pub use microfacets::{ROUGHNESS_OF_WIDTH, microfacets};
 pub use parameters::{LobeError, LobeParameters};
 pub use under::LobeUnder;

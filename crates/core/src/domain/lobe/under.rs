@@ -2,15 +2,12 @@
 
 use super::around::Around;
 use super::centre::LobeCentre;
+use super::microfacets::{ROUGHNESS_OF_WIDTH, microfacets};
 use super::parameters::{LARGEST_LOG, LARGEST_VALUE, LobeParameters};
 use super::profile::Profile;
 use crate::domain::direction::Direction;
-use crate::domain::vector::{Vector, dot};
+use crate::domain::vector::{Vector, norm};
 use std::f64::consts::TAU;
-
-/// Ratio of the roughness α of a GGX surface to the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is
-/// 2 at tan = 0.6436 α.
-const ROUGHNESS_OF_WIDTH: f64 = 1.553_773_974_030_037_3;
 
 /// Lobe under one incoming direction, with all values precomputed that do not depend on the outgoing one.
 #[derive(Clone, Copy, Debug)]
@@ -80,11 +77,6 @@ impl LobeUnder {
         (least * foreshortened, a.min(b) / a.max(b) * foreshortened)
     }
 
-    /// Returns the value at the centre, in sr⁻¹.
-    pub fn peak(&self) -> f64 {
-        self.peak
-    }
-
     /// Returns the value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
     #[inline]
     pub fn shape(&self, wo: Direction) -> f64 {
@@ -97,7 +89,7 @@ impl LobeUnder {
         // Written so that what is no number is 0, too.
         if wo[2] >= 0.0 {
             let place = self.around.place(wo);
-            let value = self.peak * self.profile.at(self.distance(place)) * self.factor(place, wo[2]);
+            let value = self.peak * self.profile.at(squared(self.half_widths(place))) * self.factor(place, wo[2]);
             // Where both directions are at the horizon, the tail is 0 and the factor has no bound.
             if value.is_nan() { 0.0 } else { value.min(LARGEST_VALUE) }
         } else {
@@ -105,20 +97,16 @@ impl LobeUnder {
         }
     }
 
-    /// Returns the squared distance from the centre, in half-widths, at plane coordinates.
+    /// Converts plane coordinates to half-widths along both axes.
     #[inline]
-    fn distance(&self, place: [f64; 2]) -> f64 {
-        let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
-        a * a + b * b
+    fn half_widths(&self, place: [f64; 2]) -> [f64; 2] {
+        self.to_widths.map(|[x, y]| x * place[0] + y * place[1])
     }
 
     /// Returns the factor G of the lobe.
     #[inline]
-    fn factor(&self, [x, y]: [f64; 2], cos_o: f64) -> f64 {
-        let Some(a) = self.roughness else { return 1.0 };
-        let m = |c: f64| c + (a * a + (1.0 - a * a) * c * c).max(0.0).sqrt();
-        let squared = 1.0 + x * x + y * y;
-        m(self.cos_i) / m(cos_o) * squared * squared
+    fn factor(&self, place: [f64; 2], cos_o: f64) -> f64 {
+        self.roughness.map_or(1.0, |roughness| microfacets(roughness * roughness, [self.cos_i, cos_o], place))
     }
 
     /// Converts half-widths along both axes to plane coordinates.
@@ -128,13 +116,14 @@ impl LobeUnder {
         [cos * a - sin * b, sin * a + cos * b]
     }
 
-    /// Returns the squared distance to the horizon, in half-widths, in the direction given by cosine and sine.
+    /// Returns the share of the lobe that lies between the centre and the horizon, in the direction given by cosine and
+    /// sine.
     #[inline]
-    fn reach(&self, towards: [f64; 2]) -> f64 {
+    fn inside(&self, towards: [f64; 2]) -> f64 {
         let [x, y] = self.spread(towards);
-        let length = dot([x, y, 0.0], [x, y, 0.0]).sqrt();
+        let length = norm([x, y, 0.0]);
         let reach = self.around.horizon([x / length, y / length]) / length;
-        reach * reach
+        self.profile.enclosed(reach * reach)
     }
 
     /// Samples a direction above the horizon from a point of the unit square. The first coordinate is the share of the
@@ -142,7 +131,7 @@ impl LobeUnder {
     pub fn draw(&self, [share, turn]: [f64; 2]) -> Direction {
         let (sin, cos) = libm::sincos(TAU * turn);
         let towards = [cos, sin];
-        let inside = self.profile.enclosed(self.reach(towards));
+        let inside = self.inside(towards);
         let distance = self.profile.enclosing((share * inside).min(LARGEST_SHARE)).sqrt();
         let [x, y, z] = self.around.direction(self.spread(towards.map(|x| x * distance)));
         Direction::new(x, y, z.max(0.0)).unwrap_or_else(|| Direction::from_unit(self.around.centre()))
@@ -154,11 +143,10 @@ impl LobeUnder {
         let wo = wo.xyz();
         if wo[2] >= 0.0 {
             let place = self.around.place(wo);
-            let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
-            let distance = a * a + b * b;
-            let inside = self.profile.enclosed(self.reach(towards(a, b)));
+            let at = self.half_widths(place);
+            let inside = self.inside(towards(at));
             let area = self.profile.area() * self.widths[0] * self.widths[1] * self.around.solid_angle(place);
-            let density = self.profile.at(distance) / (area * inside);
+            let density = self.profile.at(squared(at)) / (area * inside);
             if density.is_finite() { density.max(0.0) } else { 0.0 }
         } else {
             0.0
@@ -168,10 +156,9 @@ impl LobeUnder {
     /// Returns the point of the unit square that [`LobeUnder::draw`] maps to a direction.
     pub fn point_of(&self, wo: Direction) -> [f64; 2] {
         let place = self.around.place(wo.xyz());
-        let [a, b] = self.to_widths.map(|[x, y]| x * place[0] + y * place[1]);
-        let inside = self.profile.enclosed(self.reach(towards(a, b)));
-        let turn = libm::atan2(b, a) / TAU;
-        let share = self.profile.enclosed(a * a + b * b) / inside;
+        let at = self.half_widths(place);
+        let turn = libm::atan2(at[1], at[0]) / TAU;
+        let share = self.profile.enclosed(squared(at)) / self.inside(towards(at));
         [share.clamp(0.0, 1.0), if turn < 0.0 { turn + 1.0 } else { turn }]
     }
 }
@@ -179,9 +166,15 @@ impl LobeUnder {
 /// Largest share of a lobe used for sampling; a Gaussian has only 1e-15 beyond it.
 const LARGEST_SHARE: f64 = 1.0 - 1e-15;
 
-/// Returns the unit vector in direction (a, b) of the plane; an arbitrary one for the origin.
+/// Returns the squared length of a vector of the plane.
 #[inline]
-fn towards(a: f64, b: f64) -> [f64; 2] {
-    let length = (a * a + b * b).sqrt();
+fn squared([a, b]: [f64; 2]) -> f64 {
+    a * a + b * b
+}
+
+/// Returns the unit vector along a vector of the plane; any at the origin.
+#[inline]
+fn towards([a, b]: [f64; 2]) -> [f64; 2] {
+    let length = norm([a, b, 0.0]);
     if length > 0.0 { [a / length, b / length] } else { [1.0, 0.0] }
 }
