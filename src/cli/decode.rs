@@ -25,7 +25,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N")]
     level: Option<u8>,
     /// Zero-based, row-major entry of the axes before the outgoing directions; writes a slice [outgoing, wavelength].
-    /// Of a --random-access material nothing else is decoded
+    /// A --random-access material has only this entry decoded
     #[arg(long, value_name = "I", conflicts_with = "level")]
     incoming: Option<usize>,
     #[command(flatten)]

@@ -1,5 +1,6 @@
 //! Angular resolution of the instrument as the file states it; narrower features cannot be resolved.
 
+use super::rounding::with_digits;
 use super::text::number;
 use serde::Serialize;
 
@@ -58,14 +59,9 @@ pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
         .filter(|(_, angle)| *angle > 0.0 && full_width <= *angle)
         .map(|(name, angle)| format!("{name} of {angle}°"))
         .collect();
-    let width = three_digits(full_width);
+    let width = with_digits(full_width, 3);
     (!limits.is_empty())
         .then(|| format!("the lobe of {width}° is no wider than {}: its true width is unknown", limits.join(" and ")))
-}
-
-/// Rounds a width to three significant digits, as many as samples support.
-fn three_digits(width: f64) -> f64 {
-    format!("{width:.2e}").parse().unwrap_or(width)
 }
 
 #[cfg(test)]

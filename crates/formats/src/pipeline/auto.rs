@@ -1,7 +1,7 @@
 //! Error bound of the target `auto`: the estimated noise, or the uncertainty stated in the file if that is larger.
 
 use super::uncertainty::relative;
-use crate::compress::{self, Policy, Target};
+use crate::compress::{self, Policy, Settings, Target};
 use crate::domain::{Measurement, named};
 use crate::formats::Acquisition;
 use serde::Serialize;
@@ -34,16 +34,15 @@ impl AutoReport {
     /// directions, if known. `floor` is a fraction of the largest sample. Returns `None` unless the target is `auto`
     /// and the policy `rd`.
     pub(super) fn of(
-        (target, policy, floor): (Target, Policy, Option<f64>),
+        settings: &Settings,
         acquisition: &Acquisition,
         measurement: &Measurement,
         scattered: Option<f64>,
     ) -> Option<Self> {
-        if target != Target::Auto || policy != Policy::Rd {
+        if settings.target != Target::Auto || settings.policy != Policy::Rd {
             return None;
         }
-        let largest = measurement.tensor.range().map_or(0.0, |(_, largest)| f64::from(largest.max(0.0)));
-        let floor = (floor.unwrap_or(0.0) * largest) as f32;
+        let floor = compress::absolute_floor(measurement, settings.floor);
         let noise = scattered.or_else(|| Some(compress::estimate_noise(measurement, floor)?.relative));
         Some(Self::larger(relative(acquisition), noise.filter(|noise| *noise > 0.0)))
     }

@@ -5,7 +5,7 @@ use super::uncertainty::Within;
 use crate::compress::Target;
 use crate::domain::{ErrorAccumulator, ErrorReport};
 use crate::evaluate::{Directions, Interpolation, Material, Pairs, Place};
-use crate::formats::Acquisition;
+use crate::formats::{Acquisition, with_digits};
 use crate::projection::{Projected, Rejected, ScatterReport, ScatteredSamples, scattered_samples};
 use serde::{Deserialize, Serialize};
 
@@ -90,7 +90,7 @@ impl FitReport {
 
     /// Returns the report rounded to four significant digits, as files store it.
     pub(super) fn stated(&self) -> Self {
-        let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
+        let rounded = |value: f64| with_digits(value, 4);
         let shares = |Rejected { values, samples, light }: Rejected| {
             let (samples, light) = (rounded(samples), rounded(light));
             Rejected { values, samples, light }

@@ -109,13 +109,10 @@ fn compressed(
     let acquisition = &source.acquisition;
     let scatter = scatter_of(&projected);
     let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
-    let auto = (request.target, request.policy, request.floor);
-    let auto = AutoReport::of(auto, acquisition, &measurement, scatter.noise);
-    let target = auto.map_or(request.target, |auto| auto.target());
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
-    let settings = Settings {
-        target,
+    let mut settings = Settings {
+        target: request.target,
         policy: request.policy,
         basis: request.basis.clone(),
         floor: request.floor,
@@ -133,6 +130,9 @@ fn compressed(
         },
         lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
     };
+    let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
+    settings.target = auto.map_or(settings.target, |auto| auto.target());
+    let target = settings.target;
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
     let mut compressed = light::compress(&measurement, stated, &settings, progress)?;
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {

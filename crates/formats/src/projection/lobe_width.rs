@@ -1,14 +1,13 @@
 //! Width of the narrowest lobe of a file, along theta in the plane of incidence, through the brightest sample.
 
 use super::planes::scattered_samples;
+use super::same_angle::{SAME, azimuth_steps, steps};
 use crate::domain::{Axis, Quantity};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered, not_wider};
 use std::collections::BTreeMap;
 
 /// Largest angle in degrees between a direction and the plane of incidence at which it counts as in the plane.
 const IN_PLANE: f64 = 0.6;
-/// Largest angle in degrees between incoming directions that count as equal.
-const SAME: f64 = 0.05;
 /// Upper bound on the samples of a file in which a lobe is searched; larger files are skipped.
 const MOST: usize = 1 << 24;
 
@@ -20,7 +19,7 @@ type Sample = (f64, f32);
 /// its peak.
 ///
 /// A lobe narrower than the sample spacing appears as wide as the spacing.
-pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
+fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
     if !acquisition.quantity.has_cosine() {
         return None;
     }
@@ -34,7 +33,7 @@ pub fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
 
 /// Returns a remark if the narrowest lobe of a file is no wider than an angle of the instrument. Returns `None` if it
 /// is wider, if there is no lobe, or if the file states no such angle.
-pub fn unresolved_lobe(acquisition: &Acquisition) -> Option<String> {
+pub(crate) fn unresolved_lobe(acquisition: &Acquisition) -> Option<String> {
     let instrument = &acquisition.instrument;
     let width = if instrument.is_unknown() { None } else { narrowest_lobe(acquisition) };
     not_wider(instrument, width?)
@@ -100,7 +99,6 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Vec<Vec<Sample>> {
     if !is_paired || count > MOST || scattered.values.len() != count * width {
         return Vec::new();
     }
-    let steps = |degrees: f64| (degrees / SAME).round() as i64;
     let mut profiles: BTreeMap<[i64; 2], Vec<Sample>> = BTreeMap::new();
     for (row, (&[theta_i, phi_i], &[theta, phi])) in scattered.incoming.iter().zip(&scattered.outgoing).enumerate() {
         // At normal incidence every plane is a plane of incidence: that of azimuth 0 is used.
@@ -110,7 +108,7 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Vec<Vec<Sample>> {
             continue;
         }
         let sign = if (90.0..=270.0).contains(&off) { 1.0 } else { -1.0 };
-        let azimuth = if scattered.isotropic || theta_i < SAME { 0 } else { steps(phi_i.rem_euclid(360.0)) };
+        let azimuth = if scattered.isotropic { 0 } else { azimuth_steps(theta_i, phi_i) };
         let value = scattered.values[row * width + width / 2];
         profiles.entry([steps(theta_i), azimuth]).or_default().push((sign * theta, value));
     }

@@ -15,6 +15,7 @@ mod projected;
 mod reciprocal;
 mod request;
 mod resampling;
+mod same_angle;
 mod samples;
 mod scattered;
 mod spectral;
@@ -25,7 +26,7 @@ mod tests;
 pub use error::{
     Angle, AnglesError, DomainError, LevelError, ProjectionError, ReciprocalError, Role, ScatteredError, SpectralError,
 };
-pub use lobe_width::{narrowest_lobe, unresolved_lobe};
+pub(crate) use lobe_width::unresolved_lobe;
 pub(crate) use planes::scattered_samples;
 pub use plausible::{Band, LargestAlbedo, Negatives, Plausibility, Reciprocity, plausibility};
 pub use projected::{Coverage, Numbers, Projected};

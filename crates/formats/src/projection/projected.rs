@@ -1,7 +1,8 @@
 //! A projected measurement, and the coverage of its cells.
 
+use super::scattered::at_samples::ScatteredSamples;
+use super::scattered::lobe::carried::CarriedLobe;
 use super::scattered::report::ScatterReport;
-use super::scattered::{CarriedLobe, ScatteredSamples};
 use crate::domain::{Measurement, Tensor};
 use crate::formats::Contradictions;
 use serde::Serialize;

@@ -5,6 +5,7 @@ use super::table::Table;
 use crate::domain::vector::Vector;
 use crate::domain::{Axis, Domain, Quantity, Unit};
 use crate::formats::{Acquisition, Samples, Scattered};
+use crate::projection::same_angle::{azimuth_steps, steps};
 use crate::projection::scattered::{areas, directions};
 use std::borrow::Cow;
 
@@ -16,8 +17,6 @@ const MOST_VALUES: usize = 1 << 25;
 const MOST_SCATTERED: usize = 1 << 16;
 /// Lower bound on the scattered samples of an incoming direction whose albedo is summed. Raising it skips sparse ones.
 const FEWEST: usize = 24;
-/// Largest angle in degrees between incoming directions of scattered samples that count as equal.
-const SAME: f64 = 0.05;
 /// Largest excess of an albedo over 1 without a remark: sums over areas are this inaccurate. Raising it gives fewer
 /// remarks.
 const TOLERANCE: f64 = 0.02;
@@ -189,11 +188,9 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbe
 /// Returns the rows under each incoming direction, in increasing order of angles. Skips rows that are not `is_within`,
 /// and directions with too few rows.
 fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-    let steps = |degrees: f64| (degrees / SAME).round() as i64;
     let key = |row: usize| {
         let [theta, phi] = scattered.incoming[row];
-        let turns = !scattered.isotropic && theta >= SAME;
-        [steps(theta), if turns { steps(phi.rem_euclid(360.0)) % steps(360.0) } else { 0 }]
+        [steps(theta), if scattered.isotropic { 0 } else { azimuth_steps(theta, phi) }]
     };
     let rows = 0..scattered.incoming.len();
     let mut keyed: Vec<([i64; 2], usize)> = rows.filter(|row| is_within(*row)).map(|row| (key(row), row)).collect();

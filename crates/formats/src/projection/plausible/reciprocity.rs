@@ -5,6 +5,7 @@ use super::table::Table;
 use crate::domain::{Axis, Quantity};
 use crate::formats::{Acquisition, Scattered};
 use crate::projection::planes::scattered_samples;
+use crate::projection::same_angle::{azimuth_steps, steps};
 use std::collections::HashMap;
 
 /// Upper bound on the compared pairs of directions; of more, some are skipped, always the same ones.
@@ -17,8 +18,6 @@ const MOST_BANDS: usize = 4;
 const ENOUGH: usize = 32;
 /// Lower bound on the number of values for a median.
 const FEWEST: usize = 8;
-/// Largest angle in degrees between scattered directions that count as equal.
-const SAME: f64 = 0.05;
 
 /// Deviation of a BRDF from reciprocity, measured on the values of its file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -141,14 +140,12 @@ fn of_scattered(scattered: &Scattered) -> Option<Reciprocity> {
     if !is_paired || count > MOST_SCATTERED || scattered.values.len() != count * width {
         return None;
     }
-    let steps = |degrees: f64| (degrees / SAME).round() as i32;
-    let azimuth = |theta: f64, phi: f64| if theta < SAME { 0 } else { steps(phi.rem_euclid(360.0)) % steps(360.0) };
     let key = |[theta_i, phi_i]: [f64; 2], [theta_o, phi_o]: [f64; 2]| {
         if scattered.isotropic {
             // At either pole the azimuth between the directions is meaningless.
-            return [steps(theta_i), 0, steps(theta_o), azimuth(theta_i.min(theta_o), phi_o - phi_i)];
+            return [steps(theta_i), 0, steps(theta_o), azimuth_steps(theta_i.min(theta_o), phi_o - phi_i)];
         }
-        [steps(theta_i), azimuth(theta_i, phi_i), steps(theta_o), azimuth(theta_o, phi_o)]
+        [steps(theta_i), azimuth_steps(theta_i, phi_i), steps(theta_o), azimuth_steps(theta_o, phi_o)]
     };
     let at = |row: usize| (scattered.incoming[row], scattered.outgoing[row]);
     let mut rows = HashMap::with_capacity(count);

@@ -20,7 +20,7 @@
 
 mod areas;
 mod around;
-mod at_samples;
+pub(super) mod at_samples;
 mod cells;
 mod check;
 mod cloud;
@@ -29,9 +29,7 @@ mod fill;
 mod fit;
 mod gathering;
 mod incidences;
-mod lobe;
-#[cfg(test)]
-mod lobe_tests;
+pub(super) mod lobe;
 mod nearby;
 mod noise;
 mod plan;
@@ -42,6 +40,8 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod together;
+#[cfg(test)]
+mod together_tests;
 mod tree;
 mod trials;
 mod withheld;

@@ -35,7 +35,7 @@ const CLASS: usize = 200;
 /// Least number of values for a noise estimate.
 const FEWEST: usize = 48;
 /// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
-const OF_MEDIAN: f64 = 1.4826;
+pub(super) const OF_MEDIAN: f64 = 1.4826;
 /// Relative noise below this is the rounding of float32, and counts as 0.
 const ROUNDING: f64 = 2e-7;
 /// Standard deviations, of the class and of the neighbours, beyond which a sample deviates. Raising it rejects fewer.

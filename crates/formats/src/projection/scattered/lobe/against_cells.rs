@@ -4,7 +4,7 @@
 use super::beside::{points, predicted as made};
 use super::choose::Found;
 use super::scan::Scan;
-use super::solve::predicted;
+use super::solve::{predicted, robust};
 use crate::projection::scattered::rows::Rows;
 
 /// Approximate number of predicted samples.
@@ -39,10 +39,7 @@ pub(super) fn is_better(scan: &Scan<'_>, found: &Found, left: &Rows<'_>) -> bool
     for ((at, cells), beside) in order.into_iter().zip(cells).zip(beside) {
         let (row, lobe, noise) = judges[at];
         let (Some([cells, _]), Some([beside, _])) = (cells, beside) else { continue };
-        let cost = |found: f64| {
-            let off = (scan.logs[row as usize] - libm::log(found.max(f64::MIN_POSITIVE))) / noise;
-            2.0 * ((1.0 + off * off).sqrt() - 1.0)
-        };
+        let cost = |found: f64| robust((scan.logs[row as usize] - libm::log(found.max(f64::MIN_POSITIVE))) / noise).0;
         let both = [cost(cells), cost(beside + lobe)];
         if both.iter().all(|cost| cost.is_finite()) {
             costs = [costs[0] + both[0], costs[1] + both[1]];

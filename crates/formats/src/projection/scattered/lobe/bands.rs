@@ -2,7 +2,7 @@
 
 use super::choose::Found;
 use super::scan::Scan;
-use super::solve::predicted;
+use super::solve::{predicted, robust};
 
 /// Number of rounds of reweighting, in which outliers lose weight.
 const ROUNDS: usize = 12;
@@ -108,8 +108,7 @@ fn sums(scan: &Scan<'_>, group: &[(u32, f64, f64)], band: usize, (colour, factor
         }
         let expected = base * colour + lobe * factor;
         let scale = noise * expected.max(LEAST * (base + lobe)).max(f64::MIN_POSITIVE);
-        let residual = (value - expected) / scale;
-        let weight = 1.0 / (scale * scale * (1.0 + residual * residual).sqrt());
+        let weight = 1.0 / (scale * scale * robust((value - expected) / scale).1);
         sums.base_base += weight * base * base;
         sums.base_lobe += weight * base * lobe;
         sums.lobe_lobe += weight * lobe * lobe;

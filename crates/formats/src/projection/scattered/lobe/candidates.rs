@@ -11,6 +11,7 @@ use super::solve::{Problem, predicted};
 use crate::domain::LobeCentre;
 use crate::domain::vector::norm;
 use crate::projection::scattered::incidences::Incidence;
+use crate::projection::scattered::noise::OF_MEDIAN;
 
 /// Radius about the centre of the samples that must lie high, in sample spacings.
 const INNER: f64 = 2.0;
@@ -25,8 +26,6 @@ const LEAST: f64 = 0.05;
 const FEWEST: usize = 2;
 /// Least relative noise: below that of any instrument, and below the unevenness of a base.
 const LEAST_NOISE: f64 = 1e-3;
-/// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
-const OF_MEDIAN: f64 = 1.4826;
 /// Rounds of the fit of the base, and relative noise assumed in the first fit.
 const ROUNDS: usize = 10;
 const FIRST_NOISE: f64 = 0.02;

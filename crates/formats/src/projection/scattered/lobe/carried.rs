@@ -1,6 +1,7 @@
 //! Narrow lobe that a projection carries beside its cells, with its notes and warnings.
 
 use crate::domain::{Lobe, LobeCentre};
+use crate::formats::with_digits;
 use serde::Serialize;
 
 /// Least number of samples within half maximum of a resolved lobe.
@@ -57,13 +58,8 @@ impl CarriedLobe {
             "a lobe narrower than the scan resolves: fewer than three samples of all incidences lie within half its \
              maximum; its albedo, the mean over incidences and bands, lies between {} and {}; measure more densely about \
              the {about}",
-            three_digits(low),
-            three_digits(high)
+            with_digits(low, 3),
+            with_digits(high, 3)
         ))
     }
-}
-
-/// Returns a number with three significant digits, as many as samples can show.
-fn three_digits(number: f64) -> f64 {
-    format!("{number:.2e}").parse().unwrap_or(number)
 }

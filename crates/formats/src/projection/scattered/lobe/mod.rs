@@ -14,7 +14,7 @@ mod bands;
 mod beside;
 mod bound;
 mod candidates;
-mod carried;
+pub(in crate::projection) mod carried;
 mod choose;
 #[cfg(test)]
 mod drawn;

@@ -173,7 +173,7 @@ pub(super) fn kept(projected: &Projected, elevations: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-#[ignore = "figures"]
+#[ignore = "prints the figures of docs/accuracy.md and takes minutes; nothing is asserted"]
 fn random_figures() {
     let number = |name: &str, usual: u64| std::env::var(name).ok().and_then(|n| n.parse().ok()).unwrap_or(usual);
     let (from, to) = (number("FROM", 0), number("TO", 20));
@@ -231,7 +231,7 @@ fn random_figures() {
 
 /// Prints errors of the light without the base, relative to that of the lobe, for lobes of many widths.
 #[test]
-#[ignore = "figures"]
+#[ignore = "prints the figures of docs/accuracy.md and takes minutes; nothing is asserted"]
 fn width_figures() {
     let elevations = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
     let base = BASE * std::f64::consts::PI;
@@ -265,7 +265,7 @@ fn width_figures() {
 
 /// Prints results for single scans unlike the random ones.
 #[test]
-#[ignore = "figures"]
+#[ignore = "prints the figures of docs/accuracy.md and takes minutes; nothing is asserted"]
 fn odd_figures() {
     let spread = |wi: Direction, wo: Direction| {
         let [x, y, z] = wi.xyz();

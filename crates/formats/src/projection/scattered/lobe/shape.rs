@@ -1,7 +1,7 @@
 //! Fitted numbers of a lobe, and its logarithm and derivatives at a sample.
 
 use super::near::Sample;
-use crate::domain::{LobeCentre, LobeParameters};
+use crate::domain::{LobeCentre, LobeParameters, ROUGHNESS_OF_WIDTH, microfacets};
 use std::f64::consts::LN_2;
 
 /// Number of fitted numbers of a lobe.
@@ -13,8 +13,6 @@ pub(super) const STRETCH: usize = 5;
 pub(super) const ANGLE: usize = 6;
 /// Least tail in a fit. Below twice this value a lobe is stored as a Gaussian.
 pub(super) const LEAST_TAIL: f64 = 1e-3;
-/// Ratio of the roughness of a GGX surface to the half-width of its lobe.
-const ROUGHNESS_OF_WIDTH: f64 = 1.553_773_974_030_037_3;
 
 /// Fitted numbers of a lobe, in this order. First come p₀, p₁ and p₂ of the logarithm of its peak, in t minus its
 /// mean. The logarithm of the (geometric mean) half-width and the tail follow. Last are the logarithm of the first
@@ -124,11 +122,6 @@ impl Prepared {
     /// Returns the logarithm of the masking term G.
     #[inline]
     fn masking(&self, sample: &Sample) -> f64 {
-        let Some(square) = self.square else { return 0.0 };
-        let [cos_i, cos_o] = sample.cosines;
-        let m = |c: f64| c + (square + (1.0 - square) * c * c).max(0.0).sqrt();
-        let [x, y] = sample.place;
-        let steep = 1.0 + x * x + y * y;
-        libm::log(m(cos_i) / m(cos_o) * steep * steep)
+        self.square.map_or(0.0, |square| libm::log(microfacets(square, sample.cosines, sample.place)))
     }
 }

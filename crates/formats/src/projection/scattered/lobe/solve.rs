@@ -171,8 +171,8 @@ impl Problem<'_> {
             let at = predicted(sample, base, shape);
             let certainty = 1.0 / self.noise.max(sample.stated);
             let residual = (sample.log - at.log) * certainty;
-            let root = (1.0 + residual * residual).sqrt();
-            block.cost += 2.0 * (root - 1.0);
+            let (cost, root) = robust(residual);
+            block.cost += cost;
             let weight = certainty * certainty / root;
             let residual = sample.log - at.log;
             let by_base = sample.terms.map(|term| (1.0 - at.share) * term);
@@ -295,8 +295,7 @@ impl Problem<'_> {
         for (group, base) in self.near.groups.iter().zip(&fit.bases) {
             for sample in group.iter().filter(|sample| sample.fold == fold) {
                 let at = predicted(sample, base, prepared.as_ref());
-                let residual = (sample.log - at.log) / self.noise.max(sample.stated);
-                cost += 2.0 * ((1.0 + residual * residual).sqrt() - 1.0);
+                cost += robust((sample.log - at.log) / self.noise.max(sample.stated)).0;
             }
         }
         cost
@@ -330,6 +329,14 @@ pub(super) fn predicted(sample: &Sample, base: &[f64; TERMS], shape: Option<&Pre
         (base + libm::log1p(ratio), ratio / (1.0 + ratio))
     };
     Predicted { log, base, share, slopes: lobe.slopes }
+}
+
+/// Returns the soft L1 cost of a residual in standard deviations, 2·(√(1 + r²) − 1), and the root in it, whose inverse
+/// is the weight of the residual.
+#[inline]
+pub(super) fn robust(residual: f64) -> (f64, f64) {
+    let root = (1.0 + residual * residual).sqrt();
+    (2.0 * (root - 1.0), root)
 }
 
 fn inner<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
