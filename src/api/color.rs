@@ -3,10 +3,11 @@
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{compute, direction, indices, open, read};
-use super::schemas::{DigestText, DirectionText, IlluminantText, IndexText, ObserverText, Text};
+use super::schemas::{DirectionText, IlluminantText, IndexText, ObserverText};
 use super::state::App;
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
 use crate::evaluate::Material;
+use crate::jobs::Text;
 use crate::preview::{self, Question, Viewing};
 use crate::store::Digest;
 use axum::extract::State;
@@ -108,7 +109,7 @@ struct Color {
 /// Compute the colour of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/color", tag = "evaluation",
-    params(("id" = DigestText, Path, description = "The material"), ColorQuery),
+    params(("id" = Digest, Path, description = "The material"), ColorQuery),
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
 async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {

@@ -1,5 +1,6 @@
 //! Description of the interface: the parts that utoipa derives from the handlers, and the problems of each operation.
 
+use super::flattened::{flatten, prune};
 use super::problem::{Kind, ProblemBody};
 use super::schemas;
 use std::collections::BTreeMap;
@@ -72,7 +73,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("get_measurement", &[ONE, CATALOG]),
     ("delete_measurement", &[WRITES, ONE, CATALOG, &[Kind::InUse]]),
     ("get_measurement_content", &[ONE, CATALOG, BYTES]),
-    ("post_job", &[WRITES, CATALOG, JSON, &[Kind::KeyReused, Kind::TooManyJobs]]),
+    ("post_job", &[WRITES, CATALOG, JSON, &[Kind::BadSetting, Kind::KeyReused, Kind::TooManyJobs]]),
     ("get_job", &[ONE, CATALOG]),
     ("get_job_events", &[ONE, CATALOG]),
     ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
@@ -121,6 +122,8 @@ pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     let components = openapi.components.get_or_insert_default();
     components.schemas.insert(ProblemBody::name().into_owned(), ProblemBody::schema());
     components.schemas.extend(schemas::all());
+    flatten(components);
+    prune(&mut openapi);
     openapi
 }
 

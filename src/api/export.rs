@@ -6,10 +6,10 @@ use super::materials::known;
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
-use super::schemas::{Binary, DigestText, ExportName, IndexText};
+use super::schemas::{Binary, ExportName, IndexText};
 use super::state::App;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
-use crate::formats::manifest_of;
+use crate::formats::{ArrayManifest, manifest_of};
 use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
@@ -64,13 +64,13 @@ struct ExportQuery {
 /// Export a material in another format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
-    params(("id" = DigestText, Path, description = "The material"), ExportQuery),
+    params(("id" = Digest, Path, description = "The material"), ExportQuery),
     responses(
         (
             status = 200, description = "The file",
             content(
                 (Binary = "application/octet-stream"), (String = "text/plain"), (String = "text/csv"),
-                (serde_json::Value = "application/json"),
+                (ArrayManifest = "application/json"),
             ),
             headers(("Wavelume-Export-Error" = String, description =
                 "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \

@@ -1,7 +1,7 @@
 //! A job as the HTTP interface shows it: its JSON, its lookup, and the wait for its next change.
 
 use super::problem::{Kind, Problem, ProblemBody};
-use super::schemas::{DigestText, JobIdText};
+use super::schemas::JobIdText;
 use super::state::App;
 use crate::catalog::{JobRow, JobState};
 use crate::jobs::JobProblem;
@@ -42,13 +42,10 @@ pub(super) struct Job {
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
     /// Id of the measurement that the job reads; null for a report.
-    #[schema(value_type = Option<DigestText>)]
     measurement: Option<Digest>,
     /// Id of the material that the job made.
-    #[schema(value_type = Option<DigestText>)]
     material: Option<Digest>,
     /// Digest of the report that the job made: an array of tables, as `wavelume paper --json` prints it.
-    #[schema(value_type = Option<DigestText>)]
     report: Option<Digest>,
     /// Reason for which the job failed or died.
     problem: Option<ProblemBody>,

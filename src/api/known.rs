@@ -3,6 +3,7 @@
 use super::extract::Name;
 use super::problem::{Kind, Problem};
 use super::state::App;
+use crate::formats::ArrayManifest;
 use crate::transform::BasisInfo;
 use axum::Json;
 use axum::http::header::CONTENT_TYPE;
@@ -51,7 +52,7 @@ async fn list_formats() -> Json<Vec<Format>> {
     get, path = "/v1/formats/{name}/template", tag = "known",
     params(("name" = String, Path, description = "The template or its format")),
     responses((status = 200, description = "The file", content(
-        (String = "text/csv"), (serde_json::Value = "application/json"), (String = "text/x-python"), (String = "text/plain")
+        (String = "text/csv"), (ArrayManifest = "application/json"), (String = "text/x-python"), (String = "text/plain")
     )))
 )]
 async fn get_template(Name(name): Name) -> Result<Response, Problem> {
@@ -65,7 +66,7 @@ async fn get_template(Name(name): Name) -> Result<Response, Problem> {
 /// List the wavelet bases.
 #[utoipa::path(
     get, path = "/v1/bases", tag = "known",
-    responses((status = 200, description = "The bases", body = Vec<serde_json::Value>))
+    responses((status = 200, description = "The bases", body = Vec<BasisInfo>))
 )]
 async fn list_bases() -> Json<Vec<BasisInfo>> {
     Json(crate::transform::bases())

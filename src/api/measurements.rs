@@ -3,22 +3,19 @@
 use super::content;
 use super::extract::{Id, Query, linger, word};
 use super::problem::{Kind, Problem};
-use super::schemas::{
-    Binary, CursorText, DigestText, NormalizationName, QuantityName, StatedQuantityName, Text, UnitName, Word,
-};
+use super::schemas::{Binary, CursorText, Word};
 use super::state::App;
 use super::upload;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::{Quantity, Unit};
 use crate::formats::{Normalization, StatedQuantity};
-use crate::jobs::{Ingested, Options, Upload, check_text};
+use crate::jobs::{Ingested, Options, Text, Understood, Upload, check_text};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::{FromRequestParts, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -43,13 +40,10 @@ struct PostQuery {
     #[param(value_type = Option<Text>)]
     name: Option<String>,
     /// Id of an uploaded spectrum to join with a luminaire.
-    #[param(value_type = Option<DigestText>)]
     spectrum: Option<Digest>,
     /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
-    #[param(value_type = Option<StatedQuantityName>)]
     quantity: Option<StatedQuantity>,
     /// Unit of a value.
-    #[param(value_type = Option<UnitName>)]
     unit: Option<Unit>,
     /// Unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
     #[param(value_type = Option<Text>)]
@@ -58,7 +52,6 @@ struct PostQuery {
     #[param(value_type = Option<Text>)]
     column: Option<String>,
     /// Integral of the values of a phase table over the sphere: `1`, `4pi`, `vsf` or `relative`.
-    #[param(value_type = Option<NormalizationName>)]
     normalization: Option<Normalization>,
 }
 
@@ -74,7 +67,6 @@ struct ListQuery {
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
     /// Only measurements of this quantity.
-    #[param(value_type = Option<QuantityName>)]
     quantity: Option<Quantity>,
     /// Only measurements of this format.
     #[serde(default, deserialize_with = "word")]
@@ -90,10 +82,8 @@ struct ListQuery {
 #[derive(Debug, Serialize, ToSchema)]
 struct Measurement {
     /// Digest of the bytes; with options, digest of both.
-    #[schema(value_type = DigestText)]
     id: Digest,
     /// Digest of the bytes.
-    #[schema(value_type = DigestText)]
     content_digest: Digest,
     name: Option<String>,
     file_name: Option<String>,
@@ -104,51 +94,6 @@ struct Measurement {
     /// Time of creation, ms of the Unix epoch.
     created_ms: i64,
     links: Links,
-}
-
-/// Description of an uploaded file, as it was parsed.
-#[derive(Debug, Serialize, Deserialize, ToSchema)]
-struct Understood {
-    /// Name of the format.
-    format: String,
-    /// Revision and flavour of the format.
-    dialect: Option<String>,
-    /// Quantity, once it is known.
-    quantity: Option<String>,
-    /// Unit of a value, once it is known.
-    unit: Option<String>,
-    /// Axes, outermost first. Each has `kind`, `count` and kind-specific fields.
-    #[schema(value_type = Vec<Object>)]
-    axes: Vec<Value>,
-    /// Number of values in the file.
-    samples: Option<u64>,
-    /// Smallest and largest value.
-    range: Option<[f64; 2]>,
-    /// Extent of the values, and the meaning of directions outside it.
-    #[schema(value_type = Option<Object>)]
-    coverage: Option<Value>,
-    /// Full angles of the instrument in degrees, if the file states them: `detector_aperture` and `source_divergence`.
-    #[serde(default = "nothing_stated")]
-    #[schema(value_type = Object)]
-    instrument: Value,
-    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
-    /// reciprocity, negative values, a lobe no wider than the instrument resolves). Each has `kind` (`assumed`,
-    /// `filled`, `skipped`, `warning` or `checked`) and `message`.
-    #[schema(value_type = Vec<Object>)]
-    warnings: Vec<Value>,
-    /// Header fields of the file: `name` and `value`.
-    #[schema(value_type = Vec<Object>)]
-    fields: Vec<Value>,
-    /// Options still needed, here or in the job, before the file can be compressed; empty if none.
-    needs: Vec<String>,
-    /// Reading options that the client stated.
-    #[schema(value_type = Object)]
-    options: Value,
-}
-
-/// Default of `instrument` for documents of an earlier version.
-fn nothing_stated() -> Value {
-    Value::Object(serde_json::Map::new())
 }
 
 /// URLs related to a measurement.
@@ -290,7 +235,7 @@ async fn list_measurements(
 
 /// Get the description of a measurement.
 #[utoipa::path(
-    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
+    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 200, description = "The measurement", body = Measurement))
 )]
 async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
@@ -299,7 +244,7 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
 
 /// Delete a measurement. The next sweep removes its bytes.
 #[utoipa::path(
-    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = DigestText, Path, description = "Its id")),
+    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
 )]
 async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
@@ -309,7 +254,7 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
 /// Get the uploaded bytes, without their content coding.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}/content", tag = "measurements",
-    params(("id" = DigestText, Path, description = "Its id")),
+    params(("id" = Digest, Path, description = "Its id")),
     responses(
         (status = 200, description = "The bytes", body = Binary, content_type = "application/octet-stream"),
         (status = 206, description = "A range of them", body = Binary, content_type = "application/octet-stream"),

@@ -12,6 +12,7 @@ mod descriptors;
 mod events;
 mod export;
 mod extract;
+mod flattened;
 mod job;
 mod jobs;
 mod known;

@@ -5,8 +5,9 @@ use super::content::not_modified;
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
-use super::schemas::{Binary, DigestText, IlluminantText, IndexText, ObserverText, Text};
+use super::schemas::{Binary, IlluminantText, IndexText, ObserverText};
 use super::state::App;
+use crate::jobs::Text;
 use crate::preview::{DEFAULT_SIZE, SIZES, picture};
 use crate::store::Digest;
 use axum::extract::State;
@@ -50,7 +51,7 @@ struct PreviewQuery {
 /// spectra.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/preview.png", tag = "materials",
-    params(("id" = DigestText, Path, description = "The material"), PreviewQuery),
+    params(("id" = Digest, Path, description = "The material"), PreviewQuery),
     responses(
         (status = 200, description = "The picture", content_type = "image/png", body = Binary),
         (status = 304, description = "The picture of If-None-Match is this one"),

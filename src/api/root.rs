@@ -2,6 +2,7 @@
 
 use super::places::Places;
 use super::problem::{Kind, Problem};
+use super::schemas::Described;
 use super::state::App;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -96,7 +97,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
 /// Get the description of this interface.
 #[utoipa::path(
     get, path = "/openapi.json", tag = "root",
-    responses((status = 200, description = "OpenAPI 3.1", body = serde_json::Value))
+    responses((status = 200, description = "OpenAPI 3.1", body = Described))
 )]
 async fn openapi_json(State(app): State<App>) -> Response {
     let json = HeaderValue::from_static("application/json");

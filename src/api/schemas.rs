@@ -1,21 +1,13 @@
 //! Schemas of words and numbers whose own types know nothing of OpenAPI: enumerations, patterns and limits.
 
 use super::extract::LONGEST_WORD;
-use crate::compress::Policy;
 use crate::domain::colour::{Illuminant, StandardObserver};
-use crate::domain::{Quantity, Unit};
 use crate::export::ExportFormat;
-use crate::formats::StatedQuantity;
-use crate::jobs::MAX_TEXT;
-use crate::pipeline::Curve;
-use crate::projection::DirectionDomain;
 use std::borrow::Cow;
-use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, OneOfBuilder, Schema, Type};
+use utoipa::openapi::schema::{ArrayBuilder, ObjectBuilder, OneOfBuilder, Schema, Type};
 use utoipa::openapi::{KnownFormat, Ref, RefOr, SchemaFormat};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Text without control characters.
-const TEXT: &str = r"^[^\x00-\x1f\x7f-\x9f]*$";
 /// The text of a digest.
 const DIGEST: &str = "b3-[0-9a-f]{64}";
 /// A decimal number without a sign.
@@ -52,38 +44,14 @@ macro_rules! described {
 }
 
 described! {
-    /// The id of a measurement, a material or any bytes.
-    DigestText = "Digest", text("`b3-` and the 64 lower-case hexadecimal digits of a BLAKE3 hash.")
-        .pattern(Some(format!("^{DIGEST}$")));
     /// The id of a job.
     JobIdText = "JobId", text("A UUID.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
     /// `next` of a page.
     CursorText = "Cursor", text("`next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
-    /// A name, a file name, a licence, a tag.
-    Text = "Text", text("A text of the user without control characters.")
-        .min_length(Some(1)).max_length(Some(MAX_TEXT)).pattern(Some(TEXT));
     /// A word by which a list is filtered.
     Word = "Word", text("A text to compare with; U+0000 is refused.")
         .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));
-    /// The name of a quantity.
-    QuantityName = "Quantity", one_of("A radiometric quantity.", Quantity::ALL.iter().map(|known| known.name()));
-    /// The name of a quantity as a request states it.
-    StatedQuantityName = "StatedQuantity", one_of(
-        "A radiometric quantity, or `reflectance-factor` (BRF, HCRF), which is divided by π: a BRDF.",
-        StatedQuantity::ALL.iter().map(|known| known.name()),
-    );
-    /// The name of a unit.
-    UnitName = "Unit", one_of("The unit of a value.", Unit::ALL.iter().map(|known| known.name()));
-    /// The integral of a phase table.
-    NormalizationName = "Normalization",
-        one_of("The integral of a phase table over the sphere.", ["1", "4pi", "vsf", "relative"]);
-    /// The name of a domain of directions.
-    DomainName = "DirectionDomain", one_of("What directions lie on.", DirectionDomain::ALL.iter().map(|known| known.name()));
-    /// The name of a function between stated directions.
-    InterpolationName = "Curve", one_of("The function between stated directions.", Curve::ALL.iter().map(|known| known.name()));
-    /// The name of a policy.
-    PolicyName = "Policy", one_of("How coefficients are chosen and coded.", Policy::ALL.iter().map(|known| known.name()));
     /// The format of an export, or `manifest`.
     ExportName = "ExportFormat", one_of(
         "A format that is written, or `manifest`.",
@@ -113,7 +81,7 @@ described! {
             Schema::from(number().minimum(Some(0.0)).maximum(Some(180.0))),
             Schema::from(number()),
         ])
-        .items(ArrayItems::False)
+        .items(number())
         .min_items(Some(2))
         .max_items(Some(2));
     /// θ and φ, once or several times.
@@ -133,6 +101,11 @@ described! {
         .property("data", text("JSON."))
         .required("event")
         .required("data");
+    /// The description of the interface.
+    Described = "OpenApi", ObjectBuilder::new()
+        .description(Some("A description in the form of OpenAPI 3.1."))
+        .property("openapi", text("The version of the form."))
+        .required("openapi");
     /// Lines of JSON.
     Lines = "Lines", text("JSON objects, one a line.");
 }
@@ -152,19 +125,4 @@ fn one_of(description: &str, names: impl IntoIterator<Item = &'static str>) -> O
 fn named(description: &str, names: impl IntoIterator<Item = &'static str>) -> ObjectBuilder {
     let names: Vec<&str> = names.into_iter().collect();
     text(description).pattern(Some(format!("^({}|{DIGEST})$", names.join("|"))))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_normalizations_described_are_those_read() {
-        let RefOr::T(Schema::Object(described)) = NormalizationName::schema() else { panic!("an enumeration") };
-        let names = described.enum_values.unwrap();
-        assert_eq!(names.len(), 4);
-        for name in names {
-            assert!(name.as_str().unwrap().parse::<crate::formats::Normalization>().is_ok(), "{name}");
-        }
-    }
 }

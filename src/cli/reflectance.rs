@@ -7,7 +7,6 @@ use super::output::{Sheet, count, print, print_json, three_digits, write_file};
 use super::report::{axes_lines, error_lines};
 use super::request::TargetArgs;
 use crate::compress::{self, Settings};
-use crate::domain::colour::Illuminant;
 use crate::domain::{Axis, Silent};
 use crate::evaluate::{Material, Side};
 use crate::pipeline::{self, PipelineError};
@@ -56,11 +55,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy")) {
         return decode::write_array(&args.output, reflectance, None, args.json);
     }
-    let settings = Settings {
-        target: args.target.target(Illuminant::default()),
-        metadata: Some(provenance(&bytes, side)),
-        ..Settings::default()
-    };
+    let settings =
+        Settings { target: args.target.or_default(), metadata: Some(provenance(&bytes, side)), ..Settings::default() };
     let compressed = compress::compress(&reflectance, &settings, &Silent);
     let compressed = compressed.map_err(|error| about(PipelineError::from(error).into()))?;
     write_file(&args.output, &compressed.bytes)?;

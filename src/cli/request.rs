@@ -1,127 +1,36 @@
-//! Options of a compression: axes, target, policy, threads; named as in a request.
+//! Options of a compression on the command line, derived from the declarations of the request and its targets.
 
 use super::failure::Failure;
-use crate::compress::{DeltaE, Policy, Target};
-use crate::domain::WavelengthGrid;
+use crate::compress::{DeltaE, Target};
 use crate::domain::colour::Illuminant;
-use crate::domain::limits::MAX_LEVEL;
-use crate::pipeline::{Curve, Request};
-use crate::projection::DirectionDomain;
+use crate::domain::{Declared, Values};
+use crate::pipeline::Request;
+use clap::builder::ValueParser;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgGroup, ArgMatches, Command, FromArgMatches};
+use serde_json::{Map, Value, json};
 
 /// Target if none is given.
 const DEFAULT_TARGET: Target = Target::ErL2(0.01);
+/// Value of `--er-l2` that stands for the target of this name.
+const AUTO: &str = "auto";
+/// Option that names the illuminant of `--delta-e`.
+const ILLUMINANT: &str = "illuminant";
+/// Options that decide on the axes of the tensor.
+const AXES: [&str; 5] = ["domain", "reciprocal", "incoming_level", "outgoing_level", "wavelengths"];
 
 /// Axes of the tensor; by default chosen from the density of the data.
-#[derive(Debug, clap::Args)]
-pub(crate) struct AxesArgs {
-    /// Keep directions on the angles of the file (grid), or average them over triangles [default: grid if the file has
-    /// one; a level implies triangles]
-    #[arg(long, value_name = "grid|triangles")]
-    domain: Option<DirectionDomain>,
-    /// Replace each value of a BRDF on its own grid by its mean with the value of the exchanged pair of directions; the
-    /// target holds against these means
-    #[arg(long)]
-    reciprocal: bool,
-    /// Subdivision level of the triangles of incoming directions
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
-    incoming_level: Option<u8>,
-    /// Subdivision level of the triangles of outgoing directions
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
-    outgoing_level: Option<u8>,
-    /// Wavelengths to resample to, in nm, both ends included
-    #[arg(long, value_name = "START:STOP:STEP", value_parser = range)]
-    wavelengths: Option<String>,
-}
+#[derive(Clone, Debug)]
+pub(crate) struct AxesArgs(Request);
 
-/// Target: at most one of these; er(L2) 0.01 by default.
-#[derive(Debug, clap::Args)]
-#[group(multiple = false)]
-pub(crate) struct TargetArgs {
-    /// Upper bound on the root mean square of the relative error: 0.01 is 1 % [default: 0.01]; `auto` stops at the
-    /// estimated noise, or at the uncertainty that the file states if that is larger (policy rd)
-    #[arg(long, value_name = "E|auto", value_parser = er_l2)]
-    er_l2: Option<Target>,
-    /// Upper bound on the mean relative error: 0.01 is 1 %
-    #[arg(long, value_name = "E", value_parser = positive)]
-    er_l1: Option<f64>,
-    /// Upper bound on the relative error of every sample > 0
-    #[arg(long, value_name = "E", value_parser = positive)]
-    max_relative_error: Option<f64>,
-    /// Upper bound on the absolute error of every sample, in the unit of the samples
-    #[arg(long, value_name = "E", value_parser = positive)]
-    max_absolute_error: Option<f64>,
-    /// Upper bound on the root of: sum of squared errors over sum of squared samples
-    #[arg(long, value_name = "E", value_parser = positive)]
-    relative_rmse: Option<f64>,
-    /// Upper bound on the colour difference CIEDE2000 of every spectrum (policy rd)
-    #[arg(long, value_name = "E", value_parser = positive)]
-    delta_e: Option<f64>,
-    /// Lower bound on the samples per kept coefficient
-    #[arg(long, value_name = "R", value_parser = positive)]
-    ratio: Option<f64>,
-    /// Upper bound on the bytes of the file, metadata included
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    bytes: Option<u64>,
-    /// No error bound: fixes the quantiser step (natural-log units); errors are still measured and reported (policy rd)
-    #[arg(long, value_name = "S", value_parser = positive)]
-    step: Option<f64>,
-    /// Keep every bit
-    #[arg(long)]
-    lossless: bool,
-}
-
-/// Targets that have no illuminant.
-const OTHER_TARGETS: [&str; 9] = [
-    "er_l2",
-    "er_l1",
-    "max_relative_error",
-    "max_absolute_error",
-    "relative_rmse",
-    "ratio",
-    "bytes",
-    "step",
-    "lossless",
-];
+/// Target: at most one of the options; er(L2) 0.01 by default.
+#[derive(Clone, Debug)]
+pub(crate) struct TargetArgs(Option<Target>);
 
 /// Options of a compression.
-#[derive(Debug, clap::Args)]
-pub(crate) struct RequestArgs {
-    #[command(flatten)]
-    axes: AxesArgs,
-    #[command(flatten)]
-    target: TargetArgs,
-    /// Illuminant of --delta-e: A, B, C, D50, D65, F11 or E [default: D65]
-    #[arg(long, value_name = "NAME", requires = "delta_e", conflicts_with_all = OTHER_TARGETS)]
-    illuminant: Option<Illuminant>,
-    /// rd: rate-distortion; those of the paper: conventional (one threshold), generic (one for each space), adaptive
-    #[arg(long, default_value_t)]
-    policy: Policy,
-    /// Spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists
-    #[arg(long, default_value = "auto")]
-    basis: String,
-    /// Relative floor: samples below F x the maximum leave the relative errors, and their absolute error is at most
-    /// that
-    #[arg(long, value_name = "F", value_parser = fraction)]
-    floor: Option<f64>,
-    /// Upper bound on the relative error of the light of every direction and wavelength (directional albedo, flux;
-    /// policy rd)
-    #[arg(long, value_name = "E", value_parser = positive)]
-    albedo_error: Option<f64>,
-    /// Make each incoming direction decodable without the others (policy rd); no coarser levels
-    #[arg(long)]
-    random_access: bool,
-    /// Interpolation between the directions of a grid of angles: cubics of logarithms that keep a luminaire's flux, or
-    /// straight lines
-    #[arg(long, value_name = "cubic|linear", default_value_t)]
-    interpolation: Curve,
-    /// Fail if the material adds more to the noise of scattered samples than twice the promised error or half of the
-    /// noise, or if its light differs from theirs
-    #[arg(long)]
-    strict: bool,
-    /// Leave the provenance out of the file
-    #[arg(long)]
-    no_metadata: bool,
-}
+#[derive(Clone, Debug)]
+pub(crate) struct RequestArgs(Request);
 
 /// Number of threads that compute.
 #[derive(Debug, clap::Args)]
@@ -132,68 +41,183 @@ pub(crate) struct ThreadsArgs {
 }
 
 impl AxesArgs {
-    /// Builds a request for these axes with the default target.
+    /// Returns a request for these axes with the default target.
     pub(crate) fn request(&self) -> Request {
-        Request {
-            domain: self.domain,
-            reciprocal: self.reciprocal,
-            incoming_level: self.incoming_level,
-            outgoing_level: self.outgoing_level,
-            wavelengths: self.wavelengths.clone(),
-            ..Request::to(DEFAULT_TARGET)
-        }
+        self.0.clone()
     }
-}
-
-/// Parses a number, or `auto`.
-fn er_l2(text: &str) -> Result<Target, String> {
-    if text == "auto" { Ok(Target::Auto) } else { positive(text).map(Target::ErL2) }
 }
 
 impl TargetArgs {
-    pub(super) fn target(&self, illuminant: Illuminant) -> Target {
-        self.named_under(illuminant).unwrap_or(DEFAULT_TARGET)
-    }
-
-    /// Returns the target that is given, for colours under D65.
+    /// Returns the target that is given.
     pub(crate) fn named(&self) -> Option<Target> {
-        self.named_under(Illuminant::default())
+        self.0
     }
 
     /// Returns the target, or the default if none is given.
     pub(crate) fn or_default(&self) -> Target {
-        self.target(Illuminant::default())
-    }
-
-    fn named_under(&self, illuminant: Illuminant) -> Option<Target> {
-        let named = self.er_l2;
-        let named = named.or(self.er_l1.map(Target::ErL1));
-        let named = named.or(self.max_relative_error.map(Target::MaxRelativeError));
-        let named = named.or(self.max_absolute_error.map(Target::MaxAbsoluteError));
-        let named = named.or(self.relative_rmse.map(Target::RelativeRmse));
-        let named = named.or(self.delta_e.map(|at_most| Target::DeltaE(DeltaE { at_most, illuminant })));
-        let named = named.or(self.ratio.map(Target::Ratio));
-        let named = named.or(self.bytes.map(Target::Bytes));
-        let named = named.or(self.step.map(Target::Step));
-        named.or(self.lossless.then_some(Target::Lossless))
+        self.0.unwrap_or(DEFAULT_TARGET)
     }
 }
 
 impl RequestArgs {
-    /// Builds the request.
+    /// Returns the request.
     pub(crate) fn request(&self) -> Request {
-        Request {
-            target: self.target.target(self.illuminant.unwrap_or_default()),
-            policy: self.policy,
-            basis: self.basis.clone(),
-            floor: self.floor,
-            albedo_error: self.albedo_error,
-            metadata: !self.no_metadata,
-            random_access: self.random_access,
-            interpolation: self.interpolation,
-            strict: self.strict,
-            ..self.axes.request()
-        }
+        self.0.clone()
+    }
+}
+
+/// Returns the name of an option on the command line.
+fn long(declared: &Declared) -> String {
+    let name = declared.name.replace('_', "-");
+    if matches!(declared.values, Values::SwitchOff) { format!("no-{name}") } else { name }
+}
+
+/// Returns a declared help text without its last full stop, as help texts of options are written.
+fn help(declared: &Declared) -> String {
+    declared.help.trim().trim_end_matches('.').to_owned()
+}
+
+/// Makes the argument of a declared option.
+fn argument(declared: &'static Declared) -> Arg {
+    let argument = Arg::new(declared.name).long(long(declared)).help(help(declared));
+    let (shown, default) = match declared.values {
+        Values::Number { shown, .. } | Values::Whole { shown, .. } => (shown, None),
+        Values::Name { shown, default, .. } | Values::Text { shown, default, .. } => (shown, default),
+        _ => return argument.action(ArgAction::SetTrue),
+    };
+    let read = move |text: &str| declared.read(text);
+    argument.value_name(shown).value_parser(ValueParser::new(read)).default_values(default)
+}
+
+/// Returns the value of a declared option, if it is stated.
+fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value> {
+    if matches.value_source(declared.name) != Some(ValueSource::CommandLine) {
+        return None;
+    }
+    match declared.values {
+        Values::Switch => Some(Value::Bool(true)),
+        Values::SwitchOff => Some(Value::Bool(false)),
+        _ => matches.get_one::<Value>(declared.name).cloned(),
+    }
+}
+
+/// Builds a request from the options among `names` that are stated, and a target.
+fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -> Result<Request, clap::Error> {
+    let options = Request::OPTIONS.iter().filter(|declared| takes(declared));
+    let options = options.filter_map(|declared| Some((declared.name.to_owned(), stated(matches, declared)?)));
+    let mut options: Map<String, Value> = options.collect();
+    options.insert("target".to_owned(), json!(target));
+    serde_json::from_value(Value::Object(options)).map_err(refusal)
+}
+
+fn refusal(error: impl std::fmt::Display) -> clap::Error {
+    clap::Error::raw(ErrorKind::ValueValidation, error)
+}
+
+fn is_of_axes(declared: &Declared) -> bool {
+    AXES.contains(&declared.name)
+}
+
+/// Makes the argument of a target. That of er(L2) also takes `auto`.
+fn target_argument(declared: &'static Declared) -> Arg {
+    if declared.name != DEFAULT_TARGET.name() {
+        return argument(declared);
+    }
+    let auto = Target::Auto.declared().map(help).unwrap_or_default();
+    let read = move |text: &str| if text == AUTO { Ok(Value::from(AUTO)) } else { declared.read(text) };
+    argument(declared)
+        .value_name("E|auto")
+        .value_parser(ValueParser::new(read))
+        .help(format!("{} [default: 0.01]. With `auto`: {auto}", help(declared)))
+}
+
+/// Targets that have an option of their own.
+fn targets() -> impl Iterator<Item = &'static Declared> {
+    Target::DECLARED.iter().filter(|declared| declared.name != AUTO)
+}
+
+/// Builds the target that is stated, if one is.
+fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option<Target>, clap::Error> {
+    let found = targets().find_map(|declared| Some((declared, stated(matches, declared)?)));
+    let Some((declared, value)) = found else { return Ok(None) };
+    let target = match (declared.values, illuminant) {
+        (Values::Switch, _) => json!(declared.name),
+        _ if value == AUTO => value,
+        (_, Some(illuminant)) => json!({ declared.name: { "at_most": value, "illuminant": illuminant } }),
+        _ => json!({ declared.name: value }),
+    };
+    serde_json::from_value(target).map(Some).map_err(refusal)
+}
+
+impl clap::Args for TargetArgs {
+    fn augment_args(command: Command) -> Command {
+        let group = ArgGroup::new("target").args(targets().map(|declared| declared.name)).multiple(false);
+        command.args(targets().map(target_argument)).group(group)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for TargetArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        target(matches, None).map(Self)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for AxesArgs {
+    fn augment_args(command: Command) -> Command {
+        command.args(Request::OPTIONS.iter().filter(|declared| is_of_axes(declared)).map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for AxesArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        request(matches, DEFAULT_TARGET, is_of_axes).map(Self)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for RequestArgs {
+    fn augment_args(command: Command) -> Command {
+        let illuminants: Vec<&str> = Illuminant::ALL.iter().map(|known| known.name()).collect();
+        let illuminant = Arg::new(ILLUMINANT)
+            .long(ILLUMINANT)
+            .value_name("NAME")
+            .value_parser(clap::value_parser!(Illuminant))
+            .requires(Target::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 }).name())
+            .help(format!("Illuminant of --delta-e: {} [default: D65]", illuminants.join(", ")));
+        TargetArgs::augment_args(command).arg(illuminant).args(Request::OPTIONS.iter().map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for RequestArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let target = target(matches, matches.get_one(ILLUMINANT).copied())?;
+        request(matches, target.unwrap_or(DEFAULT_TARGET), |_| true).map(Self)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
     }
 }
 
@@ -205,20 +229,6 @@ impl ThreadsArgs {
         let pool = pool.map_err(|error| Failure::failed(format!("cannot start {threads} threads: {error}")))?;
         Ok(pool.install(work))
     }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("expected a finite number > 0".to_owned()) }
-}
-
-fn fraction(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
-    if (0.0..1.0).contains(&value) { Ok(value) } else { Err("expected a number from 0 to less than 1".to_owned()) }
-}
-
-fn range(text: &str) -> Result<String, String> {
-    WavelengthGrid::parse_range(text).map(|_| text.to_owned()).map_err(|error| error.to_string())
 }
 
 #[cfg(test)]

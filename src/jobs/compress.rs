@@ -3,17 +3,18 @@
 //! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names the same blob.
 
 use super::attempt::{Failure, Made, last, publish, unread};
+use super::document::{Manifest, Provenance};
 use super::engine::Engine;
 use super::hub::Control;
-use super::ingest::{IngestError, Options};
+use super::ingest::IngestError;
+use super::options::Options;
 use super::problem::{Code, JobProblem};
 use super::request::CompressRequest;
 use crate::catalog::{Ended, NewMaterial};
 use crate::compress::CompressError;
-use crate::pipeline::{self, Input, Outcome, PipelineError};
+use crate::pipeline::{self, Input, Outcome, PipelineError, Report};
 use crate::store::StoreExt;
 use serde::Deserialize;
-use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
 /// Runs one attempt and publishes what it made.
@@ -34,14 +35,14 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         let (request, control) = (request.clone(), Arc::clone(control));
         let mut interpretation = options.interpretation();
         interpretation.axes = request.axes.clone().or(interpretation.axes);
-        interpretation.wavelengths.clone_from(&request.wavelengths);
+        interpretation.wavelengths.clone_from(&request.options.wavelengths);
         interpretation.quantity = request.quantity.or(interpretation.quantity);
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
             let source = pipeline::read(&input)?;
             // The file's own bytes are no longer needed, and compression needs the memory.
             drop((bytes, spectrum));
-            pipeline::compress(&source, &request.pipeline(), &*control)
+            pipeline::compress(&source, &request.options, &*control)
         }
     };
     let outcome = engine.background.run(work).await??;
@@ -59,25 +60,23 @@ async fn end(
     let size = bytes.len() as u64;
     let published = publish(engine, bytes).await?;
     let id = published.digest();
-    let payload = report.payload_digest.parse().unwrap_or(id);
+    let payload = report.payload_digest.parse().map_err(|e| last(Code::Internal, e))?;
     let quantity = report.quantity;
-    let mut manifest = match serde_json::to_value(&report) {
-        Ok(Value::Object(map)) => map,
-        _ => Map::new(),
+    let manifest = Manifest {
+        // The digest repeats the id.
+        report: Report { digest: String::new(), ..report },
+        names: Vec::new(),
+        licence: request.licence.clone(),
+        licences: Vec::new(),
+        provenance: Provenance {
+            generator: concat!("wavelume ", env!("CARGO_PKG_VERSION")).to_owned(),
+            measurement: request.measurement,
+            content_digest: content.to_owned(),
+            options: options.clone(),
+            request: request.clone(),
+        },
     };
-    // The digest repeats the id.
-    manifest.remove("digest");
-    manifest.insert("licence".to_owned(), json!(request.licence));
-    manifest.insert(
-        "provenance".to_owned(),
-        json!({
-            "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),
-            "measurement": request.measurement,
-            "content_digest": content,
-            "options": options,
-            "request": request,
-        }),
-    );
+    let document = manifest.document().map_err(|e| unread("manifest", &e))?;
     let material = NewMaterial {
         id,
         payload,
@@ -86,7 +85,7 @@ async fn end(
         name: request.name.clone(),
         tags: request.tags.clone(),
         measurement: request.measurement,
-        document: manifest,
+        document,
     };
     let ended = Ended::Material(Box::new(material), published.holder().to_owned());
     Ok(Made { ended, published })

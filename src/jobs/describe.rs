@@ -1,36 +1,234 @@
 //! Description of a measurement, which the user sees before anything is compressed.
 
-use crate::domain::{Axis, WavelengthGrid};
-use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Modelled, Note, NoteKind, Outside, Samples};
+use super::options::Options;
+use crate::domain::{Axis, Domain, Frame, Quantity, Sampling, Unit, WavelengthGrid};
+use crate::formats::{
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Instrument, Modelled, Note, NoteKind, Outside, Samples,
+};
 use crate::projection;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
 /// Upper bound on the header fields of a file that are stored with its measurement.
 const MAX_FIELDS: usize = 200;
 
-/// Describes an acquisition: format, dialect, quantity, unit, axes, samples, range, coverage, warnings and header
-/// fields.
-pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
+/// Description of an uploaded file as it was parsed, and the reading options that the client stated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct Understood {
+    /// Name of the format.
+    pub format: String,
+    /// Revision and flavour of the format.
+    pub dialect: Option<String>,
+    /// Quantity, once it is known.
+    pub quantity: Option<Quantity>,
+    /// Unit of a value, once it is known.
+    pub unit: Option<Unit>,
+    /// Axes, outermost first.
+    pub axes: Vec<DescribedAxis>,
+    /// Number of values in the file.
+    pub samples: Option<u64>,
+    /// Smallest and largest value.
+    pub range: Option<[f64; 2]>,
+    /// Extent of the values, and the meaning of directions outside it.
+    pub coverage: Option<Extent>,
+    /// Angles of the instrument, as far as the file states them.
+    #[serde(default)]
+    pub instrument: Instrument,
+    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
+    /// reciprocity, negative values, a lobe no wider than the instrument resolves).
+    pub warnings: Vec<Note>,
+    /// Header fields of the file.
+    pub fields: Vec<HeaderField>,
+    /// Options still needed, here or in the job, before the file can be compressed; empty if none.
+    pub needs: Vec<String>,
+    /// Reading options that the client stated.
+    #[serde(default)]
+    pub options: Options,
+}
+
+/// Axis of a file. It has the fields of its kind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct DescribedAxis {
+    /// Kind of the axis.
+    pub kind: AxisKind,
+    /// Number of entries.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub count: Option<usize>,
+    /// First entry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub first: Option<f64>,
+    /// Last entry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub last: Option<f64>,
+    /// Unit of `first`, `last` and `spacing`: `degree` or `nm`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub unit: Option<String>,
+    /// Directions that the triangles cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub domain: Option<Domain>,
+    /// Subdivision level of the triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub level: Option<u8>,
+    /// Frame of the angles of a grid of directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub frame: Option<Frame>,
+    /// Number of polar angles of a grid of directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub polar: Option<usize>,
+    /// Number of azimuths of a grid of directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub azimuths: Option<usize>,
+    /// Names of the entries of an index.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub labels: Option<Vec<String>>,
+    /// Mean distance between neighbouring outgoing directions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub spacing: Option<f64>,
+}
+
+/// Kinds of the axes of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum AxisKind {
+    /// Triangles of directions.
+    Triangles,
+    /// Directions: a grid of angles, or a list.
+    Directions,
+    /// Outgoing directions of a function.
+    Outgoing,
+    /// Polar angles of the incoming direction, without azimuths.
+    Elevation,
+    /// Polar angles of the incoming direction.
+    ThetaI,
+    /// Azimuths of the incoming direction.
+    PhiI,
+    /// Polar angles of the outgoing direction.
+    ThetaO,
+    /// Azimuths of the outgoing direction.
+    PhiO,
+    /// Wavelengths.
+    Wavelength,
+    /// Entries of any meaning, with or without names.
+    Index,
+    /// The channels red, green and blue.
+    Rgb,
+}
+
+/// Extent of the values of a file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct Extent {
+    /// Meaning of a sample on triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub sampling: Option<Sampling>,
+    /// Incoming directions.
+    #[serde(default)]
+    pub incoming: Option<DirectionExtent>,
+    /// Outgoing directions.
+    #[serde(default)]
+    pub outgoing: Option<DirectionExtent>,
+    /// True if scattered samples do not depend on the azimuth of the incoming direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    pub isotropic: Option<bool>,
+    /// True if the file states uncertainties of its values.
+    #[serde(default)]
+    pub stated_uncertainties: bool,
+    /// Value of directions outside the extent.
+    pub outside: OutsideValue,
+    /// Number of missing values.
+    #[serde(default)]
+    pub missing_samples: usize,
+}
+
+/// Extent of directions, in degrees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct DirectionExtent {
+    /// First and last polar angle.
+    pub theta: [f64; 2],
+    /// Azimuths, if there are any.
+    pub phi: Option<AzimuthRange>,
+}
+
+/// Extent of azimuths, in degrees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct AzimuthRange {
+    /// First azimuth.
+    pub first: Option<f64>,
+    /// Last azimuth.
+    pub last: Option<f64>,
+    /// Continuation to the full circle.
+    pub extent: ExtentKind,
+}
+
+/// Continuation of measured azimuths to the full circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ExtentKind {
+    /// The azimuths go round the full circle.
+    Circle,
+    /// Half of the circle was measured; the other half mirrors it.
+    Mirrored,
+    /// Only a sector was measured.
+    Sector,
+}
+
+/// Value of directions that were not measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum OutsideValue {
+    /// 0, as the standard of the format says.
+    Zero,
+    /// No value.
+    #[default]
+    Masked,
+}
+
+/// Header field of a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(crate) struct HeaderField {
+    /// Name of the field.
+    pub name: String,
+    /// Value of the field.
+    pub value: String,
+}
+
+/// Describes an acquisition that was read with `options`.
+pub(crate) fn describe(acquisition: &Acquisition, options: &Options) -> Understood {
     let (mut axes, values, coverage) = match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => {
-            let axes: Vec<Value> = tensor.axes().iter().map(axis).collect();
-            (axes, tensor.samples(), json!({ "sampling": sampling, "outside": "masked" }))
+            let axes: Vec<DescribedAxis> = tensor.axes().iter().map(axis).collect();
+            (axes, tensor.samples(), Extent { sampling: Some(*sampling), ..Extent::default() })
         }
         Samples::Grid(grid) => (grid_axes(grid), grid.values.as_slice(), grid_coverage(grid)),
         Samples::Scattered(scattered) => {
-            let mut axes = vec![json!({ "kind": "directions", "count": scattered.directions() })];
-            axes.extend(scattered.spectral.as_ref().map(axis));
-            let coverage = json!({
-                "isotropic": scattered.isotropic,
-                "stated_uncertainties": scattered.sigma.is_some(),
-                "outside": "masked",
-            });
+            let directions = DescribedAxis::new(AxisKind::Directions, scattered.directions());
+            let axes = std::iter::once(directions).chain(scattered.spectral.as_ref().map(axis)).collect();
+            let coverage = Extent {
+                isotropic: Some(scattered.isotropic),
+                stated_uncertainties: scattered.sigma.is_some(),
+                ..Extent::default()
+            };
             (axes, scattered.values.as_slice(), coverage)
         }
         // The range of a function is known once it is projected.
-        Samples::Function(modelled) => (function_axes(modelled), &[][..], function_coverage(modelled)),
+        Samples::Function(modelled) => {
+            let coverage = Extent { incoming: Some(direction_extent(&modelled.incoming)), ..Extent::default() };
+            (function_axes(modelled), &[][..], coverage)
+        }
     };
-    let (samples, missing) = match &acquisition.samples {
+    let (samples, missing_samples) = match &acquisition.samples {
         Samples::Function(modelled) => (modelled.numbers, modelled.missing),
         _ => (values.len(), values.iter().filter(|s| s.is_nan()).count()),
     };
@@ -41,130 +239,157 @@ pub(crate) fn describe(acquisition: &Acquisition) -> Map<String, Value> {
         let factors = extremes(factor.factors.iter().copied());
         range = range.zip(factors).and_then(|((a, b), (c, d))| extremes([a * c, a * d, b * c, b * d]));
     }
-    let fields: Vec<Value> = acquisition
-        .report
-        .metadata
-        .iter()
-        .take(MAX_FIELDS)
-        .map(|(name, value)| json!({ "name": name, "value": value }))
-        .collect();
+    let fields = acquisition.report.metadata.iter().take(MAX_FIELDS);
     let checked = projection::plausibility(acquisition).remarks().into_iter();
     let checked = checked.map(|message| Note { kind: NoteKind::Checked, message });
-    let warnings: Vec<Note> = acquisition.report.notes.iter().cloned().chain(checked).collect();
-    let described = json!({
-        "format": acquisition.format,
-        "dialect": acquisition.dialect,
-        "quantity": acquisition.quantity,
-        "unit": acquisition.unit,
-        "axes": axes,
-        "samples": samples,
-        "range": range.map(|(low, high)| [low, high]),
-        "coverage": merged(coverage, json!({ "missing_samples": missing })),
-        "instrument": acquisition.instrument,
-        "warnings": warnings,
-        "fields": fields,
-        "needs": [],
-    });
-    into_map(described)
-}
-
-/// Describes a file that needs an option before it can be read.
-pub(crate) fn describe_needy(format: &str, need: &str) -> Map<String, Value> {
-    into_map(json!({
-        "format": format,
-        "dialect": null,
-        "quantity": null,
-        "unit": null,
-        "axes": [],
-        "samples": null,
-        "range": null,
-        "coverage": null,
-        "instrument": {},
-        "warnings": [{ "kind": NoteKind::Warning, "message": need }],
-        "fields": [],
-        "needs": [need],
-    }))
-}
-
-fn axis(axis: &Axis) -> Value {
-    match axis {
-        Axis::Triangles(mesh) => {
-            json!({ "kind": "triangles", "domain": mesh.domain(), "level": mesh.level(), "count": mesh.len() })
-        }
-        Axis::Grid(grid) => {
-            let [polar, azimuths] = grid.shape();
-            let (first, last) = grid.covers();
-            json!({
-                "kind": "directions", "frame": grid.frame(), "count": grid.len(), "polar": polar, "azimuths": azimuths,
-                "first": first, "last": last, "unit": "degree",
-            })
-        }
-        Axis::Elevation(values) => angles("elevation", values),
-        Axis::Wavelength(grid) => wavelengths(grid),
-        Axis::Index { count, labels } => json!({ "kind": "index", "count": count, "labels": labels }),
-        Axis::Rgb => json!({ "kind": "rgb", "count": 3 }),
+    Understood {
+        format: acquisition.format.to_owned(),
+        dialect: Some(acquisition.dialect.clone()),
+        quantity: Some(acquisition.quantity),
+        unit: Some(acquisition.unit),
+        axes,
+        samples: Some(samples as u64),
+        range: range.map(|(low, high)| [low, high]),
+        coverage: Some(Extent { missing_samples, ..coverage }),
+        instrument: acquisition.instrument,
+        warnings: acquisition.report.notes.iter().cloned().chain(checked).collect(),
+        fields: fields.map(|(name, value)| HeaderField { name: name.clone(), value: value.clone() }).collect(),
+        needs: Vec::new(),
+        options: options.clone(),
     }
 }
 
-fn wavelengths(grid: &WavelengthGrid) -> Value {
+/// Describes a file that needs an option before it can be read.
+pub(crate) fn describe_needy(format: &str, need: &str, options: &Options) -> Understood {
+    Understood {
+        format: format.to_owned(),
+        dialect: None,
+        quantity: None,
+        unit: None,
+        axes: Vec::new(),
+        samples: None,
+        range: None,
+        coverage: None,
+        instrument: Instrument::default(),
+        warnings: vec![Note { kind: NoteKind::Warning, message: need.to_owned() }],
+        fields: Vec::new(),
+        needs: vec![need.to_owned()],
+        options: options.clone(),
+    }
+}
+
+impl DescribedAxis {
+    fn of_kind(kind: AxisKind) -> Self {
+        Self {
+            kind,
+            count: None,
+            first: None,
+            last: None,
+            unit: None,
+            domain: None,
+            level: None,
+            frame: None,
+            polar: None,
+            azimuths: None,
+            labels: None,
+            spacing: None,
+        }
+    }
+
+    fn new(kind: AxisKind, count: usize) -> Self {
+        Self { count: Some(count), ..Self::of_kind(kind) }
+    }
+
+    /// Adds the first and the last entry, in `unit`.
+    fn from_to(self, first: Option<f64>, last: Option<f64>, unit: &str) -> Self {
+        Self { first, last, unit: Some(unit.to_owned()), ..self }
+    }
+}
+
+fn axis(axis: &Axis) -> DescribedAxis {
+    match axis {
+        Axis::Triangles(mesh) => DescribedAxis {
+            domain: Some(mesh.domain()),
+            level: Some(mesh.level()),
+            ..DescribedAxis::new(AxisKind::Triangles, mesh.len())
+        },
+        Axis::Grid(grid) => {
+            let [polar, azimuths] = grid.shape();
+            let (first, last) = grid.covers();
+            let described = DescribedAxis::new(AxisKind::Directions, grid.len());
+            DescribedAxis {
+                frame: Some(grid.frame()),
+                polar: Some(polar),
+                azimuths: Some(azimuths),
+                ..described.from_to(Some(first), Some(last), "degree")
+            }
+        }
+        Axis::Elevation(values) => angles(AxisKind::Elevation, values),
+        Axis::Wavelength(grid) => wavelengths(grid),
+        Axis::Index { count, labels } => {
+            DescribedAxis { labels: Some(labels.clone()), ..DescribedAxis::new(AxisKind::Index, *count) }
+        }
+        Axis::Rgb => DescribedAxis::new(AxisKind::Rgb, axis.len()),
+    }
+}
+
+fn wavelengths(grid: &WavelengthGrid) -> DescribedAxis {
     let (first, last) = grid.range();
-    json!({ "kind": "wavelength", "count": grid.len(), "first": first, "last": last, "unit": "nm" })
+    DescribedAxis::new(AxisKind::Wavelength, grid.len()).from_to(Some(first), Some(last), "nm")
 }
 
-fn angles(kind: &str, values: &[f64]) -> Value {
-    json!({ "kind": kind, "count": values.len(), "first": values.first(), "last": values.last(), "unit": "degree" })
+fn angles(kind: AxisKind, values: &[f64]) -> DescribedAxis {
+    DescribedAxis::new(kind, values.len()).from_to(values.first().copied(), values.last().copied(), "degree")
 }
 
-fn grid_axes(grid: &AngleGrid) -> Vec<Value> {
-    let mut axes: Vec<Value> = grid.index.iter().map(axis).collect();
-    for (direction, theta, phi) in [(&grid.incoming, "theta_i", "phi_i"), (&grid.outgoing, "theta_o", "phi_o")] {
+fn grid_axes(grid: &AngleGrid) -> Vec<DescribedAxis> {
+    let mut axes: Vec<DescribedAxis> = grid.index.iter().map(axis).collect();
+    for (direction, theta, phi) in
+        [(&grid.incoming, AxisKind::ThetaI, AxisKind::PhiI), (&grid.outgoing, AxisKind::ThetaO, AxisKind::PhiO)]
+    {
         axes.extend(direction.iter().flat_map(|direction| direction_axes(direction, theta, phi)));
     }
     axes.extend(grid.spectral.as_ref().map(axis));
     axes
 }
 
-fn direction_axes(direction: &Angles, theta: &str, phi: &str) -> Vec<Value> {
+fn direction_axes(direction: &Angles, theta: AxisKind, phi: AxisKind) -> Vec<DescribedAxis> {
     let azimuths = direction.phi.iter().map(|azimuths| angles(phi, &azimuths.phi));
     std::iter::once(angles(theta, &direction.theta)).chain(azimuths).collect()
 }
 
-fn function_axes(modelled: &Modelled) -> Vec<Value> {
-    let mut axes = direction_axes(&modelled.incoming, "theta_i", "phi_i");
-    axes.push(json!({ "kind": "outgoing", "spacing": modelled.outgoing_spacing, "unit": "degree" }));
+fn function_axes(modelled: &Modelled) -> Vec<DescribedAxis> {
+    let mut axes = direction_axes(&modelled.incoming, AxisKind::ThetaI, AxisKind::PhiI);
+    let outgoing = DescribedAxis::of_kind(AxisKind::Outgoing);
+    axes.push(DescribedAxis { spacing: Some(modelled.outgoing_spacing), unit: Some("degree".to_owned()), ..outgoing });
     axes.extend(modelled.spectral.as_ref().map(axis));
     axes
 }
 
-fn function_coverage(modelled: &Modelled) -> Value {
-    json!({ "incoming": direction_coverage(&modelled.incoming), "outside": "masked" })
-}
-
-fn grid_coverage(grid: &AngleGrid) -> Value {
-    json!({
-        "incoming": grid.incoming.as_ref().map(direction_coverage),
-        "outgoing": grid.outgoing.as_ref().map(direction_coverage),
-        "stated_uncertainties": grid.sigma.is_some(),
-        "outside": match grid.outside {
-            Outside::Zero => "zero",
-            Outside::Masked => "masked",
+fn grid_coverage(grid: &AngleGrid) -> Extent {
+    Extent {
+        incoming: grid.incoming.as_ref().map(direction_extent),
+        outgoing: grid.outgoing.as_ref().map(direction_extent),
+        stated_uncertainties: grid.sigma.is_some(),
+        outside: match grid.outside {
+            Outside::Zero => OutsideValue::Zero,
+            Outside::Masked => OutsideValue::Masked,
         },
-    })
+        ..Extent::default()
+    }
 }
 
-fn direction_coverage(angles: &Angles) -> Value {
-    let phi = angles.phi.as_ref().map(|azimuths| {
-        json!({
-            "first": azimuths.phi.first(),
-            "last": azimuths.phi.last(),
-            "extent": match azimuths.extent {
-                AzimuthExtent::Circle => "circle",
-                AzimuthExtent::Mirrored => "mirrored",
-                AzimuthExtent::Sector => "sector",
-            },
-        })
+fn direction_extent(angles: &Angles) -> DirectionExtent {
+    let phi = angles.phi.as_ref().map(|azimuths| AzimuthRange {
+        first: azimuths.phi.first().copied(),
+        last: azimuths.phi.last().copied(),
+        extent: match azimuths.extent {
+            AzimuthExtent::Circle => ExtentKind::Circle,
+            AzimuthExtent::Mirrored => ExtentKind::Mirrored,
+            AzimuthExtent::Sector => ExtentKind::Sector,
+        },
     });
-    json!({ "theta": [angles.covers.0, angles.covers.1], "phi": phi })
+    DirectionExtent { theta: [angles.covers.0, angles.covers.1], phi }
 }
 
 /// Returns the smallest and the largest of the values that are not masked.
@@ -175,24 +400,11 @@ fn extremes(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-fn merged(a: Value, b: Value) -> Value {
-    let mut map = into_map(a);
-    map.extend(into_map(b));
-    Value::Object(map)
-}
-
-fn into_map(value: Value) -> Map<String, Value> {
-    match value {
-        Value::Object(map) => map,
-        _ => Map::new(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::{Quantity, Unit};
     use crate::formats::{Azimuths, Instrument, ParseReport, SpectralFactor};
+    use serde_json::json;
 
     #[test]
     fn a_luminaire_with_a_spectrum_has_its_axes_and_range() {
@@ -211,7 +423,7 @@ mod tests {
             sigma: None,
         };
         let factor = SpectralFactor { grid: WavelengthGrid::even(400.0, 10.0, 2).unwrap(), factors: vec![0.5, 2.0] };
-        let described = describe(&Acquisition {
+        let acquisition = Acquisition {
             format: "ies",
             dialect: "LM-63-2002".to_owned(),
             quantity: Quantity::Edf,
@@ -220,7 +432,8 @@ mod tests {
             spectral_factor: Some(factor),
             instrument: Instrument::default(),
             report: ParseReport::default(),
-        });
+        };
+        let described = json!(describe(&acquisition, &Options::default()));
         let kinds: Vec<&str> =
             described["axes"].as_array().unwrap().iter().map(|axis| axis["kind"].as_str().unwrap()).collect();
         assert_eq!(kinds, ["theta_o", "phi_o", "wavelength"]);

@@ -1,17 +1,16 @@
 //! From a staged upload to a measurement: parsed before it is kept, pinned before it is published, published before a
 //! row names it.
 
-use super::describe::{describe, describe_needy};
+use super::describe::{Understood, describe, describe_needy};
 use super::engine::Engine;
 use super::maths::MathsError;
+use super::options::Options;
 use super::publish::{PublishError, Published};
 use crate::catalog::{Added, CatalogError, MeasurementRow, NewMeasurement};
-use crate::domain::{Quantity, Unit};
-use crate::formats::{FormatError, FormatErrorKind, Interpretation, Normalization, StatedQuantity};
+use crate::domain::Quantity;
+use crate::formats::{FormatError, FormatErrorKind};
 use crate::pipeline::{self, Input, PipelineError};
 use crate::store::{Digest, Staged, StoreError, StoreExt};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Statements of a client about the bytes that it uploads.
@@ -23,34 +22,6 @@ pub(crate) struct Upload {
     pub name: Option<String>,
     /// Reading options; part of the measurement's identity.
     pub options: Options,
-}
-
-/// Options for reading the bytes of a measurement; kept in its document. An option unknown to this version is an error:
-/// bytes read without it would be read wrongly.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct Options {
-    /// The measurement whose content is the spectrum to join.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub spectrum: Option<Digest>,
-    /// Quantity, if the file does not state it; reflectance factors are divided by π.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<StatedQuantity>,
-    /// The unit of a value.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unit: Option<Unit>,
-    /// The unit of wavelengths.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wavelength_unit: Option<String>,
-    /// The column of a table.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub column: Option<String>,
-    /// Integral of the values of a phase table over the sphere.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normalization: Option<Normalization>,
-    /// The axes of an array, from the manifest beside it in an archive.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub axes: Option<serde_json::Value>,
 }
 
 /// Reason why an upload did not become a measurement.
@@ -83,6 +54,9 @@ pub(crate) enum UploadError {
     /// The content does not make a measurement.
     #[error(transparent)]
     Content(PipelineError),
+    /// A description that cannot be written as JSON.
+    #[error("the description of the measurement cannot be written: {0}")]
+    Described(String),
     /// Files of an archive that together exceed the limit of an upload.
     #[error("the files of the archive have {found} bytes, expected at most {most}")]
     ArchiveLength {
@@ -139,47 +113,6 @@ impl From<PublishError> for IngestError {
     }
 }
 
-impl Options {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// Returns the options as the parsers take them.
-    pub(crate) fn interpretation(&self) -> Interpretation {
-        Interpretation {
-            quantity: self.quantity,
-            unit: self.unit,
-            wavelength_unit: self.wavelength_unit.clone(),
-            column: self.column.clone(),
-            normalization: self.normalization,
-            member: None,
-            axes: self.axes.clone(),
-            wavelengths: None,
-        }
-    }
-
-    /// Returns the identity of `content` read with these options. Without options it is the content's digest. Otherwise
-    /// it is the digest of `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order,
-    /// values as text.
-    pub(crate) fn identity(&self, content: Digest) -> Digest {
-        if self.is_default() {
-            return content;
-        }
-        let mut options = BTreeMap::new();
-        options.extend(self.spectrum.map(|v| ("spectrum", v.to_string())));
-        options.extend(self.quantity.map(|v| ("quantity", v.name().to_owned())));
-        options.extend(self.unit.map(|v| ("unit", v.name().to_owned())));
-        options.extend(self.wavelength_unit.clone().map(|v| ("wavelength_unit", v)));
-        options.extend(self.column.clone().map(|v| ("column", v)));
-        options.extend(self.normalization.map(|v| ("normalization", v.name().to_owned())));
-        options.extend(self.axes.as_ref().map(|v| ("axes", v.to_string())));
-        let quoted = |text: &str| serde_json::Value::from(text).to_string();
-        let listed: Vec<String> =
-            options.iter().map(|(key, value)| format!("{}:{}", quoted(key), quoted(value))).collect();
-        Digest::of(format!("{{\"content\":\"{content}\",\"options\":{{{}}}}}", listed.join(",")).as_bytes())
-    }
-}
-
 impl Engine {
     /// Makes a measurement of staged bytes. Returns the row, and true if it is new. A refused upload leaves nothing
     /// behind.
@@ -228,22 +161,17 @@ impl Engine {
                 let bytes = staged.read()?;
                 let interpretation = options.interpretation();
                 let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
-                let mut described = match pipeline::read(&input) {
-                    Ok(source) => describe(&source.acquisition),
+                let described = match pipeline::read(&input) {
+                    Ok(source) => describe(&source.acquisition, &options),
                     Err(PipelineError::Format(error)) if can_wait(&error, &options) => {
-                        describe_needy(error.format, &error.message)
+                        describe_needy(error.format, &error.message, &options)
                     }
                     Err(PipelineError::Format(error)) => return Err(IngestError::Refused(error)),
                     Err(PipelineError::Spectrum(error)) => return Err(SpectrumError::Content(error).into()),
                     Err(other) => return Err(UploadError::Content(other).into()),
                 };
-                described.insert("options".to_owned(), serde_json::json!(options));
-                let text = |key: &str| described.get(key).and_then(|v| v.as_str()).map(str::to_owned);
-                let summary = Summary {
-                    format: text("format").unwrap_or_default(),
-                    quantity: text("quantity").and_then(|name| name.parse().ok()),
-                    document: serde_json::Value::Object(described).to_string(),
-                };
+                let document = serde_json::to_string(&described).map_err(|e| UploadError::Described(e.to_string()))?;
+                let summary = Summary { format: described.format, quantity: described.quantity, document };
                 Ok((staged, summary))
             })
             .await?
@@ -274,12 +202,7 @@ struct Summary {
 
 impl Summary {
     fn of_known(row: &MeasurementRow) -> Result<Self, CatalogError> {
-        #[derive(Deserialize)]
-        struct Known {
-            format: String,
-            quantity: Option<Quantity>,
-        }
-        let known: Known = serde_json::from_str(&row.document).map_err(|e| CatalogError::Row {
+        let known: Understood = serde_json::from_str(&row.document).map_err(|e| CatalogError::Row {
             table: "measurements",
             id: row.id.to_string(),
             reason: e.to_string(),
@@ -291,21 +214,6 @@ impl Summary {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn options_are_part_of_the_identity() {
-        let content = Digest::of(b"table");
-        let none = Options::default();
-        assert_eq!(none.identity(content), content);
-        let column = Options { column: Some("light \"skin\"".to_owned()), ..none.clone() };
-        let both = Options { quantity: Some(Quantity::Reflectance.into()), ..column.clone() };
-        let text = format!(
-            "{{\"content\":\"{content}\",\"options\":{{\"column\":\"light \\\"skin\\\"\",\"quantity\":\"reflectance\"}}}}"
-        );
-        assert_eq!(both.identity(content), Digest::of(text.as_bytes()));
-        assert_ne!(column.identity(content), both.identity(content));
-        assert_ne!(column.identity(content), content);
-    }
 
     #[test]
     fn only_files_about_which_nothing_was_said_wait_for_an_option() {

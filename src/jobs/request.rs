@@ -1,15 +1,15 @@
 //! Job requests, in the names of the command line.
 
-use crate::compress::{Policy, Target};
-use crate::formats::StatedQuantity;
+use super::text::{Text, check_text};
+use crate::formats::{ArrayManifest, StatedQuantity};
 use crate::paper::TABLES;
-use crate::pipeline::{Curve, Request};
-use crate::projection::DirectionDomain;
+use crate::pipeline::{OptionError, Request};
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
 
-/// Job request of a client.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+/// Job request; `kind` selects its type, `compress` if it is absent.
+#[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
 #[serde(untagged)]
 pub(crate) enum JobRequest {
     /// Make a material of a measurement.
@@ -29,6 +29,24 @@ pub(crate) enum Kind {
     Paper,
 }
 
+/// Kind of a request to compress.
+#[derive(ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code, reason = "describes one of the kinds")]
+enum CompressKind {
+    /// Compression of a measurement to a material.
+    Compress,
+}
+
+/// Kind of a request for the paper's tables.
+#[derive(ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[allow(dead_code, reason = "describes one of the kinds")]
+enum PaperKind {
+    /// Recomputation of the tables of the paper.
+    Paper,
+}
+
 /// Kind of any request, which decides on its other fields.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub(crate) struct KindOnly {
@@ -38,105 +56,75 @@ pub(crate) struct KindOnly {
 }
 
 /// Compression request; everything but `measurement` and `target` has a default.
-#[allow(clippy::struct_excessive_bools, reason = "each is an option of its own")]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CompressRequest {
     /// `compress` (the default).
     #[serde(default)]
+    #[schema(value_type = CompressKind, required = false)]
     pub kind: Kind,
     /// Id of the measurement.
     pub measurement: Digest,
-    /// Error bound or size target.
-    pub target: Target,
-    /// Selection and coding of the coefficients.
-    #[serde(default)]
-    pub policy: Policy,
-    /// Name of the spectral basis, or `auto`.
-    #[serde(default = "auto")]
-    pub basis: String,
-    /// Relative floor, as a fraction of the maximum: smaller samples leave the relative errors.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub floor: Option<f64>,
-    /// Upper bound on the relative error of the light of any direction and wavelength.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub albedo_error: Option<f64>,
-    /// Directions of the tensor: the grid of the file, or triangles; a subdivision level also asks for triangles.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub domain: Option<DirectionDomain>,
-    /// Function between stated directions.
-    #[serde(default, skip_serializing_if = "Curve::is_default")]
-    pub interpolation: Curve,
-    /// True to replace each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
-    /// directions.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub reciprocal: bool,
-    /// Subdivision level of the triangles of incoming directions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub incoming_level: Option<u8>,
-    /// Subdivision level of the triangles of outgoing directions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub outgoing_level: Option<u8>,
-    /// Wavelengths to resample to: `START:STOP:STEP` in nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wavelengths: Option<String>,
     /// Axes of an array, in the form of its manifest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<ArrayManifest>)]
     pub axes: Option<serde_json::Value>,
     /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quantity: Option<StatedQuantity>,
-    /// True to write the provenance into the file.
-    #[serde(default = "yes")]
-    pub metadata: bool,
-    /// True to make each incoming direction decodable without the others.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub random_access: bool,
-    /// True to refuse, instead of to warn of, a material that adds too much to the noise of scattered samples or whose
-    /// light differs from theirs.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub strict: bool,
+    /// Options of the compression.
+    #[serde(flatten)]
+    pub options: Request,
     /// Name of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Text>)]
     pub name: Option<String>,
     /// Licence of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Text>)]
     pub licence: Option<String>,
     /// Tags of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schema(value_type = Vec<Text>, max_items = 32, required = false)]
     pub tags: Vec<String>,
 }
 
-/// Request for tables of the paper.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Request to recompute tables of the paper, beside the printed figures.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PaperRequest {
     /// Always `paper`.
+    #[schema(value_type = PaperKind)]
     pub kind: Kind,
-    /// Table numbers in the desired order, each once. Default: all tables.
+    /// Table numbers, 1 to 7, each once, in the desired order. Default: all tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
     pub tables: Option<Vec<i64>>,
 }
 
-/// Upper bound in characters on a name, file name, licence or tag.
-pub(crate) const MAX_TEXT: usize = 200;
+/// Faults of a request that was read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum RequestError {
+    /// Texts or numbers of tables that are not allowed.
+    #[error("{0}")]
+    Text(String),
+    /// Option with a value that it does not accept.
+    #[error(transparent)]
+    Option(OptionError),
+}
+
 /// Upper bound on the tags of one material.
 const MAX_TAGS: usize = 32;
 
-fn auto() -> String {
-    "auto".to_owned()
-}
-
-fn yes() -> bool {
-    true
-}
-
 impl JobRequest {
-    /// Checks the request before any data is read. The error describes the fault.
-    pub(crate) fn check(&self) -> Result<(), String> {
+    /// Checks the request before any data is read.
+    pub(crate) fn check(&self) -> Result<(), RequestError> {
         match self {
-            Self::Compress(request) => request.check(),
-            Self::Paper(request) => request.numbers().map(|_| ()),
+            Self::Compress(request) => {
+                request.check().map_err(RequestError::Text)?;
+                request.options.check().map_err(RequestError::Option)
+            }
+            Self::Paper(request) => request.numbers().map(|_| ()).map_err(RequestError::Text),
         }
     }
 
@@ -182,38 +170,6 @@ impl CompressRequest {
         }
         self.tags.iter().try_for_each(|tag| check_text("tag", tag))
     }
-
-    /// Returns the request for the pipeline.
-    pub(crate) fn pipeline(&self) -> Request {
-        Request {
-            target: self.target,
-            policy: self.policy,
-            basis: self.basis.clone(),
-            floor: self.floor,
-            albedo_error: self.albedo_error,
-            domain: self.domain,
-            reciprocal: self.reciprocal,
-            incoming_level: self.incoming_level,
-            outgoing_level: self.outgoing_level,
-            wavelengths: self.wavelengths.clone(),
-            metadata: self.metadata,
-            random_access: self.random_access,
-            interpolation: self.interpolation,
-            strict: self.strict,
-        }
-    }
-}
-
-/// Checks a text that a user chose: 1 to [`MAX_TEXT`] characters, none of them a control character.
-pub(crate) fn check_text(what: &str, text: &str) -> Result<(), String> {
-    let length = text.chars().count();
-    if length == 0 || length > MAX_TEXT {
-        return Err(format!("a {what} of {length} characters, expected 1 to {MAX_TEXT}"));
-    }
-    if text.chars().any(char::is_control) {
-        return Err(format!("a {what} with control characters"));
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -228,7 +184,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_command_line() {
         let request = parse("").unwrap();
-        assert_eq!(request.pipeline(), Request::to(Target::ErL2(0.01)));
+        assert_eq!(request.options, Request::er_l2(0.01));
         let text = serde_json::to_string(&request).unwrap();
         assert_eq!(serde_json::from_str::<CompressRequest>(&text).unwrap(), request);
     }

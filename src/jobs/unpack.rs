@@ -1,7 +1,8 @@
 //! From an uploaded archive to one measurement for each of its files. Other files are listed with the reason.
 
 use super::engine::Engine;
-use super::ingest::{IngestError, Options, Upload, UploadError};
+use super::ingest::{IngestError, Upload, UploadError};
+use super::options::Options;
 use crate::catalog::MeasurementRow;
 use crate::formats::{Archive, FormatError, is_archive};
 use crate::store::{Staged, StoreError};

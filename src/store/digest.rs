@@ -3,6 +3,9 @@
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::str::FromStr;
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
+use utoipa::{PartialSchema, ToSchema};
 
 /// A BLAKE3 digest; its text is `b3-<64 lower-case hex>`.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -12,6 +15,15 @@ pub struct Digest([u8; 32]);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no digest, expected `b3-` and 64 lower-case hexadecimal digits")]
 pub struct NotADigest(String);
+
+impl PartialSchema for Digest {
+    fn schema() -> RefOr<Schema> {
+        let text = ObjectBuilder::new().schema_type(Type::String).pattern(Some("^b3-[0-9a-f]{64}$"));
+        text.description(Some("`b3-` and the 64 lower-case hexadecimal digits of a BLAKE3 hash.")).into()
+    }
+}
+
+impl ToSchema for Digest {}
 
 impl Digest {
     /// Computes the digest of `bytes`.

@@ -4,6 +4,8 @@ use serde::Serialize;
 
 /// Reproduced table of the paper. Figures are in per cent unless a column says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = PaperTable))]
 pub struct Table {
     /// Number of the table in the paper.
     pub number: u8,
@@ -23,6 +25,8 @@ pub struct Table {
 
 /// Figures of one subject with one method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = PaperRow))]
 pub struct Row {
     /// Name of the subject: a patch, a material.
     pub label: String,
@@ -36,6 +40,8 @@ pub struct Row {
 
 /// Our figure and the printed one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = PaperCell))]
 pub struct Cell {
     /// Figure computed here.
     pub ours: f64,
@@ -47,6 +53,8 @@ pub struct Cell {
 
 /// Statistics of the ratios ours / paper of one method over the table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "schema", schema(as = PaperFigures))]
 pub struct Figures {
     /// Name of the method.
     pub method: String,

@@ -1,6 +1,6 @@
 //! Answers of a batch as JSON, as lines, and as little-endian f32.
 
-use super::super::schemas::{Angles, UnitName};
+use super::super::schemas::Angles;
 use super::media::Encoding;
 use super::question::Question;
 use crate::domain::Unit;
@@ -28,7 +28,7 @@ pub(super) struct SpectrumAnswer {
     /// One value for each wavelength; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
-    #[schema(value_type = UnitName)]
+    #[schema(value_type = Unit)]
     pub(super) unit: Unit,
     /// True if the incoming direction lies beyond the last measured elevation; absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -44,7 +44,7 @@ pub(super) struct EvaluateAnswer {
     /// `[pair][wavelength]`; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
-    #[schema(value_type = UnitName)]
+    #[schema(value_type = Unit)]
     unit: Unit,
 }
 

@@ -3,7 +3,7 @@
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
 use super::super::places::Peer;
 use super::super::problem::{Kind, Problem};
-use super::super::schemas::{Angles, Binary, DigestText, Lines, OneOrMoreAngles};
+use super::super::schemas::{Angles, Binary, Lines, OneOrMoreAngles};
 use super::super::state::App;
 use super::answers::{AlbedosAnswer, EvaluateAnswer, PdfAnswer, SampleAnswer};
 use super::blocks::{Cutter, Source, cut_off};
@@ -135,7 +135,7 @@ type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
     request_body(content(
         (EvaluateRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = DigestText, Path, description = "The material"), EvaluateOptions),
+    params(("id" = Digest, Path, description = "The material"), EvaluateOptions),
     responses((status = 200, description = "The spectra; a line has `values`", content(
         (EvaluateAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
@@ -174,7 +174,7 @@ pub(super) async fn evaluate(
     request_body(content(
         (PdfRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = DigestText, Path, description = "The material"), PdfOptions),
+    params(("id" = Digest, Path, description = "The material"), PdfOptions),
     responses((status = 200, description = "The densities; a line has `pdf`", content(
         (PdfAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
@@ -204,7 +204,7 @@ pub(super) async fn pdf(
     request_body(content(
         (SampleRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = DigestText, Path, description = "The material"), SampleOptions),
+    params(("id" = Digest, Path, description = "The material"), SampleOptions),
     responses((status = 200, description = "The directions; a line has `direction`, `pdf`, `weight`", content(
         (SampleAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
@@ -240,7 +240,7 @@ pub(super) async fn sample(
     request_body(content(
         (AlbedoRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = DigestText, Path, description = "The material"), AlbedoOptions),
+    params(("id" = Digest, Path, description = "The material"), AlbedoOptions),
     responses((status = 200, description = "The albedos; a line has `values`", content(
         (AlbedosAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))

@@ -2,12 +2,13 @@
 
 use super::super::extract::{Id, Query};
 use super::super::problem::Problem;
-use super::super::schemas::{DigestText, DirectionText, IndexText, WavelengthsText};
+use super::super::schemas::{DirectionText, IndexText, WavelengthsText};
 use super::super::state::App;
 use super::answers::{AlbedoAnswer, SpectrumAnswer};
 use super::opened::open;
 use super::options::{How, Outside, direction, indices, read, wavelengths};
 use crate::evaluate::Place;
+use crate::store::Digest;
 use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
@@ -55,7 +56,7 @@ pub(super) struct AlbedoQuery {
 /// Evaluate one spectrum.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
-    params(("id" = DigestText, Path, description = "The material"), SpectrumQuery),
+    params(("id" = Digest, Path, description = "The material"), SpectrumQuery),
     responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
 )]
 pub(super) async fn get_spectrum(
@@ -87,7 +88,7 @@ pub(super) async fn get_spectrum(
 /// Integrate over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
-    params(("id" = DigestText, Path, description = "The material"), AlbedoQuery),
+    params(("id" = Digest, Path, description = "The material"), AlbedoQuery),
     responses((status = 200, description = "The albedo", body = AlbedoAnswer))
 )]
 pub(super) async fn get_albedo(

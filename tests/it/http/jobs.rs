@@ -97,8 +97,9 @@ async fn every_promise_can_be_asked_for() {
     let refusal = problem(service.post("/v1/jobs").json(&bad), 422, "invalid-request").await;
     assert!(refusal["detail"].as_str().unwrap().contains("unknown illuminant `D93`"), "{refusal}");
     for target in [json!({ "delta_e": 0 }), json!({ "max_absolute_error": -1 })] {
-        let job = service.compress(&json!({ "measurement": id, "target": target })).await;
-        assert_eq!(job["problem"]["type"], "urn:wavelume:problem:bad-setting", "{job}");
+        let bad = json!({ "measurement": id, "target": target });
+        let refusal = problem(service.post("/v1/jobs").json(&bad), 422, "bad-setting").await;
+        assert!(refusal["detail"].as_str().unwrap().contains("expected more than 0"), "{refusal}");
     }
     service.stop().await;
 }
@@ -178,14 +179,16 @@ async fn job_bodies_are_checked() {
     problem(post(json!({ "measurement": id, "target": "lossless", "name": "" })), 422, "invalid-request").await;
     let absent = Digest::of(b"absent").to_string();
     problem(post(json!({ "measurement": absent, "target": "lossless" })), 422, "invalid-request").await;
-    for (setting, value, code) in
-        [("basis", json!("nonsense"), "bad-setting"), ("wavelengths", json!("780:380:5"), "bad-setting")]
-    {
+    for (setting, value, reason) in [
+        ("basis", json!("nonsense"), "basis: unknown basis `nonsense`, expected auto"),
+        ("wavelengths", json!("780:380:5"), "wavelengths: "),
+        ("floor", json!(1), "floor: found 1.0, expected a fraction of the largest sample"),
+        ("incoming_level", json!(9), "incoming_level: found 9, expected a whole number from 0 to 8"),
+    ] {
         let mut request = json!({ "measurement": id, "target": { "er_l2": 0.01 } });
         request[setting] = value;
-        let job = service.compress(&request).await;
-        assert_eq!(job["state"], "failed", "{job}");
-        assert_eq!(job["problem"]["type"], format!("urn:wavelume:problem:{code}"), "{job}");
+        let refusal = problem(service.post("/v1/jobs").json(&request), 422, "bad-setting").await;
+        assert!(refusal["detail"].as_str().unwrap().starts_with(reason), "{refusal}");
     }
     service.stop().await;
 }

@@ -10,7 +10,7 @@
 
 use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, Layout, Quantity};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Bits of the first byte.
 const DIVISOR: u8 = 7;
@@ -26,8 +26,9 @@ const BASE: [f32; 2] = [0.0, 1_048_576.0];
 /// Function V that divides the samples before their logarithms are interpolated between incidences; the result is
 /// multiplied by it again. c and d are the cosines of the incoming and the outgoing direction. r(c) = √(c² + a²·(1 −
 /// c²)), with a the roughness.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Divisor {
     /// V = 1.
     #[default]
@@ -87,7 +88,8 @@ impl Divisor {
 }
 
 /// Interpolation between measured incidences. The default, linear in logarithms, is that of files without chunk V.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Between {
     /// Function that is divided out before interpolation.
     pub divisor: Divisor,

@@ -4,14 +4,18 @@ use super::effort::Effort;
 use super::light::LightReport;
 use super::noise::Noise;
 use super::summary::Summary;
+use crate::domain::Measurement;
 use crate::domain::colour::ColourReport;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A compressed material.
 #[derive(Clone, Debug)]
 pub struct Compressed {
     /// Bytes of the file.
     pub bytes: Vec<u8>,
+    /// Samples that the bytes decode to, on the axes of the measurement; [`decode`](super::decode) returns the same.
+    /// `None` once they are taken.
+    pub decoded: Option<Measurement>,
     /// Summary of the file, with the errors of the decoded bytes in full precision (the header rounds them).
     pub summary: Summary,
     /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without
@@ -28,7 +32,8 @@ pub struct Compressed {
 }
 
 /// Spectral basis that competed.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Ranked {
     /// Name of the basis.
     pub basis: String,

@@ -52,7 +52,8 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
 }
 
 /// Level at which a file can be decoded: of its last triangle axis, or of a coarser grid of angles.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LevelInfo {
     /// Level number, 0 = coarsest.
     pub level: u8,

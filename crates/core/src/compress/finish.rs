@@ -9,7 +9,8 @@ use super::metadata::metadata_with_labels;
 use super::parts::{Parts, assemble};
 use super::rd::levels;
 use super::refusal;
-use crate::domain::{ErrorReport, Measurement};
+use super::setting_error::SettingError;
+use crate::domain::{ErrorReport, Measurement, Tensor};
 
 /// Decodes `parts`, measures the errors, and writes the file that states them. Rejects a file that no reader accepts,
 /// because a sample exceeds float32 or a header number is out of range.
@@ -28,7 +29,8 @@ pub(super) fn finish(
     parts.header.errors = ErrorReport::measure(measurement.tensor.samples(), &decoded, floor);
     let light = Light::of(measurement.quantity, measurement.tensor.axes());
     let light = light.map(|light| light.report(measurement.tensor.samples(), &decoded));
-    drop(decoded);
+    let decoded = Tensor::new(measurement.tensor.axes().to_vec(), decoded).map_err(SettingError::Tensor)?;
+    let decoded = Some(Measurement { tensor: decoded, ..*measurement });
     let metadata = metadata_with_labels(&parts.header.axes, metadata);
     let bytes = assemble(&parts, metadata.as_deref());
     open(&bytes).map_err(|e| refusal::undecodable(&parts.header, e))?;
@@ -36,5 +38,5 @@ pub(super) fn finish(
     summary.axes = measurement.tensor.axes().to_vec();
     let ranking =
         vec![Ranked { basis: summary.basis.clone(), bytes: bytes.len() as u64, er_l2: Some(summary.errors.er_l2) }];
-    Ok(Compressed { bytes, summary, light, colour: None, ranking, noise: None, effort: Effort::default() })
+    Ok(Compressed { bytes, decoded, summary, light, colour: None, ranking, noise: None, effort: Effort::default() })
 }

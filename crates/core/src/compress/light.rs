@@ -9,10 +9,11 @@
 use crate::codec::Class;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Quantity, TriangleMesh};
 use crate::numeric::wide;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Deviation of the decoded file's light from the measurement's.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LightReport {
     /// Largest relative error over blocks and wavelengths that have light.
     pub largest: f64,

@@ -71,9 +71,9 @@ pub use policy::Policy;
 #[doc(hidden)]
 pub use promise::shortfall;
 pub use setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
-pub use settings::Settings;
 #[doc(hidden)]
 pub use settings::absolute_floor;
+pub use settings::{ALBEDO_ERROR, FLOOR, Settings, check_basis};
 pub use summary::Summary;
 pub use target::{DeltaE, Target};
 pub use unreachable_error::UnreachableError;
@@ -132,7 +132,7 @@ pub fn compress_numbers(
         Policy::Lossless => lossless::compress(measurement, numbers, settings, floor, progress)?,
     };
     progress.report(1.0);
-    compressed.colour = promise::colour(measurement, settings.target, &compressed.bytes)?;
+    compressed.colour = promise::colour(measurement, settings.target, compressed.decoded.as_ref())?;
     promise::keep(settings, floor, &compressed)?;
     compressed.noise = estimate_noise(measurement, floor);
     compressed.effort = tally.effort();

@@ -41,6 +41,7 @@ mod basis;
 
 /// Noise of a measurement. All standard deviations are those of a sample's logarithm, hence relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Noise {
     /// Noise that is independent from sample to sample, of a typical (median) sample. 0 if none was found.
     pub relative: f64,

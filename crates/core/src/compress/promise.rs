@@ -1,7 +1,6 @@
 //! Checks which promises can be made for a measurement, and that a finished file keeps its promise.
 
 use super::compressed::Compressed;
-use super::decode::decode;
 use super::error::CompressError;
 use super::figures::shown;
 use super::header::ends_on_grid;
@@ -11,7 +10,7 @@ use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
 use super::rd::shape::Shape;
 use super::setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
-use super::settings::Settings;
+use super::settings::{ALBEDO_ERROR, Settings};
 use super::stated::rounded_down;
 use super::target::{DeltaE, Target};
 use super::unreachable_error::UnreachableError;
@@ -50,8 +49,8 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
 
 fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> Result<(), SettingError> {
     let refuse = |conflict| Err(SettingError::Albedo(conflict));
-    if !(bound > 0.0 && bound <= 1.0) {
-        let expected = "more than 0 and at most 1 (0.01 is 1 %)";
+    if !ALBEDO_ERROR.allow(bound) {
+        let expected = ALBEDO_ERROR.expected;
         return Err(SettingError::Range { option: "albedo_error", found: bound, expected });
     }
     if settings.policy != Policy::Rd || settings.target == Target::Lossless {
@@ -117,11 +116,10 @@ pub(crate) fn colours_of(measurement: &Measurement, target: DeltaE) -> Result<Sp
 pub(crate) fn colour(
     measurement: &Measurement,
     target: Target,
-    bytes: &[u8],
+    decoded: Option<&Measurement>,
 ) -> Result<Option<ColourReport>, CompressError> {
-    let Target::DeltaE(wanted) = target else { return Ok(None) };
-    let decoded = decode(bytes).map_err(UnreachableError::Colours)?;
-    Ok(Some(colours_of(measurement, wanted)?.differences(decoded.measurement.tensor.samples())))
+    let (Target::DeltaE(wanted), Some(decoded)) = (target, decoded) else { return Ok(None) };
+    Ok(Some(colours_of(measurement, wanted)?.differences(decoded.tensor.samples())))
 }
 
 /// Rejects a file that misses its target, before it is returned to the caller.

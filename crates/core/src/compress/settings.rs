@@ -5,7 +5,8 @@ use super::policy::Policy;
 use super::setting_error::{RdOption, SettingError};
 use super::spectral_basis::SpectralBasis;
 use super::target::Target;
-use crate::domain::{Lobe, Measurement};
+use crate::domain::{Limits, Lobe, Measurement};
+use std::ops::Bound::Excluded;
 
 /// Everything besides the measurement that determines the bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +60,23 @@ impl Default for Settings {
     }
 }
 
+/// Limits of the floor.
+pub const FLOOR: Limits = Limits {
+    low: Excluded(0.0),
+    high: Excluded(1.0),
+    expected: "a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)",
+};
+/// Limits of the bound on the error of the light.
+pub const ALBEDO_ERROR: Limits = Limits::up_to(1.0, "more than 0 and at most 1 (0.01 is 1 %)");
+
+/// Checks the name of a spectral basis, which may be `auto`. The error lists the names.
+pub fn check_basis(name: &str) -> Result<(), SettingError> {
+    if name == "auto" || SpectralBasis::named(name).is_some() {
+        return Ok(());
+    }
+    Err(SettingError::UnknownBasis { found: name.to_owned() })
+}
+
 /// Rejects settings that are out of range or contradict each other.
 pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     settings.target.check()?;
@@ -66,16 +84,12 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
         return Err(SettingError::LosslessTarget);
     }
     if let Some(floor) = settings.floor
-        && !(floor > 0.0 && floor < 1.0)
+        && !FLOOR.allow(floor)
     {
-        let expected = "a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)";
-        return Err(SettingError::Range { option: "floor", found: floor, expected });
+        return Err(SettingError::Range { option: "floor", found: floor, expected: FLOOR.expected });
     }
-    let basis = SpectralBasis::named(&settings.basis);
-    if settings.basis != "auto" && basis.is_none() {
-        return Err(SettingError::UnknownBasis { found: settings.basis.clone() });
-    }
-    if basis == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
+    check_basis(&settings.basis)?;
+    if SpectralBasis::named(&settings.basis) == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {
         return Err(SettingError::NeedsRd { option: RdOption::Klt, policy: settings.policy });
     }
     if let Some(metadata) = &settings.metadata

@@ -1,49 +1,109 @@
 //! Promises that a compressed file can make, and the figure of an error report that each one bounds.
 
 use super::setting_error::SettingError;
-use crate::domain::ErrorReport;
 use crate::domain::colour::Illuminant;
+use crate::domain::{Declared, ErrorReport, Limits, Values};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize as DeriveDeserialize, Serialize, Serializer};
+use std::ops::Bound::{Included, Unbounded};
 
-/// Promise that the compressed file keeps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, DeriveDeserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields, remote = "Self")]
-pub enum Target {
-    /// Upper bound on er(L1), the mean relative error of the samples > 0 (0.01 = 1 %).
-    ErL1(f64),
-    /// Upper bound on er(L2), the root mean square of the relative error of the samples > 0 (0.01 = 1 %).
-    ErL2(f64),
-    /// Upper bound on the relative error of every sample > 0.
-    MaxRelativeError(f64),
-    /// Upper bound on the absolute error of every unmasked sample, in the unit of the samples.
-    MaxAbsoluteError(f64),
-    /// Upper bound on `√(Σ(s'−s)² / Σs²)` over all unmasked samples.
-    RelativeRmse(f64),
-    /// Upper bound on the colour difference of every spectrum.
-    DeltaE(DeltaE),
-    /// Lower bound on samples per kept coefficient.
-    Ratio(f64),
-    /// Upper bound on the file size in bytes, metadata included.
-    Bytes(u64),
-    /// No error bound: fixes the quantiser step, in natural-log units of the samples; policy `rd`. For experts and for
-    /// speed, as no search is made. Errors are still measured and reported. er(L2) is about a tenth of the step, unless
-    /// the data's own basis (the choice of `auto`) has too few vectors to follow the data.
-    Step(f64),
-    /// As accurate as the noise of the measurement allows: er(L2) stops where the remaining error is noise. If a file
-    /// states larger uncertainties, `wavelume_formats::pipeline` stops at those.
-    Auto,
-    /// Every bit is kept.
-    Lossless,
+/// Declares the targets: each once, with the help text, the name and the values of its option.
+macro_rules! targets {
+    ($(#[$meta:meta])* pub enum Target { $(
+        $(#[doc = $help:literal])+
+        $variant:ident $(($type:ty))? = $name:literal $(: $values:expr)?,
+    )+ }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Serialize, DeriveDeserialize)]
+        #[serde(rename_all = "snake_case", deny_unknown_fields, remote = "Self")]
+        pub enum Target { $(
+            $(#[doc = $help])+
+            $variant $(($type))?,
+        )+ }
+
+        impl Target {
+            /// All targets, in the order of the variants. In JSON a target with a value is the object `{NAME: value}`,
+            /// one without is the text `NAME`.
+            pub const DECLARED: &'static [Declared] = &[$(
+                Declared { name: $name, help: concat!($($help),+), values: targets!(@values $($values)?) },
+            )+];
+
+            /// Returns the name of the target in JSON.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant { .. } => $name,)+ }
+            }
+        }
+    };
+    (@values) => { Values::Switch };
+    (@values $values:expr) => { $values };
+}
+
+/// Relative errors that can be requested; larger ones are meaningless.
+const RELATIVE: Values =
+    Values::Number { shown: "E", limits: Limits::up_to(10.0, "more than 0 and at most 10 (0.01 is 1 %)") };
+/// Smallest quantiser step; float32 logarithms cannot resolve finer ones.
+pub(crate) const LEAST_STEP: f64 = 1e-6;
+/// Largest quantiser step; at the loosest targets it leaves one coefficient.
+const MOST_STEP: f64 = 64.0;
+
+targets! {
+    /// Promise that the compressed file keeps.
+    pub enum Target {
+        /// Upper bound on the mean relative error, er(L1), of the samples above 0: 0.01 is 1 %.
+        ErL1(f64) = "er_l1": RELATIVE,
+        /// Upper bound on the root mean square of the relative error, er(L2), of the samples above 0: 0.01 is 1 %.
+        ErL2(f64) = "er_l2": RELATIVE,
+        /// Upper bound on the relative error of every sample above 0.
+        MaxRelativeError(f64) = "max_relative_error": RELATIVE,
+        /// Upper bound on the absolute error of every sample, in the unit of the samples.
+        MaxAbsoluteError(f64) = "max_absolute_error":
+            Values::Number { shown: "E", limits: Limits::positive("more than 0, in the unit of the samples") },
+        /// Upper bound on the relative root mean square error: the root of the sum of squared errors over the sum of
+        /// squared samples.
+        RelativeRmse(f64) = "relative_rmse": RELATIVE,
+        /// Upper bound on the colour difference CIEDE2000 of every spectrum, under an illuminant (D65 unless stated);
+        /// needs policy rd.
+        DeltaE(DeltaE) = "delta_e":
+            Values::Number { shown: "E", limits: Limits::up_to(100.0, "more than 0 and at most 100") },
+        /// Lower bound on the samples per kept coefficient.
+        Ratio(f64) = "ratio": Values::Number {
+            shown: "R",
+            limits: Limits {
+                low: Included(1.0),
+                high: Unbounded,
+                expected: "at least 1 sample per coefficient",
+            },
+        },
+        /// Upper bound on the bytes of the file, metadata included.
+        Bytes(u64) = "bytes": Values::Whole { shown: "N", least: 1, most: u64::MAX },
+        /// No error bound: fixes the quantiser step, in natural logarithms of the samples, without a search. Errors are
+        /// still measured and reported; er(L2) is about a tenth of the step, unless the data's own basis (a choice of
+        /// auto) has too few vectors to follow the data. Needs policy rd.
+        Step(f64) = "step": Values::Number {
+            shown: "S",
+            limits: Limits {
+                low: Included(LEAST_STEP),
+                high: Included(MOST_STEP),
+                expected: "0.000001 to 64, in natural logarithms",
+            },
+        },
+        /// As accurate as the measurement: er(L2) stops at the estimated noise, or at the uncertainty that the file
+        /// states if that is larger; needs policy rd.
+        Auto = "auto",
+        /// Every bit is kept.
+        Lossless = "lossless",
+    }
 }
 
 /// Upper bound on CIEDE2000 of every scored spectrum, as `domain::colour::SpectraColours` defines it.
 ///
 /// In JSON a number (the illuminant is then D65), or an object with both fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct DeltaE {
     /// Largest colour difference allowed; about 1 is just noticeable.
+    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0.0, maximum = 100.0))]
     pub at_most: f64,
     /// Illuminant of reflection and transmission; for emission, the chromaticity of white.
     pub illuminant: Illuminant,
@@ -65,51 +125,44 @@ impl Bound {
     }
 }
 
-/// Largest relative error that can be requested; larger ones are meaningless. 10 is 1000 %.
-const MOST_RELATIVE: f64 = 10.0;
-/// Smallest quantiser step; float32 logarithms cannot resolve finer ones.
-pub(crate) const LEAST_STEP: f64 = 1e-6;
-/// Largest quantiser step; at the loosest targets it leaves one coefficient.
-const MOST_STEP: f64 = 64.0;
-/// Largest ΔE that can be requested: from black to white.
-const MOST_DELTA_E: f64 = 100.0;
-
 impl Target {
     /// Returns the figure that the target bounds; `None` if it bounds no figure of an error report.
     pub(crate) fn bound(self) -> Option<Bound> {
-        let (name, at_most, figure): (_, _, fn(&ErrorReport) -> f64) = match self {
-            Self::ErL1(most) => ("er_l1", most, |e| e.er_l1),
-            Self::ErL2(most) => ("er_l2", most, |e| e.er_l2),
-            Self::MaxRelativeError(most) => ("max_relative_error", most, |e| e.max_relative_error),
-            Self::MaxAbsoluteError(most) => ("max_absolute_error", most, |e| e.max_absolute_error),
-            Self::RelativeRmse(most) => ("relative_rmse", most, |e| e.relative_rmse),
-            Self::Lossless => ("lossless: largest error", 0.0, |e| e.max_absolute_error),
+        let (at_most, figure): (_, fn(&ErrorReport) -> f64) = match self {
+            Self::ErL1(most) => (most, |e| e.er_l1),
+            Self::ErL2(most) => (most, |e| e.er_l2),
+            Self::MaxRelativeError(most) => (most, |e| e.max_relative_error),
+            Self::MaxAbsoluteError(most) => (most, |e| e.max_absolute_error),
+            Self::RelativeRmse(most) => (most, |e| e.relative_rmse),
+            Self::Lossless => (0.0, |e| e.max_absolute_error),
             Self::DeltaE(_) | Self::Ratio(_) | Self::Bytes(_) | Self::Step(_) | Self::Auto => return None,
         };
+        let name = if self == Self::Lossless { "lossless: largest error" } else { self.name() };
         Some(Bound { name, at_most, figure })
     }
 
-    /// Rejects a target value outside its range.
-    pub(crate) fn check(self) -> Result<(), SettingError> {
-        let refuse = |option, found, expected| Err(SettingError::Range { option, found, expected });
+    /// Returns the declaration of the target.
+    pub fn declared(self) -> Option<&'static Declared> {
+        Self::DECLARED.iter().find(|declared| declared.name == self.name())
+    }
+
+    fn number(self) -> Option<f64> {
         match self {
-            Self::ErL1(error) | Self::ErL2(error) | Self::MaxRelativeError(error) | Self::RelativeRmse(error)
-                if !(error > 0.0 && error <= MOST_RELATIVE) =>
+            Self::ErL1(number) | Self::ErL2(number) | Self::MaxRelativeError(number) => Some(number),
+            Self::MaxAbsoluteError(number) | Self::RelativeRmse(number) => Some(number),
+            Self::DeltaE(DeltaE { at_most, .. }) => Some(at_most),
+            Self::Ratio(number) | Self::Step(number) => Some(number),
+            Self::Bytes(_) | Self::Auto | Self::Lossless => None,
+        }
+    }
+
+    /// Rejects a target value outside its range.
+    pub fn check(self) -> Result<(), SettingError> {
+        match (self.declared(), self.number()) {
+            (Some(&Declared { name, values: Values::Number { limits, .. }, .. }), Some(found))
+                if !limits.allow(found) =>
             {
-                let name = self.bound().map_or("", |bound| bound.name);
-                refuse(name, error, "more than 0 and at most 10 (0.01 is 1 %)")
-            }
-            Self::MaxAbsoluteError(error) if !(error > 0.0 && error.is_finite()) => {
-                refuse("max_absolute_error", error, "more than 0, in the unit of the samples")
-            }
-            Self::DeltaE(DeltaE { at_most, .. }) if !(at_most > 0.0 && at_most <= MOST_DELTA_E) => {
-                refuse("delta_e", at_most, "more than 0 and at most 100")
-            }
-            Self::Ratio(ratio) if !(ratio >= 1.0 && ratio.is_finite()) => {
-                refuse("ratio", ratio, "at least 1 sample per coefficient")
-            }
-            Self::Step(step) if !(LEAST_STEP..=MOST_STEP).contains(&step) => {
-                refuse("step", step, "0.000001 to 64, in natural logarithms")
+                Err(SettingError::Range { option: name, found, expected: limits.expected })
             }
             _ => Ok(()),
         }
@@ -191,6 +244,42 @@ impl<'de> Deserialize<'de> for DeltaE {
     }
 }
 
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for Target {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        use crate::domain::{object_of, one_of, values_of};
+        use utoipa::openapi::Ref;
+        use utoipa::openapi::schema::OneOfBuilder;
+        let is_text = |declared: &&Declared| matches!(declared.values, Values::Switch);
+        let texts = Self::DECLARED.iter().filter(is_text);
+        let help = texts.clone().map(|declared| format!("`{}`: {}", declared.name, declared.help.trim()));
+        let help = help.collect::<Vec<_>>().join(" ");
+        let mut target = OneOfBuilder::new().item(one_of(&help, texts.map(|declared| declared.name).collect()));
+        for declared in Self::DECLARED.iter().filter(|declared| !is_text(declared)) {
+            let mut object = object_of("target", declared);
+            if declared.name == Self::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 }).name() {
+                let number = values_of(declared);
+                let whole = Ref::from_schema_name("DeltaE");
+                object.properties.insert(declared.name.to_owned(), OneOfBuilder::new().item(number).item(whole).into());
+            }
+            target = target.item(object);
+        }
+        target.description(Some("Promise that the compressed file keeps.")).into()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for Target {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Target".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
+        schemas.push(("DeltaE".to_owned(), <DeltaE as utoipa::PartialSchema>::schema()));
+        <DeltaE as utoipa::ToSchema>::schemas(schemas);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -215,6 +304,7 @@ mod tests {
             (r#""auto""#, Target::Auto),
         ] {
             assert_eq!(read(text), Ok(target));
+            assert!(text.contains(target.name()) && target.declared().is_some(), "{text}");
             assert_eq!(read(&serde_json::to_string(&target).unwrap()), Ok(target));
         }
     }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// `er_l1 = mean |s'−s|/s` and `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Other samples are counted, and
 /// their absolute error is reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ErrorReport {
     /// Number of samples, including masked ones.
     pub samples: u64,

@@ -21,8 +21,10 @@ mod errors;
 mod lattice;
 pub mod limits;
 mod lobe;
+mod option;
 mod progress;
 mod quantity;
+mod schema;
 mod tensor;
 mod triangles;
 pub mod vector;
@@ -40,14 +42,21 @@ pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
 pub use lobe::{CENTRES, Lobe, LobeCentre, LobeError, LobeParameters, LobeUnder};
 #[doc(hidden)]
 pub use lobe::{ROUGHNESS_OF_WIDTH, microfacets};
+pub use option::{Declared, Limits, Values, any_text};
 pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]
 pub use quantity::named;
 pub use quantity::{Quantity, Sampling, Unit, UnknownName};
+#[cfg(feature = "schema")]
+#[doc(hidden)]
+pub use schema::{object_of, one_of, schema_of, values_of};
 #[doc(hidden)]
 pub use tensor::first_where;
 pub use tensor::{Measurement, Tensor, TensorError};
 pub use triangles::{Domain, TriangleMesh};
 pub use triangles::{Vertices, centroid, child, solid_angle};
+#[cfg(feature = "schema")]
+#[doc(hidden)]
+pub use utoipa;
 pub use views::{Brdf, Reflectance, Spectrum};
 pub use wavelengths::{WavelengthError, WavelengthGrid};

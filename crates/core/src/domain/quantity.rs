@@ -67,6 +67,8 @@ macro_rules! named {
                 name.parse().map_err(serde::de::Error::custom)
             }
         }
+
+        $crate::schema_of_names!($type, $what);
     };
 }
 #[doc(hidden)]

@@ -172,7 +172,7 @@ impl Material {
     }
 
     /// Opens a decoded file, with its header.
-    pub(super) fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
+    pub fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
         let mut material = Self::with_between(measurement, summary.between)?;
         if let Some(lobe) = &summary.lobe {
             material = material.with_lobe(lobe.clone());

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 /// Kind of axis on which a basis is defined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Space {
     /// An ordered axis.
@@ -15,6 +16,7 @@ pub enum Space {
 
 /// Description of a basis, as listed by `wavelume bases`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct BasisInfo {
     /// Usual name of the basis.
     pub name: &'static str,

@@ -4,7 +4,7 @@ use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -211,7 +211,8 @@ pub struct ParseReport {
 }
 
 /// One remark of a parser.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Note {
     /// Kind of the remark.
     pub kind: NoteKind,
@@ -220,7 +221,8 @@ pub struct Note {
 }
 
 /// Subject of a remark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NoteKind {
     /// A value that the file does not state was assumed.

@@ -2,12 +2,13 @@
 
 use super::rounding::with_digits;
 use super::text::number;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Angular resolution of the instrument that took the samples, as stated in the file: full angles in degrees, 0 to 180.
 ///
 /// Both angles blur a measured lobe. The true width of a lobe that looks no wider than one of them is unknown.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Instrument {
     /// Full angle of the detector's aperture, seen from the sample, in degrees; `None` if the file does not state it.
     #[serde(skip_serializing_if = "Option::is_none")]

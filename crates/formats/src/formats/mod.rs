@@ -48,6 +48,8 @@ pub use eulumdat::{restate_eulumdat, write_eulumdat};
 pub use instrument::{Instrument, not_wider};
 pub use interpretation::Interpretation;
 pub use lm63::{restate_lm63, write_lm63};
+#[cfg(feature = "schema")]
+pub use manifest::ArrayManifest;
 pub use manifest::manifest_of;
 pub use mbsdf::{MbsdfGrid, restate_mbsdf, write_mbsdf};
 pub use merl::write_merl;

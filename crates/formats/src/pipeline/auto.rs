@@ -4,7 +4,7 @@ use super::uncertainty::relative;
 use crate::compress::{self, Policy, Settings, Target};
 use crate::domain::{Measurement, named};
 use crate::formats::Acquisition;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Error bound that the target `auto` chose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -18,7 +18,8 @@ pub enum StoppedAt {
 named!(StoppedAt, "bound of auto", { Noise = "noise", Uncertainty = "uncertainty" });
 
 /// Outcome of the target `auto`. All numbers are relative: 0.01 is 1 %.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AutoReport {
     /// The bound chosen: the larger of `uncertainty` and `noise`.
     pub stopped_at: StoppedAt,

@@ -16,6 +16,7 @@ const PROMISED: f64 = 0.01;
 
 /// Errors of a material at scattered samples. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct FitReport {
     /// Root mean square noise of the samples, estimated from differences between neighbouring samples. It does not
     /// depend on the cells. `None` if there are too few samples.

@@ -2,14 +2,15 @@
 
 use crate::compress::{Between, Noise};
 use crate::evaluate::{LeftOut, Material};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Upper bound on the number of wavelengths averaged before values are compared, as in [`Material::left_out`]. It
 /// lowers the independent noise by its square root.
 const MEAN_OF: f64 = 3.0;
 
 /// Interpolation between incidences, and its errors. All numbers are relative: 0.01 is 1 %.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct IncidenceReport {
     /// Interpolation method chosen at compression.
     pub interpolation: Between,

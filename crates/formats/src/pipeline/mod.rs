@@ -31,7 +31,7 @@ pub use origin::Origin;
 pub use outcome::{Outcome, compress, project};
 pub use provenance::runs;
 pub use report::{CellErrors, Report};
-pub use request::{Curve, Request};
+pub use request::{Curve, OptionError, Request};
 pub use restated::{Restated, restate};
 pub use sample_light::{IncidenceLight, SampleLight};
 pub use source::{Input, Source, read};

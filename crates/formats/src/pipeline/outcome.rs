@@ -6,15 +6,16 @@ use super::fit::{FitReport, at_samples, promised, scatter_of};
 use super::light;
 use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
-use super::report::{Report, report};
+use super::report::{Measured, Report, report};
 use super::request::{Curve, Request};
 use super::sample_light::{self, LightSums};
 use super::source::Source;
+use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
-use crate::compress::{self, Between, Numbers, Settings, Target};
+use crate::compress::{self, Between, Decoded, Numbers, Settings, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
-use crate::formats::{Acquisition, Note, NoteKind, not_wider};
+use crate::formats::{Acquisition, Note, NoteKind, Samples, not_wider};
 use crate::projection::{self, CarriedLobe, Projected};
 
 /// A compressed material and its report.
@@ -77,7 +78,7 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 /// Adds warnings to the report if the material adds too much error to the noise of scattered samples, differs from
 /// them in total light, or has an unresolved lobe. With the option `strict` these are errors instead.
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
-    let axes = compress::inspect(&outcome.bytes).map(|summary| summary.axes).unwrap_or_default();
+    let axes = compress::inspect(&outcome.bytes).map_err(|error| PipelineError::Opened(error.into()))?.axes;
     let is_named = request.outgoing_level.is_some();
     // A lobe carried beside the cells explains these values.
     let unexplained = if outcome.report.lobe.is_some() { 0 } else { outcome.report.fit.map_or(0, |fit| fit.lobe) };
@@ -138,15 +139,22 @@ fn compressed(
     if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
         compressed.bytes = bytes;
     }
-    // Frees the measurement: decoding needs the memory.
-    let samples = measurement.tensor.len();
+    // Frees the measurement: evaluation needs the memory.
     drop((measurement, numbers));
+    let decoded = match compressed.decoded.take() {
+        Some(measurement) => Decoded { measurement, summary: compressed.summary.clone() },
+        None => compress::decode(&compressed.bytes).map_err(|error| PipelineError::Opened(error.into()))?,
+    };
+    let samples = decoded.measurement.tensor.len();
+    let within_2u = within_on_grid(acquisition, request, &decoded.measurement.tensor);
+    let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));
+    let at_cells = if is_averaged { projection::error_at_samples(acquisition, &decoded.measurement) } else { None };
+    let is_opened = scattered.is_some() || has_lobes(decoded.measurement.tensor.axes());
+    let material = if is_opened { Some(Material::decoded(decoded).map_err(PipelineError::Opened)?) } else { None };
     let mut fit = None;
-    if let Some(scattered) = scattered {
-        let material = Material::open(&compressed.bytes).map_err(PipelineError::Opened)?;
+    if let (Some(scattered), Some(material)) = (scattered, &material) {
         let mut sums = LightSums::new(&scattered);
-        let at_samples = at_samples(acquisition, &scattered, &material, Some((&mut sums, scatter.noise)));
-        drop(material);
+        let at_samples = at_samples(acquisition, &scattered, material, Some((&mut sums, scatter.noise)));
         let promised = promised(target, compressed.summary.errors.er_l2);
         let found = FitReport::new(&scatter, &at_samples, promised);
         fit = Some((found, at_samples));
@@ -163,11 +171,12 @@ fn compressed(
         Some(carried) => not_wider(&acquisition.instrument, carried.full_width[0].min(carried.full_width[1])),
         None => projection::unresolved_lobe(acquisition),
     };
-    let mut report = report(acquisition, target, samples, (coverage, fit, lobe), &compressed);
+    let measured = Measured { fit, at_cells, material: material.as_ref() };
+    let mut report = report(acquisition, target, samples, (coverage, lobe), measured, &compressed)?;
     report.auto = auto;
     report.notes.extend(unresolved.map(|message| Note { kind: NoteKind::Warning, message }));
     if report.within_2u.is_none() {
-        report.within_2u = within_on_grid(acquisition, request, &compressed.bytes);
+        report.within_2u = within_2u;
     }
     Ok(Outcome { bytes: compressed.bytes, report })
 }

@@ -2,17 +2,19 @@
 
 use super::auto::AutoReport;
 use super::digest::digest;
+use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, promised};
 use super::incidences::IncidenceReport;
 use super::light;
 use super::sample_light::IncidenceLight;
-use super::sparse::incidences;
-use crate::compress::{self, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
+use super::sparse::has_lobes;
+use crate::compress::{self, DecodeError as CodecError, LevelInfo, LightReport, Noise, Policy, Ranked, Target};
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
+use crate::evaluate::Material;
 use crate::formats::{self, Acquisition, Note, NoteKind};
-use crate::projection::{self, CarriedLobe, Coverage};
-use serde::Serialize;
+use crate::projection::{CarriedLobe, Coverage};
+use serde::{Deserialize, Serialize};
 
 /// Report on a compression, with the field names of `compress --json`.
 ///
@@ -27,9 +29,11 @@ use serde::Serialize;
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Report {
     /// `b3-` and the BLAKE3 digest of the file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub digest: String,
     /// `b3-` and the BLAKE3 digest of the file without the metadata chunk.
     pub payload_digest: String,
@@ -46,8 +50,10 @@ pub struct Report {
     /// Spectral basis.
     pub basis: String,
     /// Bases that competed for the wavelength axis, best first.
+    #[serde(default)]
     pub basis_ranking: Vec<Ranked>,
     /// Human-readable descriptions of the axes.
+    #[serde(default)]
     pub axes: Vec<String>,
     /// Size of the file in bytes.
     pub bytes: u64,
@@ -86,7 +92,7 @@ pub struct Report {
     pub lobe: Option<CarriedLobe>,
     /// Light of the material compared with that of scattered samples, by incidence and group of bands; empty for other
     /// measurements.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
     /// Fraction (0 to 1) of the values with a stated standard uncertainty u that the decoded file matches within 2u.
     /// `None` if the file states none, or if its grid was averaged over triangles.
@@ -101,13 +107,16 @@ pub struct Report {
     pub coverage: Coverage,
     /// Assumptions, fills and omissions of the parser, and warnings. Warnings concern a missed ratio, a target below
     /// the noise, or incoming directions too sparse for the lobe.
+    #[serde(default)]
     pub notes: Vec<Note>,
     /// Resolution levels that a prefix of the file decodes to, coarse first; at least the finest.
+    #[serde(default)]
     pub levels: Vec<LevelInfo>,
 }
 
 /// Errors of decoded cells against the compressed cells; see [`ErrorReport`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CellErrors {
     /// Number of compared values: cells times wavelengths.
     #[serde(rename = "samples_cells")]
@@ -133,21 +142,33 @@ impl CellErrors {
     }
 }
 
+/// Measurements on a decoded file.
+pub(super) struct Measured<'a> {
+    /// Errors at scattered samples; `None` for other samples.
+    pub(super) fit: Option<(FitReport, AtSamples)>,
+    /// Errors at the samples of a grid that was averaged over cells; `None` for other samples.
+    pub(super) at_cells: Option<ErrorReport>,
+    /// The material; `None` if nothing is asked of it.
+    pub(super) material: Option<&'a Material>,
+}
+
 /// Creates the report on a compressed file. `samples` is the number of samples of its tensor.
 pub(super) fn report(
     acquisition: &Acquisition,
     target: Target,
     samples: usize,
-    (coverage, at_scattered, lobe): (Coverage, Option<(FitReport, AtSamples)>, Option<CarriedLobe>),
+    (coverage, lobe): (Coverage, Option<CarriedLobe>),
+    Measured { fit: at_scattered, at_cells, material }: Measured<'_>,
     compressed: &compress::Compressed,
-) -> Report {
+) -> Result<Report, PipelineError> {
     let summary = &compressed.summary;
     // Samples kept on their own grid are those of the tensor: its errors are known already.
     let on_grid = summary.axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
-    let projected = !on_grid && matches!(acquisition.samples, formats::Samples::Grid(_));
     // The noise of fitted cells is not that of the samples.
     let noise = compressed.noise.filter(|_| at_scattered.is_none());
-    let incidences = incidences(&compressed.bytes, noise).ok().flatten();
+    let opened = |error: CodecError| PipelineError::Opened(error.into());
+    let material = material.filter(|_| has_lobes(&summary.axes));
+    let incidences = material.and_then(|material| IncidenceReport::of(material, noise));
     let promised = promised(target, summary.errors.er_l2);
     let warnings = [
         compress::shortfall(target, samples as u64, compressed),
@@ -157,14 +178,11 @@ pub(super) fn report(
     ];
     let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let samples = samples as f64;
-    let decoded = projected.then(|| compress::decode(&compressed.bytes).ok()).flatten();
-    let at_cells = decoded.and_then(|decoded| projection::error_at_samples(acquisition, &decoded.measurement));
     let at_samples = at_scattered.as_ref().map(|(_, found)| found.errors).or(at_cells);
     let (fit, light_at_samples) = at_scattered.map(|(fit, found)| (fit, found.light)).unzip();
-    Report {
+    Ok(Report {
         digest: digest(&compressed.bytes),
-        payload_digest: compress::payload_digest(&compressed.bytes)
-            .map_or_else(|_| String::new(), |hash| format!("b3-{}", hash.to_hex())),
+        payload_digest: format!("b3-{}", compress::payload_digest(&compressed.bytes).map_err(opened)?.to_hex()),
         format: acquisition.format.to_owned(),
         dialect: acquisition.dialect.clone(),
         quantity: summary.quantity,
@@ -192,8 +210,8 @@ pub(super) fn report(
         noise,
         coverage,
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),
-        levels: compress::levels(&compressed.bytes).unwrap_or_default(),
-    }
+        levels: compress::levels(&compressed.bytes).map_err(opened)?,
+    })
 }
 
 /// Describes the values at which errors of a material on `axes` are measured. Returns `None` if these are the numbers

@@ -1,9 +1,11 @@
 //! Compression requests.
 
-use crate::compress::{Policy, Target};
-use crate::domain::{WavelengthError, WavelengthGrid, named};
+use crate::compress::{ALBEDO_ERROR, FLOOR, Policy, Target, check_basis};
+use crate::domain::limits::MAX_LEVEL;
+use crate::domain::{Declared, Values, WavelengthError, WavelengthGrid, named};
 use crate::projection::{AxesRequest, DirectionDomain};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// Interpolation between the stated directions of a grid of angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -25,62 +27,144 @@ impl Curve {
 
 named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 
-/// Compression request, with the names of the command line. Every field except `target` has a default.
-///
-/// ```
-/// use wavelume_formats::pipeline::Request;
-/// let request = Request { basis: "db4".to_owned(), ..Request::er_l2(0.01) };
-/// assert_eq!(serde_json::to_value(&request)?["target"]["er_l2"], 0.01);
-/// # Ok::<(), serde_json::Error>(())
-/// ```
-#[allow(clippy::struct_excessive_bools, reason = "each is an option of its own")]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Request {
-    /// Promised error bound, size or ratio.
-    pub target: Target,
-    /// Compression policy.
-    #[serde(default)]
-    pub policy: Policy,
-    /// Spectral basis, or `auto`.
-    #[serde(default = "auto")]
-    pub basis: String,
-    /// Floor as a fraction of the largest sample. Smaller samples are excluded from relative errors, and their absolute
-    /// error stays below the floor.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub floor: Option<f64>,
-    /// Upper bound on the relative error of the light (directional albedo, flux) of any direction and wavelength.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub albedo_error: Option<f64>,
-    /// Domain of directions: the grid of the file, or triangles. A level also selects triangles.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub domain: Option<DirectionDomain>,
-    /// Makes a BRDF on its own grid reciprocal: replaces each value by its mean with that of the exchanged pair of
-    /// directions.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub reciprocal: bool,
-    /// Subdivision level of the incoming triangles.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub outgoing_level: Option<u8>,
-    /// Wavelengths to resample to, as `START:STOP:STEP` in nm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wavelengths: Option<String>,
-    /// Stores the provenance in the file.
-    #[serde(default = "yes")]
-    pub metadata: bool,
-    /// Lays out the file so that one incoming direction can be decoded without the others.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub random_access: bool,
-    /// Interpolation between stated directions, for measurements on grids of angles.
-    #[serde(default, skip_serializing_if = "Curve::is_default")]
-    pub interpolation: Curve,
-    /// Refuses a material that adds too much error to the noise of scattered samples, or differs from them in total
-    /// light, instead of adding a warning.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub strict: bool,
+/// Declares the options of a request: each once, with its name, help text, JSON form and values.
+macro_rules! options {
+    ($(#[$meta:meta])* pub struct Request {
+        $(#[doc = $target:literal])+
+        pub target: Target,
+        $(
+            $(#[doc = $help:literal])+
+            $(#[serde($($serde:tt)+)])?
+            pub $name:ident: $type:ty = $values:expr,
+        )+
+    }) => {
+        $(#[$meta])*
+        pub struct Request {
+            $(#[doc = $target])+
+            pub target: Target,
+            $(
+                $(#[doc = $help])+
+                $(#[serde($($serde)+)])?
+                pub $name: $type,
+            )+
+        }
+
+        impl Request {
+            /// Options besides the target, in the order of the help text.
+            pub const OPTIONS: &'static [Declared] = &[$(
+                Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
+            )+];
+            /// Help text of the target.
+            pub const TARGET_HELP: &'static str = concat!($($target),+);
+        }
+    };
+}
+
+/// Values of the options that take a subdivision level.
+const LEVEL: Values = Values::Whole { shown: "N", least: 0, most: MAX_LEVEL as u64 };
+
+options! {
+    /// Compression request. Every field except `target` has a default.
+    ///
+    /// The help texts of the command line and the description of the HTTP interface are the documentation of these
+    /// fields.
+    ///
+    /// ```
+    /// use wavelume_formats::pipeline::Request;
+    /// let request = Request { basis: "db4".to_owned(), ..Request::er_l2(0.01) };
+    /// assert_eq!(serde_json::to_value(&request)?["target"]["er_l2"], 0.01);
+    /// # Ok::<(), serde_json::Error>(())
+    /// ```
+    #[allow(clippy::struct_excessive_bools, reason = "each is an option of its own")]
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Request {
+        /// Promised error bound, size or ratio. For a measurement on a grid of angles, errors are those at the samples
+        /// of the file. If samples were averaged over triangles first, the bound holds against these averages, and the
+        /// errors at the samples are stated beside it.
+        pub target: Target,
+        /// Directions of the tensor. `grid` keeps the grid of angles that the file states; it is the default if there
+        /// is one and no level is given. `triangles` averages samples over triangles, as a subdivision level also does.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub domain: Option<DirectionDomain> = Values::Name {
+            shown: "grid|triangles",
+            names: || DirectionDomain::ALL.iter().map(|known| known.name()).collect(),
+            default: None,
+        },
+        /// Replaces each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
+        /// directions. Errors are then measured against these means.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub reciprocal: bool = Values::Switch,
+        /// Subdivision level of the triangles of incoming directions.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub incoming_level: Option<u8> = LEVEL,
+        /// Subdivision level of the triangles of outgoing directions.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub outgoing_level: Option<u8> = LEVEL,
+        /// Wavelengths to resample to: `START:STOP:STEP` in nm, both ends included.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub wavelengths: Option<String> = Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
+        /// Selection and coding of the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
+        /// conventional (one threshold), generic (one threshold for each space) or adaptive.
+        #[serde(default)]
+        pub policy: Policy = Values::Name {
+            shown: "POLICY",
+            names: || Policy::ALL.iter().map(|known| known.name()).collect(),
+            default: Some("rd"),
+        },
+        /// Spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists.
+        #[serde(default = "auto")]
+        pub basis: String = Values::Text { shown: "BASIS", default: Some("auto"), check: basis },
+        /// Relative floor, as a fraction of the largest sample: smaller samples leave the relative errors, and their
+        /// absolute error is at most the floor.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub floor: Option<f64> = Values::Number { shown: "F", limits: FLOOR },
+        /// Upper bound on the relative error of the light (directional albedo, flux) of every direction and wavelength;
+        /// needs policy rd.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub albedo_error: Option<f64> =
+            Values::Number { shown: "E", limits: ALBEDO_ERROR },
+        /// Makes each incoming direction decodable without the others; needs policy rd. The material then has no
+        /// coarser levels.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub random_access: bool = Values::Switch,
+        /// Interpolation between the directions of a grid of angles, written into the file. `cubic` interpolates
+        /// logarithms, blended with enough straight lines to keep a luminaire's flux within 0.3 % of the zonal flux of
+        /// its samples; `linear` draws straight lines.
+        #[serde(default, skip_serializing_if = "Curve::is_default")]
+        pub interpolation: Curve = Values::Name {
+            shown: "cubic|linear",
+            names: || Curve::ALL.iter().map(|known| known.name()).collect(),
+            default: Some("cubic"),
+        },
+        /// Fails if the material adds more to the noise of scattered samples than twice the promised error or half of
+        /// the noise, or if its light differs from theirs; otherwise these are warnings.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub strict: bool = Values::Switch,
+        /// Writes the provenance (source, options, program) into the file, unless it is switched off.
+        #[serde(default = "yes")]
+        pub metadata: bool = Values::SwitchOff,
+    }
+}
+
+/// Checks the name of a spectral basis; the error lists the names.
+fn basis(name: &str) -> Result<(), String> {
+    check_basis(name).map_err(|error| error.to_string())
+}
+
+/// Checks wavelengths to resample to; the error says what was expected.
+fn wavelengths(text: &str) -> Result<(), String> {
+    WavelengthGrid::parse_range(text).map(|_| ()).map_err(|error| error.to_string())
+}
+
+/// An option of a request with a value that it does not accept.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{option}: {reason}")]
+pub struct OptionError {
+    /// Name of the option.
+    pub option: &'static str,
+    /// Value found and values expected, in words.
+    pub reason: String,
 }
 
 fn auto() -> String {
@@ -117,6 +201,21 @@ impl Request {
         }
     }
 
+    /// Checks every option against its declaration, before any measurement is read.
+    pub fn check(&self) -> Result<(), OptionError> {
+        self.target.check().map_err(|error| OptionError { option: "target", reason: error.to_string() })?;
+        let Ok(Value::Object(stated)) = serde_json::to_value(self) else { return Ok(()) };
+        for declared in Self::OPTIONS {
+            let Some(found) = stated.get(declared.name).filter(|found| !found.is_null()) else { continue };
+            declared.check(found).map_err(|expected| {
+                let is_text = matches!(declared.values, Values::Text { .. });
+                let reason = if is_text { expected } else { format!("found {found}, {expected}") };
+                OptionError { option: declared.name, reason }
+            })?;
+        }
+        Ok(())
+    }
+
     /// Returns the requested axes.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
@@ -130,5 +229,33 @@ impl Request {
                 _ => None,
             },
         })
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for Request {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        use crate::domain::schema_of;
+        use utoipa::openapi::Ref;
+        use utoipa::openapi::schema::{AdditionalProperties, ObjectBuilder};
+        let target = Ref::builder().ref_location_from_schema_name("Target").description(Some(Self::TARGET_HELP.trim()));
+        let target = target.build();
+        let request = ObjectBuilder::new().property("target", target).required("target");
+        let options = Self::OPTIONS.iter();
+        let request = options.fold(request, |request, option| request.property(option.name, schema_of(option)));
+        let request = request.additional_properties(Some(AdditionalProperties::FreeForm(false)));
+        request.description(Some("Options of a compression, in the names of the command line.")).into()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for Request {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Request".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
+        schemas.push(("Target".to_owned(), <Target as utoipa::PartialSchema>::schema()));
+        <Target as utoipa::ToSchema>::schemas(schemas);
     }
 }

@@ -23,6 +23,7 @@ const NONE: u32 = u32::MAX;
 /// incidence and one group of bands: −0.2 if the material has a fifth less. Differences are `None` if there is no
 /// sample or the samples have no light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct IncidenceLight {
     /// Polar angle of the incidence in degrees; `None` for the sum over all incidences, or without incidences.
     pub theta_i: Option<f64>,
@@ -51,6 +52,7 @@ pub struct IncidenceLight {
 
 /// Largest differences of the light by magnitude, over all incidences and groups of bands; see [`IncidenceLight`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct SampleLight {
     /// Difference at the samples that were not rejected.
     pub kept: Option<f64>,

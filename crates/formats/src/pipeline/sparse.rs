@@ -1,7 +1,7 @@
 //! Warnings about incoming directions that are too sparse for the lobe between them.
 
 use super::incidences::IncidenceReport;
-use crate::compress::{self, Noise};
+use crate::compress;
 use crate::domain::{Axis, Measurement};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
@@ -21,7 +21,8 @@ pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
     let promised = if summary.errors.er_l2 > 0.0 { summary.errors.er_l2 } else { PROMISED };
     let decoded = compress::decode(bytes)?;
     let noise = compress::estimate_noise(&decoded.measurement, 0.0);
-    Ok(incidences(bytes, noise)?.and_then(|report| report.warning(promised)))
+    let report = IncidenceReport::of(&Material::decoded(decoded)?, noise);
+    Ok(report.and_then(|report| report.warning(promised)))
 }
 
 /// Like [`sparse`], for a measurement that is not compressed yet.
@@ -35,14 +36,8 @@ pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, Ev
     Ok(report.and_then(|report| report.warning(PROMISED)))
 }
 
-/// Returns the report on the incidences of a material; `None` if it is too large to open or has no inner incidence.
-pub(super) fn incidences(bytes: &[u8], noise: Option<Noise>) -> Result<Option<IncidenceReport>, EvaluateError> {
-    let opens = has_lobes(&compress::inspect(bytes)?.axes);
-    if opens { Ok(IncidenceReport::of(&Material::open(bytes)?, noise)) } else { Ok(None) }
-}
-
 /// Returns true if there are outgoing directions for several incoming ones, and few enough cells to open.
-fn has_lobes(axes: &[Axis]) -> bool {
+pub(super) fn has_lobes(axes: &[Axis]) -> bool {
     let cells = axes.iter().filter(|axis| !axis.is_spectral()).try_fold(1_usize, |n, axis| n.checked_mul(axis.len()));
     axes.iter().filter(|axis| axis.is_directional()).count() > 1 && cells.is_some_and(|cells| cells <= MOST_CELLS)
 }

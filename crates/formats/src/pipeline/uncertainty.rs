@@ -1,7 +1,6 @@
 //! Uncertainties stated in a file: their size, and the fraction of material values within twice their uncertainty.
 
 use super::request::Request;
-use crate::compress;
 use crate::domain::Tensor;
 use crate::formats::{Acquisition, AngleGrid, ParseReport, Samples};
 use crate::projection;
@@ -57,11 +56,10 @@ pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
 
 /// Returns the fraction of the values of a file that the compressed `bytes` match within twice the stated uncertainty.
 /// `None` if none is stated, or if the material is not on the grid of the file.
-pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, bytes: &[u8]) -> Option<f64> {
+pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, decoded: &Tensor) -> Option<f64> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let sigma = grid.sigma.as_deref()?;
-    let decoded = compress::decode(bytes).ok()?.measurement.tensor;
-    let on_grid = |grid: AngleGrid| on_axes_of(acquisition, grid, request, &decoded);
+    let on_grid = |grid: AngleGrid| on_axes_of(acquisition, grid, request, decoded);
     let (values, sigma) = (on_grid(grid.clone())?, on_grid(sigma.clone())?);
     let mut within = Within::default();
     within.add(values.samples(), decoded.samples(), sigma.samples());

@@ -5,7 +5,7 @@ use super::scattered::lobe::carried::CarriedLobe;
 use super::scattered::report::ScatterReport;
 use crate::domain::{Measurement, Tensor};
 use crate::formats::Contradictions;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A projected measurement.
 #[derive(Clone, Debug)]
@@ -36,7 +36,8 @@ pub struct Numbers {
 }
 
 /// Coverage of a projection: how many cells are measured, interpolated, filled or empty.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Coverage {
     /// Number of cells of directions (spectra, not samples).
     pub cells: u64,
@@ -45,7 +46,7 @@ pub struct Coverage {
     /// Number of cells between samples.
     pub interpolated: u64,
     /// Number of cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub filled: u64,
     /// Number of cells outside the measured range: masked, or 0 if the format's standard says so.
     pub empty: u64,

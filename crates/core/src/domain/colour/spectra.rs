@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 /// CIEDE2000 differences between the spectra of two measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ColourReport {
     /// Illuminant of the colours.
     pub illuminant: Illuminant,

@@ -1,9 +1,10 @@
 //! Directions that a lobe stays with.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Direction about which a lobe is centred, relative to the incoming direction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LobeCentre {
     /// Mirror direction; distances are angles from it.

@@ -4,7 +4,7 @@ use super::centre::LobeCentre;
 use super::parameters::{LobeError, LobeParameters, check, short_colour};
 use super::under::LobeUnder;
 use crate::domain::direction::Direction;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Lobe of a BRDF, in sr⁻¹ without the cosine:
 ///
@@ -20,8 +20,8 @@ use serde::Serialize;
 /// G is 1 except for half vectors, where it is m(cos θi) / (m(cos θo)·hz⁴) with m(c) = c + √(a² + (1 − a²)·c²) and a =
 /// 1.5538 × the half-width, as for a microfacet surface (Walter et al. 2007, equations 20, 33, 34). It is 1 at the
 /// mirror direction. The lobe is 0 if wi or wo is below the horizon.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "LobeParameters", try_from = "LobeParameters")]
 pub struct Lobe(LobeParameters);
 
 impl Lobe {
@@ -83,6 +83,38 @@ impl Lobe {
     /// Returns the heap memory in bytes, without the size of the type.
     pub fn memory(&self) -> usize {
         size_of_val(&*self.0.colours)
+    }
+}
+
+impl From<Lobe> for LobeParameters {
+    fn from(lobe: Lobe) -> Self {
+        lobe.0
+    }
+}
+
+impl TryFrom<LobeParameters> for Lobe {
+    type Error = LobeError;
+
+    fn try_from(parameters: LobeParameters) -> Result<Self, LobeError> {
+        Self::new(parameters)
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for Lobe {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        LobeParameters::schema()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for Lobe {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Lobe".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
+        LobeParameters::schemas(schemas);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Numbers that a lobe is made of, and their bounds.
 
 use super::centre::LobeCentre;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Largest natural logarithm of a peak in sr⁻¹: larger than any real surface, small enough not to overflow when
 /// multiplied by a colour.
@@ -20,7 +20,8 @@ const LARGEST_ANGLE: f64 = 3.2;
 const LARGEST_COLOUR: f32 = 65_536.0;
 
 /// Parameters of a lobe, as defined by [`Lobe`](super::Lobe).
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LobeParameters {
     /// Centre of the lobe.
     pub centre: LobeCentre,

@@ -5,10 +5,14 @@ mod entry;
 mod fields;
 mod grid;
 mod refusal;
+#[cfg(feature = "schema")]
+mod schema;
 #[cfg(test)]
 mod tests;
 
 pub use describe::manifest_of;
+#[cfg(feature = "schema")]
+pub use schema::ArrayManifest;
 
 use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
 use super::error::FormatError;

@@ -2,11 +2,12 @@
 
 use super::repeated::Repeated;
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Root mean square deviations, in percent of the mean, between values that the file states for the same direction.
 /// `None` if no such direction is stated more than once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Contradictions {
     /// Deviation between the azimuths at a pole.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 /// Counts, noise and outliers of scattered samples, independent of the cells made of them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ScatterReport {
     /// Number of samples (directions, or pairs of them).
     pub samples: u64,
@@ -28,6 +29,7 @@ pub struct ScatterReport {
 
 /// Outliers: samples that differ so much from their neighbours that they are left out of all errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Rejected {
     /// Number of values.
     pub values: u64,

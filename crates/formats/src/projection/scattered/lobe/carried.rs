@@ -2,13 +2,14 @@
 
 use crate::domain::{Lobe, LobeCentre};
 use crate::formats::with_digits;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Least number of samples within half maximum of a resolved lobe.
 pub(super) const RESOLVED: u64 = 3;
 
 /// A narrow lobe beside the cells of a projection: the measurement is the sum of both.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CarriedLobe {
     /// Function of the lobe, with a colour for each wavelength of the tensor.
     pub lobe: Lobe,

@@ -1,0 +1,177 @@
+//! Declaration of an option: its name, its help text and its values. The command line, the HTTP description and the
+//! checks of a request are all derived from it.
+
+use serde_json::Value;
+use std::ops::{Bound, RangeBounds};
+
+/// An option of a request, as the user sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Declared {
+    /// Name in JSON, in `snake_case`; on the command line `--kebab-case`.
+    pub name: &'static str,
+    /// Help text: sentences for the user.
+    pub help: &'static str,
+    /// Values of the option.
+    pub values: Values,
+}
+
+/// Values that an option accepts.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Values {
+    /// True or false, false by default. On the command line the option has no value.
+    Switch,
+    /// True or false, true by default. On the command line `--no-NAME` makes it false.
+    SwitchOff,
+    /// Number within limits.
+    Number {
+        /// Placeholder in the help text.
+        shown: &'static str,
+        /// The limits.
+        limits: Limits,
+    },
+    /// Whole number, both limits included.
+    Whole {
+        /// Placeholder in the help text.
+        shown: &'static str,
+        /// Least value.
+        least: u64,
+        /// Largest value.
+        most: u64,
+    },
+    /// One of several names.
+    Name {
+        /// Placeholder in the help text.
+        shown: &'static str,
+        /// The names.
+        names: fn() -> Vec<&'static str>,
+        /// Name that is used if none is given.
+        default: Option<&'static str>,
+    },
+    /// Text.
+    Text {
+        /// Placeholder in the help text.
+        shown: &'static str,
+        /// Text that is used if none is given.
+        default: Option<&'static str>,
+        /// Check of a text. The error says what was expected.
+        check: fn(&str) -> Result<(), String>,
+    },
+}
+
+/// Limits of a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Lower limit.
+    pub low: Bound<f64>,
+    /// Upper limit.
+    pub high: Bound<f64>,
+    /// The limits in words, after "expected".
+    pub expected: &'static str,
+}
+
+impl Limits {
+    /// Numbers above 0 and up to `most`.
+    pub const fn up_to(most: f64, expected: &'static str) -> Self {
+        Self { low: Bound::Excluded(0.0), high: Bound::Included(most), expected }
+    }
+
+    /// Finite numbers above 0.
+    pub const fn positive(expected: &'static str) -> Self {
+        Self { low: Bound::Excluded(0.0), high: Bound::Unbounded, expected }
+    }
+
+    /// Returns true if `number` is finite and within the limits.
+    pub fn allow(&self, number: f64) -> bool {
+        number.is_finite() && (self.low, self.high).contains(&number)
+    }
+}
+
+impl Declared {
+    /// Reads a value that is written on the command line, as JSON. The error says what was expected.
+    pub fn read(&self, text: &str) -> Result<Value, String> {
+        match self.values {
+            Values::Switch | Values::SwitchOff => match text {
+                "true" => Ok(Value::Bool(true)),
+                "false" => Ok(Value::Bool(false)),
+                _ => Err("expected true or false".to_owned()),
+            },
+            Values::Number { limits, .. } => {
+                let number = text.parse().map_err(|_| format!("expected a number {}", limits.expected));
+                number.and_then(|number: f64| self.checked(Value::from(number)))
+            }
+            Values::Whole { .. } => {
+                let number = text.parse::<u64>().map_or(Value::Null, Value::from);
+                self.checked(number)
+            }
+            Values::Name { .. } | Values::Text { .. } => self.checked(Value::from(text)),
+        }
+    }
+
+    /// Returns the value if the option accepts it; the error says what was expected.
+    fn checked(&self, value: Value) -> Result<Value, String> {
+        self.check(&value).map(|()| value)
+    }
+
+    /// Checks a value of the right type. The error says what was expected.
+    pub fn check(&self, value: &Value) -> Result<(), String> {
+        match self.values {
+            Values::Switch | Values::SwitchOff => Ok(()),
+            Values::Number { limits, .. } => match value.as_f64() {
+                Some(number) if limits.allow(number) => Ok(()),
+                _ => Err(format!("expected {}", limits.expected)),
+            },
+            Values::Whole { least, most, .. } => match value.as_u64() {
+                Some(number) if (least..=most).contains(&number) => Ok(()),
+                _ if most == u64::MAX => Err(format!("expected a whole number, at least {least}")),
+                _ => Err(format!("expected a whole number from {least} to {most}")),
+            },
+            Values::Name { names, .. } => match value.as_str() {
+                Some(name) if names().contains(&name) => Ok(()),
+                _ => Err(format!("expected one of {}", names().join(", "))),
+            },
+            Values::Text { check, .. } => value.as_str().ok_or_else(|| "expected a text".to_owned()).and_then(check),
+        }
+    }
+}
+
+/// Accepts every text.
+pub fn any_text(_: &str) -> Result<(), String> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRACTION: Declared = Declared {
+        name: "floor",
+        help: "",
+        values: Values::Number {
+            shown: "F",
+            limits: Limits {
+                low: Bound::Excluded(0.0),
+                high: Bound::Excluded(1.0),
+                expected: "more than 0, less than 1",
+            },
+        },
+    };
+
+    #[test]
+    fn texts_become_values_within_the_limits() {
+        assert_eq!(FRACTION.read("0.25"), Ok(Value::from(0.25)));
+        for bad in ["0", "1", "nan", "inf", "-0.5", "x", ""] {
+            assert!(FRACTION.read(bad).unwrap_err().contains("more than 0, less than 1"), "{bad}");
+        }
+        let level = Declared { values: Values::Whole { shown: "N", least: 0, most: 8 }, ..FRACTION };
+        assert_eq!(level.read("8"), Ok(Value::from(8)));
+        for bad in ["9", "-1", "1.5", ""] {
+            assert_eq!(level.read(bad), Err("expected a whole number from 0 to 8".to_owned()));
+        }
+        let name = Values::Name { shown: "NAME", names: || vec!["a", "b"], default: None };
+        let name = Declared { values: name, ..FRACTION };
+        assert_eq!(name.read("b"), Ok(Value::from("b")));
+        assert_eq!(name.read("c"), Err("expected one of a, b".to_owned()));
+        assert_eq!(Declared { values: Values::Switch, ..FRACTION }.read("true"), Ok(Value::Bool(true)));
+    }
+}

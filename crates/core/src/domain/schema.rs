@@ -1,0 +1,105 @@
+//! JSON schemas of names, options and targets, for the description of an HTTP interface.
+
+/// Describes a fieldless enum with stable names as one of these texts.
+#[doc(hidden)]
+#[macro_export]
+#[cfg(feature = "schema")]
+macro_rules! schema_of_names {
+    ($type:ident, $what:literal) => {
+        impl $crate::domain::utoipa::PartialSchema for $type {
+            fn schema() -> $crate::domain::utoipa::openapi::RefOr<$crate::domain::utoipa::openapi::schema::Schema> {
+                let names: Vec<&'static str> = Self::ALL.iter().map(|known| known.name()).collect();
+                $crate::domain::one_of(concat!("Name of the ", $what, "."), names).into()
+            }
+        }
+
+        impl $crate::domain::utoipa::ToSchema for $type {
+            fn name() -> std::borrow::Cow<'static, str> {
+                stringify!($type).into()
+            }
+        }
+    };
+}
+/// Describes nothing: the feature `schema` is off.
+#[doc(hidden)]
+#[macro_export]
+#[cfg(not(feature = "schema"))]
+macro_rules! schema_of_names {
+    ($type:ident, $what:literal) => {};
+}
+
+#[cfg(feature = "schema")]
+pub use described::{object_of, one_of, schema_of, values_of};
+
+#[cfg(feature = "schema")]
+mod described {
+    use super::super::option::{Declared, Values};
+    use std::ops::Bound;
+    use utoipa::openapi::schema::{AdditionalProperties, Object, ObjectBuilder, OneOfBuilder, Schema, Type};
+    use utoipa::openapi::{KnownFormat, SchemaFormat};
+
+    /// Describes a text that is one of `names`.
+    pub fn one_of(description: &str, names: Vec<&'static str>) -> Object {
+        let text = ObjectBuilder::new().schema_type(Type::String).description(Some(description));
+        text.enum_values(Some(names)).build()
+    }
+
+    /// Describes the values of a declared option, with its help text. An option without a default takes null, too.
+    pub fn schema_of(declared: &Declared) -> Schema {
+        let described = values_of(declared);
+        let has_default = match declared.values {
+            Values::Switch | Values::SwitchOff => true,
+            Values::Number { .. } | Values::Whole { .. } => false,
+            Values::Name { default, .. } | Values::Text { default, .. } => default.is_some(),
+        };
+        if has_default {
+            return described.into();
+        }
+        let nothing = ObjectBuilder::new().schema_type(Type::Null);
+        OneOfBuilder::new().item(described).item(nothing).into()
+    }
+
+    /// Describes the values of a declared option, with its help text.
+    pub fn values_of(declared: &Declared) -> Object {
+        let help = declared.help.trim();
+        let described = ObjectBuilder::new().description(Some(help));
+        match declared.values {
+            Values::Switch => described.schema_type(Type::Boolean).default(Some(false.into())),
+            Values::SwitchOff => described.schema_type(Type::Boolean).default(Some(true.into())),
+            Values::Number { limits, .. } => {
+                let mut number = described.schema_type(Type::Number);
+                number = number.format(Some(SchemaFormat::KnownFormat(KnownFormat::Double)));
+                number = match limits.low {
+                    Bound::Included(low) => number.minimum(Some(low)),
+                    Bound::Excluded(low) => number.exclusive_minimum(Some(low)),
+                    Bound::Unbounded => number,
+                };
+                match limits.high {
+                    Bound::Included(high) => number.maximum(Some(high)),
+                    Bound::Excluded(high) => number.exclusive_maximum(Some(high)),
+                    Bound::Unbounded => number,
+                }
+            }
+            Values::Whole { least, most, .. } => {
+                let number = described.schema_type(Type::Integer).minimum(Some(least as f64));
+                if most == u64::MAX { number } else { number.maximum(Some(most as f64)) }
+            }
+            Values::Name { names, default, .. } => {
+                described.schema_type(Type::String).enum_values(Some(names())).default(default.map(Into::into))
+            }
+            Values::Text { default, .. } => described.schema_type(Type::String).default(default.map(Into::into)),
+        }
+        .build()
+    }
+
+    /// Describes an object with one required property and no other. Its title is `PREFIX_NAME`: generated clients take
+    /// it for the name of a type.
+    pub fn object_of(prefix: &str, declared: &Declared) -> Object {
+        ObjectBuilder::new()
+            .title(Some(format!("{prefix}_{}", declared.name)))
+            .property(declared.name, values_of(declared))
+            .required(declared.name)
+            .additional_properties(Some(AdditionalProperties::FreeForm(false)))
+            .build()
+    }
+}
