@@ -1,53 +1,262 @@
 #!/usr/bin/env python3
-"""Writes what the program really prints into the README: the output below each `$ wavelume …`, and the figures.
+"""Runs the commands that the README and the pages of docs/ show, and writes or compares what they print.
 
-Usage: readme.py BINARY [FIGURES.md]
+Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, and the figures that run.py left in FIGURES.md
+       readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is out of date
 
-The commands run in order in one scratch directory with the bundled data. FIGURES.md is written by run.py.
+Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds the
+bundled data. What is below it, up to the next command, is its output. `wavelume serve` and `wavelume demo` listen on a free port,
+which the pages call 127.0.0.1:8080. `cargo run … --example NAME -- ARGUMENTS` runs
+the example that was built beside the program or by the tests. Times, identifiers of jobs and dates may differ; nothing else may.
 """
 import os
 import re
+import shutil
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
+import zlib
+from concurrent.futures import ThreadPoolExecutor
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-README = os.path.join(ROOT, "README.md")
+PAGES = ["README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/library.md"]
+FIGURES_PAGE = "docs/performance.md"
+PICTURE = "docs/previews.png"
+# The page whose commands draw the parts of the picture, and the files that they write, from left to right.
+DRAWN_IN, DRAWN = "docs/cli.md", ["paint.png", "lantern.png", "checker.png"]
+# Where the numbers between the marks `numbers` of the README come from.
+NUMBERS_FROM = ["README.md", "docs/performance.md"]
+SHOWN = "127.0.0.1:8080"
+LIMIT = 60
+VARYING = [
+    (r"(?m)^( *seconds) +[\d.]+$", r"\1 #"),
+    (r"(?m)( %) +\d+\.\d+$", r"\1 #"),
+    (r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[0-9a-f]{4}-[0-9a-f]{12}", "#"),
+    (r'("\w+_ms"):\d+', r"\1:#"),
+]
 
 
-def output(command, directory, binary):
-    """What `command` prints; the demo ends after its table, and only that is shown."""
-    words = command.split()
-    is_demo = words[1] == "demo"
-    done = subprocess.run([binary, *words[1:], *(["--once"] if is_demo else [])], cwd=directory, capture_output=True)
-    if done.returncode != 0:
-        sys.exit(f"{command}: {done.stderr.decode().strip()}")
-    text = done.stdout.decode()
-    return text.split("\n\nthe lamp")[0] + "\n…\n" if is_demo else text
+def comparable(text):
+    for pattern, by in VARYING:
+        text = re.sub(pattern, by, text)
+    return text
+
+
+class Session:
+    """A bash that runs the commands of one page in a directory of its own."""
+
+    def __init__(self, page, binary, directory):
+        self.page, self.binary, self.directory = page, binary, directory
+        os.symlink(os.path.join(ROOT, "data"), os.path.join(directory, "data"))
+        programs = tempfile.mkdtemp(dir=directory, prefix=".programs")
+        os.symlink(binary, os.path.join(programs, "wavelume"))
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"127.0.0.1:{free.getsockname()[1]}"
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("WAVELUME_")}
+        self.environment = {**kept, "PATH": f"{programs}:{os.environ['PATH']}", "LC_ALL": "C.UTF-8", "NO_COLOR": "1"}
+        self.errors = os.path.join(programs, "errors")
+        self.shell = self.start(["bash", "--noprofile", "--norc"], stdin=subprocess.PIPE)
+        self.service = None
+
+    def start(self, words, **options):
+        return subprocess.Popen(
+            words, cwd=self.directory, env=self.environment, stdout=subprocess.PIPE, text=True, start_new_session=True,
+            **{"stderr": subprocess.DEVNULL, **options},
+        )
+
+    def close(self):
+        for process in [self.service, self.shell]:
+            if process and process.poll() is None:
+                os.killpg(process.pid, signal.SIGTERM)
+                process.wait()
+
+    def run(self, command):
+        """What a terminal shows: standard output, and after a failure the error."""
+        words = command.split()
+        if words[:2] == ["wavelume", "serve"]:
+            self.service = self.start([*words, "--listen", self.address])
+            return self.shown(self.service.stdout.readline())
+        if words[:2] == ["wavelume", "demo"]:
+            done = subprocess.run(
+                [*words, "--once", "--listen", self.address], cwd=self.directory, env=self.environment, capture_output=True, text=True
+            )
+            if done.returncode != 0:
+                raise RuntimeError(f"{self.page}: {command}: {done.stderr}")
+            return self.shown(done.stdout.split("\n\nthe lamp")[0] + "\n…\n")
+        example = re.fullmatch(r"cargo run .*--example (\w+)(?: -- (.*))?", command)
+        if example:
+            builds = os.path.dirname(self.binary), os.path.join(os.path.dirname(os.path.dirname(self.binary)), "debug")
+            program = next(filter(os.path.exists, (os.path.join(build, "examples", example[1]) for build in builds)), None)
+            if not program:
+                raise RuntimeError(f"the example {example[1]} is missing: cargo test --workspace --no-run")
+            command = f"(cd {ROOT} && {program} {example[2] or ''})"
+        end = "end of the command: "
+        self.shell.stdin.write(f"{{\n{command.replace(SHOWN, self.address)}\n}} 2>{self.errors}\nprintf '%s%s\\n' '{end}' $?\n")
+        self.shell.stdin.flush()
+        timer = threading.Timer(LIMIT, lambda: os.killpg(self.shell.pid, signal.SIGKILL))
+        timer.start()
+        lines = []
+        for line in self.shell.stdout:
+            before, found, status = line.partition(end)
+            lines.append(before)
+            if found:
+                break
+        else:
+            raise RuntimeError(f"{self.page}: {command}: the shell ended, or {LIMIT} s were over")
+        timer.cancel()
+        text = "".join(lines)
+        if int(status) != 0:
+            print(f"{self.page}: failed, as the page shows: {command}", file=sys.stderr)
+            with open(self.errors) as file:
+                text += file.read()
+        return self.shown(text if text.endswith("\n") or not text else text + "\n")
+
+    def shown(self, text):
+        return text.replace(self.address, SHOWN)
+
+
+def commands(block):
+    """The commands of a block, each with the output that stands below it; a backslash continues a command."""
+    found = []
+    for line in block.splitlines(keepends=True):
+        if line.startswith("$ "):
+            found.append([line[2:], ""])
+        elif found and not found[-1][1] and found[-1][0].endswith("\\\n"):
+            found[-1][0] += line
+        elif found:
+            found[-1][1] += line
+    return found
+
+
+def remade(page, text, session, stale):
+    """The page with the outputs of now; those that differ are named in `stale`."""
+
+    def block(found):
+        lines = []
+        for command, old in commands(found.group(1)):
+            new = session.run(command.rstrip("\n"))
+            if comparable(new) != comparable(old):
+                stale.append(f"{page}: $ {command}--- the page\n{old}--- now\n{new}")
+            lines.append(f"$ {command}{new}")
+        return "```console\n" + "".join(lines) + "```"
+
+    return re.sub(r"```console\n(.*?)```", block, text, flags=re.DOTALL)
+
+
+def between(text, mark, new=None):
+    """What stands between the marks, or the text with `new` there."""
+    begin, end = f"<!-- {mark} -->\n", f"<!-- end of {mark} -->"
+    before, rest = text.split(begin)
+    old, after = rest.split(end)
+    return old if new is None else f"{before}{begin}\n{new}\n{end}{after}"
+
+
+def pixels(path):
+    """Width, height and rows of an RGB picture of 8 bits a channel."""
+    with open(path, "rb") as file:
+        data = file.read()
+    at, packed, size = 8, b"", None
+    while at < len(data):
+        length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        body = data[at + 8 : at + 8 + length]
+        if kind == b"IHDR":
+            size = int.from_bytes(body[:4], "big"), int.from_bytes(body[4:8], "big")
+            if body[8:] != bytes([8, 2, 0, 0, 0]):
+                sys.exit(f"{path}: expected RGB of 8 bits")
+        elif kind == b"IDAT":
+            packed += body
+        at += 12 + length
+    raw, (width, height) = zlib.decompress(packed), size
+    rows, above = [], bytes(3 * width)
+    for y in range(height):
+        kind, *row = raw[y * (3 * width + 1) : (y + 1) * (3 * width + 1)]
+        for i, value in enumerate(row):
+            a, b, c = (row[i - 3] if i > 2 else 0), above[i], (above[i - 3] if i > 2 else 0)
+            p = a + b - c
+            paeth = min((a, b, c), key=lambda near: abs(p - near))
+            row[i] = (value + (0, a, b, (a + b) // 2, paeth)[kind]) & 255
+        above = bytes(row)
+        rows.append(above)
+    return width, height, rows
+
+
+def beside(parts):
+    """Pictures of one height as one picture."""
+    pictures = [pixels(path) for path in parts]
+    return sum(width for width, _, _ in pictures), pictures[0][1], [b"".join(row) for row in zip(*(rows for _, _, rows in pictures))]
+
+
+def png(picture):
+    width, height, rows = picture
+
+    def chunk(kind, body):
+        return len(body).to_bytes(4, "big") + kind + body + zlib.crc32(kind + body).to_bytes(4, "big")
+
+    packed, above = b"", bytes(3 * width)
+    for row in rows:
+        left = bytes(3) + row[:-3]
+        kinds = [row, bytes((x - a) & 255 for x, a in zip(row, left)), bytes((x - b) & 255 for x, b in zip(row, above))]
+        best = min(range(3), key=lambda kind: sum(min(x, 256 - x) for x in kinds[kind]))
+        packed += bytes([best]) + kinds[best]
+        above = row
+    head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 2, 0, 0, 0])
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(packed, 9)) + chunk(b"IEND", b"")
 
 
 def main():
-    if len(sys.argv) not in (2, 3):
-        sys.exit(__doc__.splitlines()[2])
-    binary = os.path.abspath(sys.argv[1])
-    with open(README) as file:
-        text = file.read()
-    with tempfile.TemporaryDirectory() as directory:
-        os.symlink(os.path.join(ROOT, "data"), os.path.join(directory, "data"))
+    arguments = sys.argv[1:]
+    is_check = arguments[:1] == ["--check"]
+    arguments = arguments[is_check:]
+    if len(arguments) not in ((1,) if is_check else (1, 2)):
+        sys.exit(__doc__)
+    binary = os.path.abspath(arguments[0])
+    stale, texts = [], {}
+    for page in sorted({*PAGES, *NUMBERS_FROM, FIGURES_PAGE}):
+        with open(os.path.join(ROOT, page)) as file:
+            texts[page] = file.read()
+    drawn = []
 
-        def block(found):
-            command = found.group(1)
-            return f"```console\n$ {command}\n{output(command, directory, binary)}```"
+    def remake(page):
+        directory = tempfile.mkdtemp()
+        session = Session(page, binary, directory)
+        try:
+            texts[page] = remade(page, texts[page], session, stale)
+            if page == DRAWN_IN:
+                drawn.extend(beside([os.path.join(directory, name) for name in DRAWN]))
+        finally:
+            session.close()
+            shutil.rmtree(directory)
 
-        text = re.sub(r"```console\n\$ (wavelume [^\n]*)\n.*?```", block, text, flags=re.DOTALL)
-    if len(sys.argv) == 3:
-        with open(sys.argv[2]) as file:
-            figures = file.read()
-        begin, end = "<!-- figures -->\n", "<!-- end of figures -->"
-        before, rest = text.split(begin)
-        text = before + begin + "\n" + figures + "\n" + end + rest.split(end)[1]
-    with open(README, "w") as file:
-        file.write(text)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(remake, PAGES))
+    picture = os.path.join(ROOT, PICTURE)
+    is_new = not os.path.exists(picture) or list(pixels(picture)) != drawn
+    if is_new:
+        stale.append(f"{PICTURE}: not what the commands of {DRAWN_IN} draw")
+    numbers = between(texts["README.md"], "numbers")
+    sources = "".join(texts[page] for page in NUMBERS_FROM).replace(numbers, "")
+    missing = [found for found in re.findall(r"\*\*(.*?)\*\*", numbers) if found not in sources]
+    if is_check:
+        stale += [f"README.md: {found} stands in none of {', '.join(NUMBERS_FROM)}" for found in missing]
+        if stale:
+            sys.exit("\n".join([*stale, "", f"{len(stale)} out of date: python3 tests/acceptance/readme.py {arguments[0]}"]))
+        print(f"the outputs of {', '.join(PAGES)} and {PICTURE} are those of the program")
+        return
+    if len(arguments) == 2:
+        with open(arguments[1]) as file:
+            texts[FIGURES_PAGE] = between(texts[FIGURES_PAGE], "figures", file.read())
+    for page, text in texts.items():
+        with open(os.path.join(ROOT, page), "w") as file:
+            file.write(text)
+    if is_new:
+        with open(picture, "wb") as file:
+            file.write(png(drawn))
+    for found in missing:
+        print(f"README.md: {found} stands in none of {', '.join(NUMBERS_FROM)}: change it by hand", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -13,4 +13,5 @@ mod crash;
 mod http;
 mod labs;
 mod layering;
+mod pages;
 mod service;

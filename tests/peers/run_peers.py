@@ -3,7 +3,7 @@
 
 Usage: run_peers.py --binary target/release/wavelume --out DIR [--arrays NAME,...] [--targets 1,2,5]
        run_peers.py --binary … --out DIR --stored       # the peers from results/, wavelume measured now
-       run_peers.py --binary … --out DIR --policies --publish [--stored]  # README's table, docs/peers.md and the plot too
+       run_peers.py --binary … --out DIR --policies --publish [--stored]  # docs/peers.md and the plot too
        run_peers.py --binary … --out DIR --figures      # wavelume against the goals alone
        run_peers.py --list                              # the arrays
 
@@ -312,7 +312,7 @@ def arguments():
     parser.add_argument("--measurements", help="one more directory with measured files")
     parser.add_argument("--stored", action="store_true", help="take the peers' results from results/")
     parser.add_argument("--policies", action="store_true", help="also the paper's policies, on the arrays that are plotted")
-    parser.add_argument("--publish", action="store_true", help="write README's table, docs/peers.md and the plot")
+    parser.add_argument("--publish", action="store_true", help="write docs/peers.md and the plot")
     parser.add_argument("--figures", action="store_true", help="wavelume against the goals; exit code 1 if one is missed")
     parser.add_argument("--extra", default="", help="more options for `wavelume compress`, in one string")
     parser.add_argument("--list", action="store_true", help="the names of the arrays")

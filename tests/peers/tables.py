@@ -1,7 +1,6 @@
-"""The rows of run_peers.py as markdown: README's table, docs/peers.md, and what the program prints."""
+"""The rows of run_peers.py as markdown: the tables of docs/peers.md, and what the program prints."""
 
 import os
-import re
 
 MARGIN, MARGIN_BELOW = 1.5, 1.1  # times smaller than the best peer, above and below the estimated noise of a measurement
 SHOWN = (1.0, 2.0, 5.0)
@@ -100,7 +99,7 @@ def markdown(rows, targets):
 
 
 def short(rows, measured):
-    """README's tables: the best peer, wavelume and their ratio at 1, 2 and 5 %; then where the target is below the noise.
+    """The summary: the best peer, wavelume and their ratio at 1, 2 and 5 %; then where the target is below the noise.
 
     A ratio is bold where a measurement (one of the names `measured`) misses its margin."""
     out = ["| array | noise |" + "".join(f" {target:g} %: best other | wavelume | ratio |" for target in SHOWN)]
@@ -132,18 +131,13 @@ def short(rows, measured):
 
 
 def publish(root, rows, table, measured):
-    """Writes README's tables between their marks, and all of it into docs/peers.md."""
-    begin, end = "<!-- peers -->\n", "<!-- end of peers -->"
-    readme = os.path.join(root, "README.md")
-    with open(readme) as file:
+    """Writes the summary and the whole table between their marks in docs/peers.md."""
+    page = os.path.join(root, "docs", "peers.md")
+    with open(page) as file:
         text = file.read()
-    pattern = re.escape(begin) + ".*?" + re.escape(end)
-    text = re.sub(pattern, lambda _: f"{begin}\n{short(rows, measured)}\n{end}", text, flags=re.DOTALL)
-    with open(readme, "w") as file:
+    for mark, new in [("peers", short(rows, measured)), ("every peer", table)]:
+        begin, end = f"<!-- {mark} -->\n", f"<!-- end of {mark} -->"
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n{new}\n{end}{rest.split(end)[1]}"
+    with open(page, "w") as file:
         file.write(text)
-    head = (
-        "# Bytes beside other codecs\n\nMade by `tests/peers/run_peers.py --publish`, whose head says how, and "
-        "`tests/peers/rate_bound.py` what noise and bound are. Bytes of a whole file without metadata.\n\n"
-    )
-    with open(os.path.join(root, "docs", "peers.md"), "w") as file:
-        file.write(head + table)
