@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 
 /// Target if none is given.
 const DEFAULT_TARGET: Target = Target::ErL2(0.01);
-/// Value of `--er-l2` that stands for the target of this name.
+/// Keyword that `--er-l2` takes instead of a number: the error then stops at the noise of the measurement.
 const AUTO: &str = "auto";
 /// Option that names the illuminant of `--delta-e`.
 const ILLUMINANT: &str = "illuminant";

@@ -88,7 +88,8 @@ struct SampleRequest {
     #[serde(default)]
     #[schema(maximum = 18_446_744_073_709_551_615_usize)]
     seed: u64,
-    /// Subdivision level at which the descent stops.
+    /// Subdivision level of the triangles from which directions are drawn; a lower one is coarser. Default: the
+    /// material's own.
     #[serde(default)]
     #[schema(maximum = 255)]
     level: Option<u8>,

@@ -5,7 +5,7 @@ use crate::compress::{CompressError, DecodeError};
 /// Reasons why an operation of the algebra fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AlgebraError {
-    /// The transform is not a basis of functions on a line.
+    /// Transform without basis functions on a line, which products of coefficients need.
     #[error("no basis for a line of {length} samples: {reason}")]
     Basis {
         /// Number of samples on the line.

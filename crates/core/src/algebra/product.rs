@@ -87,7 +87,7 @@ impl Couplings {
         self.count
     }
 
-    /// Returns true if all couplings are 0.
+    /// Returns true if the product has no terms: all factors between pairs of coefficients are 0.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

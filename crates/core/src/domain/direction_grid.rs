@@ -272,7 +272,9 @@ pub enum DirectionGridError {
         extent: AzimuthExtent,
     },
     /// The covered range does not contain all polar angles.
-    #[error("polar angles from {first} to {last} degrees cover {low} to {high}, expected a range around them")]
+    #[error(
+        "the covered range, {low} to {high} degrees, must contain all polar angles, which go from {first} to {last}"
+    )]
     Covers {
         /// First polar angle, in degrees.
         first: f64,

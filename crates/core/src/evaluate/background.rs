@@ -25,7 +25,7 @@ const WAYS: [[f64; 2]; 8] =
 pub(super) enum Background {
     /// The whole outgoing domain, by |cos θ| or uniformly.
     Whole,
-    /// Uniform over the lit cells, for each entry of the opaque axes: those of the piecewise constant form and those of
+    /// Uniform over the lit cells, for each entry of the index axes: those of the piecewise constant form and those of
     /// the smooth form. The smooth form reaches into neighbouring cells.
     Lit(Vec<[LitCells; 2]>),
 }
@@ -48,7 +48,7 @@ impl Background {
         if entries.iter().flatten().all(is_whole) { Self::Whole } else { Self::Lit(entries) }
     }
 
-    /// Returns true if an entry of the opaque axes has any light.
+    /// Returns true if an entry of the index axes has any light.
     #[inline]
     pub(super) fn has_any(&self, entry: usize, density: Density) -> bool {
         match self {

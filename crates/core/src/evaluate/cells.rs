@@ -78,7 +78,7 @@ impl Function {
             .then_some((smooth.alignment(), domain))
     }
 
-    /// Number of trees for one entry of the opaque axes: one for each entry of the incoming axis, and for nodes between
+    /// Number of trees for one entry of the index axes: one for each entry of the incoming axis, and for nodes between
     /// them.
     pub(super) fn trees_of_entry(&self) -> usize {
         let [own, ..] = self.geometry().shape();

@@ -8,7 +8,7 @@ const NO_CHANGE: f64 = 0.02;
 /// Approximate maximum number of neighbouring pairs of incoming directions that are compared.
 const MOST_PAIRS: usize = 256;
 
-/// Change of shape over pairs of neighbouring incoming nodes, in all entries of the opaque axes. For one pair it is the
+/// Change of shape over pairs of neighbouring incoming nodes, in all entries of the index axes. For one pair it is the
 /// standard deviation of the logarithm of the ratio, weighted by squared light. A lobe that the alignment keeps in
 /// place has a small one, however much its height changes. A lobe that moves has a large one.
 ///

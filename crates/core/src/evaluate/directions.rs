@@ -122,7 +122,7 @@ impl<'a> Directions<'a> {
 /// Batch of places: the first of `wi` with the first of `wo`, and so on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pairs<'a> {
-    /// One entry for each leading opaque axis, shared by all pairs.
+    /// One entry for each leading index axis, shared by all pairs.
     pub index: &'a [usize],
     /// Incoming directions; `None` for quantities without.
     pub wi: Option<Directions<'a>>,

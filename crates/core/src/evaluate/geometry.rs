@@ -21,7 +21,7 @@ pub(super) struct Geometry {
     sampling: Sampling,
     axes: Vec<Axis>,
     layout: Layout,
-    /// Lengths of the leading opaque axes.
+    /// Lengths of the leading index axes.
     indices: Vec<usize>,
     incoming: Incoming,
     /// Directions of the entries of the incoming axis, at azimuth 0 for elevations; one `+z` without that axis.
@@ -154,7 +154,7 @@ impl Geometry {
         }
     }
 
-    /// Number of entries of the opaque axes together (product of their lengths).
+    /// Number of entries of the index axes together (product of their lengths).
     pub(super) fn entries(&self) -> usize {
         self.indices.iter().product()
     }
@@ -183,7 +183,7 @@ impl Geometry {
         self.incoming_directions[entry]
     }
 
-    /// Row-major position of `index` among the entries of the opaque axes.
+    /// Row-major position of `index` among the entries of the index axes.
     #[inline]
     pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         if index.len() != self.indices.len() {
@@ -199,7 +199,7 @@ impl Geometry {
         Ok(entry)
     }
 
-    /// Inverse of [`Geometry::entry`]: index on each opaque axis.
+    /// Inverse of [`Geometry::entry`]: index on each index axis.
     pub(super) fn index_of(&self, mut entry: usize) -> Vec<usize> {
         let mut index = self.indices.clone();
         for i in index.iter_mut().rev() {
@@ -371,7 +371,7 @@ impl Geometry {
         Ok([wi, wo])
     }
 
-    /// Row-major entry of the opaque axes.
+    /// Row-major entry of the index axes.
     #[inline]
     pub(super) fn entry_of(&self, place: Place<'_>) -> Result<usize, EvaluateError> {
         if place.index.is_empty() && self.has_no_index() { Ok(0) } else { self.entry(place.index) }
@@ -384,7 +384,7 @@ impl Geometry {
         self.cell_at(entry, place)
     }
 
-    /// Like [`Geometry::cell_of`], in a known entry of the opaque axes.
+    /// Like [`Geometry::cell_of`], in a known entry of the index axes.
     #[inline(always)]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;

@@ -247,12 +247,12 @@ impl Material {
         size_of::<Self>() + body
     }
 
-    /// Row-major position of `index` among the entries of the opaque axes.
+    /// Row-major position of `index` among the entries of the index axes.
     pub fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         self.geometry().entry(index)
     }
 
-    /// Inverse of [`Material::entry`]: index on each opaque axis.
+    /// Inverse of [`Material::entry`]: index on each index axis.
     pub fn index_of(&self, entry: usize) -> Vec<usize> {
         self.geometry().index_of(entry)
     }

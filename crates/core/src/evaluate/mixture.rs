@@ -243,7 +243,7 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// Checks the options and returns the entry of the opaque axes.
+/// Checks the options and returns the entry of the index axes.
 #[inline]
 pub(super) fn sampled_entry(
     function: &Function,

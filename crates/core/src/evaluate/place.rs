@@ -5,7 +5,7 @@ use crate::domain::Direction;
 /// Place in a material at which to evaluate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place<'a> {
-    /// One entry for each leading opaque axis.
+    /// One entry for each leading index axis.
     pub index: &'a [usize],
     /// Incoming direction; `None` for quantities without.
     pub wi: Option<Direction>,

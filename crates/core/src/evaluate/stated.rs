@@ -78,7 +78,7 @@ impl Stated {
         self.geometry.memory() + self.lines.memory()
     }
 
-    /// Entry of the opaque axes and both directions of a place, in the frame of the lines.
+    /// Entry of the index axes and both directions of a place, in the frame of the lines.
     #[inline]
     fn asked(&self, place: Place<'_>) -> Result<(usize, [Vector; 2]), EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
@@ -245,7 +245,7 @@ impl Stated {
         })
     }
 
-    /// Integral over all outgoing directions of an entry of the opaque axes, for quantities without an incoming
+    /// Integral over all outgoing directions of an entry of the index axes, for quantities without an incoming
     /// direction.
     pub(super) fn integral(&self, entry: usize) -> Vec<f32> {
         let mut sums = vec![0.0; self.geometry.lambdas()];
@@ -253,7 +253,7 @@ impl Stated {
         sums.into_iter().map(|sum| sum as f32).collect()
     }
 
-    /// Integrals over all outgoing directions, summed over wavelengths, of an entry of the opaque axes: of cubics of
+    /// Integrals over all outgoing directions, summed over wavelengths, of an entry of the index axes: of cubics of
     /// logarithms, and of straight lines between the samples.
     pub(super) fn fluxes(&self, entry: usize) -> [f64; 2] {
         [0.0, 1.0].map(|straight| {

@@ -13,11 +13,11 @@ use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
 use crate::domain::vector::Vector;
 use std::sync::Arc;
 
-/// Trees of all entries of the opaque axes.
+/// Trees of all entries of the index axes.
 #[derive(Debug)]
 pub(super) struct Trees {
     warps: Warps,
-    /// Number of trees for one entry of the opaque axes: first those of the incoming entries, then those of the nodes
+    /// Number of trees for one entry of the index axes: first those of the incoming entries, then those of the nodes
     /// between them.
     per_entry: usize,
     background: Arc<Background>,
@@ -107,7 +107,7 @@ impl Trees {
         self.carry.filter(|_| density == Density::Linear)
     }
 
-    /// Defensive fraction of an entry of the opaque axes under an incoming direction. It is that of the options, but 1
+    /// Defensive fraction of an entry of the index axes under an incoming direction. It is that of the options, but 1
     /// if no tree has light, and 0 if there is no light anywhere.
     #[inline(always)]
     pub(super) fn defensive(&self, entry: usize, options: SampleOptions, has_light: bool) -> f64 {

@@ -64,7 +64,9 @@ pub enum UnfitError {
         format: String,
     },
     /// The measurement is not on a grid of angles that the format can hold.
-    #[error("this is not on the angles of a {format} file, and {format} cannot hold it as it is")]
+    #[error(
+        "the angles of this material are not those of a {format} file, and {format} cannot hold others; export it by step instead"
+    )]
     OffGrid {
         /// The requested format.
         format: ExportFormat,
@@ -104,13 +106,13 @@ pub enum OptionError {
         format: ExportFormat,
     },
     /// The angular step is out of range.
-    #[error("step, expected 0.1 to 45 degrees")]
+    #[error("step: found {found} degrees, expected 0.1 to 45")]
     Step {
         /// The step in degrees.
         found: f64,
     },
     /// The number of nodes along a side is out of range.
-    #[error("side {found}, expected {low} to {high}")]
+    #[error("side: found {found} nodes along a side of the table, expected {low} to {high}")]
     Side {
         /// Requested number.
         found: usize,
@@ -120,7 +122,7 @@ pub enum OptionError {
         high: usize,
     },
     /// The number of cosines of a phase function is out of range.
-    #[error("side {found}, expected 2 to {most} cosines")]
+    #[error("side: found {found} cosines, expected 2 to {most}")]
     Cosines {
         /// Requested number.
         found: usize,

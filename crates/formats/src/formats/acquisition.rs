@@ -129,7 +129,7 @@ pub(super) fn lifted(direction: Vector) -> Direction {
 /// NaN = missing.
 #[derive(Clone, Debug)]
 pub struct AngleGrid {
-    /// Leading opaque axes.
+    /// Leading index axes.
     pub index: Vec<Axis>,
     /// Incoming angles; without azimuth the data are isotropic and `phi_o` is relative to the incoming azimuth.
     pub incoming: Option<Angles>,

@@ -12,7 +12,7 @@ const POINTS: [[f64; 2]; 4] = [
 ];
 
 impl Lines {
-    /// Writes ∫ f dω of an entry of the opaque axes into `out`, one number for each wavelength. There is no incoming
+    /// Writes ∫ f dω of an entry of the index axes into `out`, one number for each wavelength. There is no incoming
     /// direction; the domain is the part that the grid covers. `straight`, 0..=1, is the fraction of linear
     /// interpolation. The rule has four points each way between neighbouring angles of the file. For linear
     /// interpolation it is thus the zonal flux of the samples up to rounding. Masked directions count as dark.

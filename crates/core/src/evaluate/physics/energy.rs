@@ -21,7 +21,7 @@ pub struct EnergyReport {
     pub albedo: Option<AlbedoReport>,
     /// Normalisation of a phase function.
     pub normalisation: Option<NormalisationReport>,
-    /// Flux of an emission, one for each entry of the opaque axes.
+    /// Flux of an emission, one for each entry of the index axes.
     pub flux: Option<Vec<FluxReport>>,
 }
 

@@ -6,10 +6,10 @@ use crate::evaluate::albedo::Side;
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
-/// Flux of one entry of the opaque axes.
+/// Flux of one entry of the index axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FluxReport {
-    /// Index on each opaque axis.
+    /// Index on each index axis.
     pub index: Vec<usize>,
     /// Flux ∫ I dω for every sample of a spectrum; `None` if all directions are masked.
     pub spectral: Vec<Option<f64>>,

@@ -47,7 +47,7 @@ pub struct ReciprocityReport {
 pub struct WorstPair {
     /// Difference of the pair, 0 to 2.
     pub difference: f64,
-    /// One entry for each leading opaque axis.
+    /// One entry for each leading index axis.
     pub index: Vec<usize>,
     /// Theta and phi of the measured incoming direction, in degrees.
     pub wi: [f64; 2],

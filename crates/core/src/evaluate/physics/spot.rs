@@ -9,7 +9,7 @@ use crate::evaluate::material::Material;
 pub struct Spot {
     /// Value found.
     pub value: f64,
-    /// One entry for each leading opaque axis.
+    /// One entry for each leading index axis.
     pub index: Vec<usize>,
     /// Theta and phi of the incoming direction in degrees; `None` for quantities without.
     pub wi: Option<[f64; 2]>,
@@ -41,7 +41,7 @@ impl Material {
         self.geometry().grid().map(|grid| grid.at(lambda))
     }
 
-    /// Describes `value` at sample `lambda` of row `[entry of the opaque axes, incoming entry]`.
+    /// Describes `value` at sample `lambda` of row `[entry of the index axes, incoming entry]`.
     pub(super) fn spot(&self, value: f64, row: usize, lambda: usize) -> Spot {
         let [n_in, ..] = self.geometry().shape();
         let (entry, incoming) = (row / n_in, row % n_in);

@@ -23,7 +23,8 @@ const ALIKE: f64 = 2e-3;
 const MOST_VALUES: usize = 1 << 28;
 
 impl Smooth {
-    /// Builds tables for the cells of `planes`, `[entry][incoming entry][cell]`; `None` if they would be too large.
+    /// Builds the coefficients of smooth interpolation for every cell of outgoing directions, `[index entry][incoming
+    /// entry][cell]`. `None` if they would be too large.
     pub(in crate::evaluate) fn new(
         planes: &Planes,
         cells: &Cells,

@@ -79,7 +79,7 @@ impl Warps {
         &self.vertices
     }
 
-    /// Tables shared by all cells.
+    /// Tables of the triangles, which do not depend on the material.
     #[inline]
     pub fn mesh(&self) -> &Arc<WarpMesh> {
         &self.mesh

@@ -14,7 +14,8 @@ const MOST_PAIRS: usize = 1 << 18;
 const MOST_SCATTERED: usize = 1 << 22;
 /// Upper bound on the compared bands of a pair, evenly spread over all.
 const MOST_BANDS: usize = 4;
-/// Number of compared stated values from which interpolated ones are ignored: they have an error of their own.
+/// Number of pairs of values of the file that suffices; with fewer, values interpolated between those of the file are
+/// compared, too, although interpolation adds an error of its own.
 const ENOUGH: usize = 32;
 /// Lower bound on the number of values for a median.
 const FEWEST: usize = 8;
