@@ -8,7 +8,7 @@ use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
 use super::report::{Measured, Report, report};
 use super::request::{Curve, Request};
-use super::sample_light::{self, LightSums};
+use super::sample_light::{self, LightSums, Scanned, Untold};
 use super::source::Source;
 use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
@@ -80,19 +80,24 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
     let axes = compress::inspect(&outcome.bytes).map_err(|error| PipelineError::Opened(error.into()))?.axes;
     let is_named = request.outgoing_level.is_some();
-    // A lobe carried beside the cells explains these values.
-    let unexplained = if outcome.report.lobe.is_some() { 0 } else { outcome.report.fit.map_or(0, |fit| fit.lobe) };
+    // A lobe carried beside the cells explains the values of a lobe.
+    let scatter = outcome.report.coverage.scatter.as_deref().filter(|_| outcome.report.lobe.is_none());
+    let untold = scatter.and_then(Untold::of);
+    let reduced = outcome.report.lobe.as_ref().and_then(|carried| carried.reduced);
+    let quantity = outcome.report.quantity;
     let warnings = [
         outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
-        sample_light::warning(&outcome.report.light_at_samples, unexplained),
+        sample_light::warning(&outcome.report.light_at_samples, Scanned { quantity, untold, reduced }),
         outcome.report.lobe.as_ref().and_then(CarriedLobe::warning),
     ];
     let warnings: Vec<String> = warnings.into_iter().flatten().collect();
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(warnings.join("; ")));
     }
-    let albedo =
-        sample_light::too_bright(&outcome.report.light_at_samples).filter(|_| outcome.report.quantity.has_cosine());
+    // A sample on the peak of a lobe narrower than the spacing stands for more area than the lobe has: sums over areas
+    // are no albedo then.
+    let has_albedo = quantity.has_cosine() && outcome.report.lobe.is_none() && untold.is_none();
+    let albedo = if has_albedo { sample_light::too_bright(&outcome.report.light_at_samples) } else { None };
     outcome
         .report
         .notes

@@ -4,8 +4,9 @@
 //! θ|. Rejected samples are no error of the material. Several of them close together may be a lobe narrower than the
 //! sample spacing; these count in the sums that raise warnings. Isolated ones are only reported.
 
-use crate::domain::{Axis, WavelengthGrid};
-use crate::projection::{Incidence, ScatteredSamples};
+use crate::domain::{Axis, LobeCentre, Quantity, WavelengthGrid};
+use crate::formats::with_digits;
+use crate::projection::{Incidence, ScatterReport, ScatteredSamples, UnresolvedLobe};
 use serde::{Deserialize, Serialize};
 
 /// Largest number of groups of bands that are summed separately.
@@ -218,22 +219,72 @@ fn is_off(light: &IncidenceLight) -> bool {
     light.together.is_some_and(|off| off.abs() > LIGHT && off.abs() > STANDARD_ERRORS * light.noise)
 }
 
-/// Returns a warning if the light of a material differs from that of its samples by more than 3 % and by more than
-/// their noise explains. Otherwise warns of an unresolved lobe, if `lobe` values belong to one: no sum shows such a
-/// lobe, since no sample lies near its peak.
-pub(super) fn warning(lights: &[IncidenceLight], lobe: u64) -> Option<String> {
-    different(lights).or_else(|| {
-        (lobe > 0).then(|| {
-            format!(
-                "{lobe} values far above their neighbours lie together, as those of a lobe do that is narrower than the scan \
-                 resolves: its light cannot be told from these samples; measure more densely about them"
-            )
-        })
-    })
+/// Lobe whose light the samples do not tell, and that the material does not carry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Untold {
+    /// Number of values of a lobe that could not be fitted.
+    Together(u64),
+    /// Outliers about a likely centre.
+    Centred(UnresolvedLobe),
 }
 
-/// Returns a warning about the incidence under which the light differs most.
-fn different(lights: &[IncidenceLight]) -> Option<String> {
+impl Untold {
+    /// Returns the lobe that a report on scattered samples suggests.
+    pub(super) fn of(scatter: &ScatterReport) -> Option<Self> {
+        let together = (scatter.lobe > 0).then_some(Self::Together(scatter.lobe));
+        together.or_else(|| scatter.unresolved.map(Self::Centred))
+    }
+
+    /// Returns a warning for samples of `quantity` that have these `lights`.
+    fn warning(self, quantity: Quantity, lights: &[IncidenceLight]) -> String {
+        let (values, place, about) = match self {
+            Self::Together(values) => (values, "lie together".to_owned(), "them"),
+            Self::Centred(UnresolvedLobe { centre, values }) => {
+                let about = match (centre, quantity) {
+                    (LobeCentre::Source, _) => "the direction back to the source",
+                    (_, Quantity::Btdf | Quantity::Phase) => "the direction straight through",
+                    (_, Quantity::Bsdf) => "the mirror direction or the direction straight through",
+                    _ => "the mirror direction",
+                };
+                (values, format!("stand about {about} under several incidences"), about)
+            }
+        };
+        let areas = || lights.iter().filter(|light| light.by_area);
+        let albedo = areas().map(|light| light.light).sum::<f64>() / areas().count() as f64;
+        // Without areas the albedo is not a number.
+        let range = if quantity.has_cosine() && albedo < 1.0 {
+            format!(": any albedo of it between 0 and {} fits them", with_digits(1.0 - albedo, 2))
+        } else {
+            String::new()
+        };
+        format!(
+            "{values} values far above their neighbours {place}, as those of a lobe do that is narrower than the scan \
+             resolves: its light cannot be told from these samples{range}; measure more densely about {about}"
+        )
+    }
+}
+
+/// Properties of a scan and of its lobe that decide what a difference of light means.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scanned {
+    pub(super) quantity: Quantity,
+    /// Lobe that the material lacks.
+    pub(super) untold: Option<Untold>,
+    /// Fraction of a carried lobe's light that was removed to conserve energy.
+    pub(super) reduced: Option<f64>,
+}
+
+/// Returns a warning if the light of a material differs from that of its samples by more than 3 % and by more than
+/// their noise explains. Otherwise warns of an unresolved lobe, if samples suggest one: no sum shows such a lobe, since
+/// no sample lies near its peak.
+pub(super) fn warning(lights: &[IncidenceLight], scanned: Scanned) -> Option<String> {
+    let unresolved = || scanned.untold.map(|lobe| lobe.warning(scanned.quantity, lights));
+    different(lights, scanned.reduced).or_else(unresolved)
+}
+
+/// Returns a warning about the incidence under which the light differs most. `reduced` is the fraction by which the
+/// light of a carried lobe was reduced.
+fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<String> {
     let size = |light: &IncidenceLight| light.together.unwrap_or(0.0).abs();
     let off = lights.iter().filter(|light| is_off(light));
     let worst = off.clone().reduce(|most, next| if size(next) > size(most) { next } else { most })?;
@@ -243,24 +294,34 @@ fn different(lights: &[IncidenceLight]) -> Option<String> {
         _ => String::new(),
     };
     let is_part = lights.iter().any(|light| light.channels != worst.channels);
-    let bands = match (worst.wavelengths, worst.channels) {
+    let wavelengths = worst.wavelengths.map(|ends| ends.map(|nm| format!("{nm:.0}")));
+    let bands = match (wavelengths, worst.channels) {
         _ if !is_part => String::new(),
-        (Some([first, last]), _) => format!(" at {first:.0} to {last:.0} nm"),
+        (Some([first, last]), _) if first == last => format!(" at {first} nm"),
+        (Some([first, last]), _) => format!(" at {first} to {last} nm"),
+        (None, [first, last]) if first == last => format!(" in channel {first}"),
         (None, [first, last]) => format!(" in the channels {first} to {last}"),
     };
     let others = match off.count() - 1 {
         0 => String::new(),
-        others => format!("; so does that of {others} other incidences or groups of bands, by less"),
+        1 => "; so does that of one other incidence or group of bands, by less".to_owned(),
+        others => format!("; so do those of {others} other incidences or groups of bands, by less"),
     };
-    let (more, advice) = if worst.together > Some(0.0) {
-        ("more", "the cells or the incoming directions may be too coarse for it")
-    } else {
-        (
-            "less",
-            "a lobe may be narrower than the distance between samples, or than the cells; measure more densely where samples \
-             lie far above their neighbours",
-        )
+    let is_more = worst.together > Some(0.0);
+    let advice = match reduced {
+        _ if is_more => "the cells or the incoming directions may be too coarse for it".to_owned(),
+        Some(part) => format!(
+            "the light of its narrow lobe was reduced by {:.1} %, as more light than comes in would have been reflected; the \
+             scale, the cosine or the reference may be wrong",
+            100.0 * part
+        ),
+        None => {
+            "a lobe may be narrower than the distance between samples, or than the cells; measure more densely where \
+                 samples lie far above their neighbours"
+                .to_owned()
+        }
     };
+    let more = if is_more { "more" } else { "less" };
     let noise = match 100.0 * STANDARD_ERRORS * worst.noise {
         0.0 => "noise is unknown".to_owned(),
         noise => format!("noise explains {noise:.2} %"),
@@ -278,10 +339,12 @@ pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
     let above = lights.iter().filter(is_above);
     let most = above.clone().reduce(|most, next| if next.light > most.light { next } else { most })?;
     let incidence = most.theta_i.map_or_else(String::new, |theta| format!(", most under the incidence of {theta:.1}°"));
+    let under = match above.count() {
+        1 => "one incidence or group of bands".to_owned(),
+        count => format!("{count} incidences or groups of bands"),
+    };
     Some(format!(
-        "the samples have an albedo above 1 under {} incidences or groups of bands: {:.3}{incidence}; the scale, the cosine or the \
-         reference may be wrong",
-        above.count(),
+        "the samples have an albedo above 1 under {under}: {:.3}{incidence}; the scale, the cosine or the reference may be wrong",
         most.light
     ))
 }
@@ -290,15 +353,72 @@ pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
 mod tests {
     use super::*;
 
+    const PLAIN: Scanned = Scanned { quantity: Quantity::Brdf, untold: None, reduced: None };
+
     #[test]
     fn only_light_that_is_off_by_more_than_noise_is_warned_of() {
         let of = |together, noise| IncidenceLight { theta_i: Some(40.0), together, noise, ..IncidenceLight::default() };
-        assert_eq!(warning(&[], 0), None);
-        assert_eq!(warning(&[of(None, 0.0), of(Some(0.029), 0.0), of(Some(-0.1), 0.026)], 0), None);
-        assert!(warning(&[of(Some(0.029), 0.0)], 5).unwrap().starts_with("5 values far above"));
-        let message = warning(&[of(Some(0.04), 0.001), of(Some(-0.2), 0.001)], 5).unwrap();
+        assert_eq!(warning(&[], PLAIN), None);
+        assert_eq!(warning(&[of(None, 0.0), of(Some(0.029), 0.0), of(Some(-0.1), 0.026)], PLAIN), None);
+        let lobe = Scanned { untold: Some(Untold::Together(5)), ..PLAIN };
+        assert!(warning(&[of(Some(0.029), 0.0)], lobe).unwrap().starts_with("5 values far above"));
+        let message = warning(&[of(Some(0.04), 0.001), of(Some(-0.2), 0.001)], lobe).unwrap();
         assert!(message.contains("20.0 % less light than its samples under the incidence of 40.0°"), "{message}");
-        assert!(message.contains("0.40 %; so does that of 1 other"), "{message}");
+        assert!(message.contains("0.40 %; so does that of one other incidence or group of bands"), "{message}");
+        assert!(message.contains("measure more densely"), "{message}");
+    }
+
+    #[test]
+    fn a_single_band_has_one_wavelength_and_a_single_channel_one_number() {
+        let of = |together, channels, wavelengths| IncidenceLight {
+            together: Some(together),
+            channels,
+            wavelengths,
+            ..IncidenceLight::default()
+        };
+        let told = |channels, wavelengths| {
+            let lights = [of(-0.2, channels, wavelengths), of(0.0, [7, 9], Some([700.0, 720.0]))];
+            warning(&lights, PLAIN).unwrap()
+        };
+        assert!(told([0, 0], Some([400.0; 2])).contains("its samples at 400 nm, where"));
+        assert!(told([0, 1], Some([400.0, 410.0])).contains("its samples at 400 to 410 nm, where"));
+        assert!(told([0, 0], None).contains("its samples in channel 0, where"));
+        assert!(told([0, 1], None).contains("its samples in the channels 0 to 1, where"));
+    }
+
+    #[test]
+    fn a_lobe_dimmed_to_conserve_energy_is_told_as_such() {
+        let less = IncidenceLight { together: Some(-0.2), ..IncidenceLight::default() };
+        let dimmed = Scanned { reduced: Some(0.25), ..PLAIN };
+        let message = warning(&[less], dimmed).unwrap();
+        assert!(message.contains("reduced by 25.0 %") && !message.contains("densely"), "{message}");
+        let more = IncidenceLight { together: Some(0.2), ..IncidenceLight::default() };
+        assert!(warning(&[more], dimmed).unwrap().contains("too coarse"));
+    }
+
+    #[test]
+    fn unresolved_lobes_are_told_with_their_place_and_the_light_left_for_them() {
+        let told = |quantity, centre| {
+            let untold = Some(Untold::Centred(UnresolvedLobe { centre, values: 2 }));
+            let half = IncidenceLight { light: 0.5, by_area: true, together: Some(0.0), ..IncidenceLight::default() };
+            let in_plane = IncidenceLight { light: 40.0, by_area: false, ..half };
+            warning(&[half, in_plane], Scanned { quantity, untold, reduced: None }).unwrap()
+        };
+        let message = told(Quantity::Brdf, LobeCentre::HalfVector);
+        assert!(
+            message.starts_with("2 values far above their neighbours stand about the mirror direction"),
+            "{message}"
+        );
+        assert!(
+            message.contains("narrower than the scan resolves") && message.contains("between 0 and 0.5 "),
+            "{message}"
+        );
+        assert!(told(Quantity::Btdf, LobeCentre::Mirror).ends_with("densely about the direction straight through"));
+        assert!(told(Quantity::Bsdf, LobeCentre::Source).ends_with("densely about the direction back to the source"));
+        let phase = told(Quantity::Phase, LobeCentre::Mirror);
+        assert!(!phase.contains("albedo") && phase.ends_with("straight through"), "{phase}");
+        let message = warning(&[], Scanned { untold: Some(Untold::Together(3)), ..PLAIN }).unwrap();
+        assert!(!message.contains("albedo") && message.ends_with("more densely about them"), "{message}");
     }
 
     #[test]
@@ -307,6 +427,8 @@ mod tests {
         assert_eq!(too_bright(&[of(1.01, true), of(50.0, false)]), None);
         let message = too_bright(&[of(1.2, true), of(0.9, true), of(1.4, true)]).unwrap();
         assert!(message.contains("under 2 incidences") && message.contains("1.400, most under"), "{message}");
+        let message = too_bright(&[of(1.2, true), of(0.9, true)]).unwrap();
+        assert!(message.contains("under one incidence or group of bands: 1.200"), "{message}");
     }
 
     #[test]

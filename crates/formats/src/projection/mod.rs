@@ -33,7 +33,7 @@ pub use projected::{Coverage, Numbers, Projected};
 pub use reciprocal::{Reciprocal, reciprocal};
 pub use request::{AxesRequest, DirectionDomain};
 pub use samples::error_at_samples;
-pub use scattered::{CarriedLobe, Incidence, Rejected, ScatterReport, ScatteredSamples};
+pub use scattered::{CarriedLobe, Incidence, Rejected, ScatterReport, ScatteredSamples, UnresolvedLobe};
 
 use crate::formats::{Acquisition, Samples};
 

@@ -14,7 +14,8 @@
 //!    fitted to the samples minus the lobe ([`lobe`]).
 //! 6. Differences between neighbouring samples give their noise and the rejected samples ([`noise`]). A material is
 //!    compared with the others at their own directions ([`at_samples`]). Samples of a narrow lobe differ from their
-//!    neighbours, too, but lie close together ([`together`], in the coordinates of [`relative`]). Under each incoming
+//!    neighbours, too, but lie close together ([`together`], in the coordinates of [`relative`]); if there are too few,
+//!    they may still stand about one centre ([`centred`]). Under each incoming
 //!    direction ([`incidences`]) the light of the samples is their sum, weighted by the areas that they represent
 //!    ([`areas`]).
 
@@ -22,6 +23,7 @@ mod areas;
 mod around;
 pub(super) mod at_samples;
 mod cells;
+mod centred;
 mod check;
 mod cloud;
 mod extent;
@@ -48,6 +50,7 @@ mod withheld;
 
 pub(super) use areas::areas;
 pub use at_samples::ScatteredSamples;
+pub use centred::UnresolvedLobe;
 pub(super) use cloud::directions;
 pub use incidences::Incidence;
 pub use lobe::CarriedLobe;
@@ -180,6 +183,7 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
         rejected: share(found.rejected.len() as u64, found.light),
         isolated: share(isolated, found.isolated_light),
         lobe: found.lobe,
+        unresolved: found.unresolved,
     }
 }
 

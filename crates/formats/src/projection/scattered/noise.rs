@@ -10,9 +10,11 @@
 //! in pairs.
 //!
 //! Samples that form a lobe only together with other incidences are not rejected either
-//! ([`together`](super::together)).
+//! ([`together`](super::together)). Those of several incidences that stand about one likely centre are, but suggest
+//! a lobe that the scan does not resolve ([`centred`](super::centred)).
 
 use super::cells::{Fitted, Scratch};
+use super::centred::{UnresolvedLobe, unresolved};
 use super::cloud::Cloud;
 use super::fit::{Place, Support};
 use super::plan::Plan;
@@ -66,6 +68,8 @@ pub(super) struct Scatter {
     pub(super) isolated_light: f64,
     /// Number of values that differ strongly from their neighbours but belong to a lobe.
     pub(super) lobe: u64,
+    /// Rejected values that suggest a lobe which the scan does not resolve.
+    pub(super) unresolved: Option<UnresolvedLobe>,
     /// Number of positive values.
     pub(super) positive: u64,
 }
@@ -191,7 +195,9 @@ pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels
     }
     found.sort_unstable_by_key(|(off, _)| off.row);
     let (offs, shared): (Vec<Off>, Vec<Vec<bool>>) = found.into_iter().unzip();
-    for ((off, shared), company) in offs.iter().zip(shared).zip(companies(quantity, plan, &offs)) {
+    let companies = companies(quantity, plan, &offs);
+    scatter.unresolved = unresolved(quantity, plan, &offs, &companies);
+    for ((off, shared), company) in offs.iter().zip(shared).zip(companies) {
         if company == Company::Light {
             scatter.lobe += off.channels.len() as u64;
             continue;

@@ -1,5 +1,6 @@
 //! Report on scattered samples: counts, noise, and rejected values.
 
+use super::centred::UnresolvedLobe;
 use serde::{Deserialize, Serialize};
 
 /// Counts, noise and outliers of scattered samples, independent of the cells made of them.
@@ -25,6 +26,11 @@ pub struct ScatterReport {
     /// incidences lie close together about the mirror direction, in the slope of the half vector, or about the
     /// direction back to the source. They fall off from one peak and are not rejected.
     pub lobe: u64,
+    /// Rejected values that suggest a lobe which the scan does not resolve; `None` if there are none. Samples of
+    /// several incidences (of one if there is no other) are outliers and the nearest ones to the mirror direction or to
+    /// that back to the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unresolved: Option<UnresolvedLobe>,
 }
 
 /// Outliers: samples that differ so much from their neighbours that they are left out of all errors.

@@ -26,9 +26,9 @@ const FEWEST_OFF: usize = 2;
 /// Ratio of like samples to unlike ones from which nearly all count as alike. Raising it is stricter.
 const FOREIGN: usize = 4;
 /// Natural logarithm of the factor within which values fall off from one peak.
-const FACTOR: f64 = std::f64::consts::LN_2;
+pub(super) const FACTOR: f64 = std::f64::consts::LN_2;
 /// Chord between incoming directions below which they count as equal: 0.06°.
-const SAME: f64 = 1e-3;
+pub(super) const SAME: f64 = 1e-3;
 
 /// A sample that deviates from its neighbours or is high, in some of its channels.
 #[derive(Clone, Debug)]
@@ -55,12 +55,12 @@ pub(super) enum Company {
 
 impl Off {
     /// Returns the mean difference of logarithms; its sign is the side.
-    fn excess(&self) -> f64 {
+    pub(super) fn excess(&self) -> f64 {
         self.channels.iter().map(|channel| f64::from(channel.1)).sum::<f64>() / self.channels.len().max(1) as f64
     }
 
     /// Returns true if both deviate to the same side in most of their channels.
-    fn agrees(&self, other: &Self) -> bool {
+    pub(super) fn agrees(&self, other: &Self) -> bool {
         let mut others = other.channels.iter().peekable();
         let mut shared = 0;
         for &(channel, difference) in &self.channels {

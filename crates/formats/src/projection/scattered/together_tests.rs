@@ -3,7 +3,7 @@
 use super::super::{AxesRequest, ScatterReport, project};
 use super::tests::{isotropic, noise, scattered, uniform};
 use crate::domain::vector::{Vector, dot};
-use crate::domain::{Axis, WavelengthGrid};
+use crate::domain::{Axis, LobeCentre, WavelengthGrid};
 use crate::formats::Acquisition;
 
 const ELEVATIONS: [f64; 6] = [0.0, 12.0, 24.0, 36.0, 48.0, 60.0];
@@ -63,6 +63,72 @@ fn a_spike_of_one_incidence_is_no_lobe_beside_others() {
     }
     let found = report(&acquired);
     assert_eq!((found.lobe, found.rejected.values, found.isolated.values), (0, 3, 3), "{found:?}");
+}
+
+fn direction([theta, phi]: [f64; 2]) -> Vector {
+    crate::domain::Direction::from_degrees(theta, phi).xyz()
+}
+
+fn mirror([x, y, z]: Vector) -> Vector {
+    [-x, -y, z]
+}
+
+/// Returns the samples of a scan, as number of the elevation and number of the sample, nearest to a centre first.
+fn nearest(elevations: &[f64], centre: fn(Vector) -> Vector) -> Vec<(usize, usize)> {
+    let directions = uniform(SAMPLES, 88.0);
+    let far = |&(elevation, i): &(usize, usize)| {
+        -dot(direction(directions[i]), centre(direction([elevations[elevation], 0.0])))
+    };
+    let mut all: Vec<_> =
+        (0..elevations.len()).flat_map(|elevation| (0..SAMPLES).map(move |i| (elevation, i))).collect();
+    all.sort_by(|a, b| far(a).total_cmp(&far(b)));
+    all
+}
+
+/// Multiplies samples of a scan by a factor.
+fn raised(elevations: &[f64], samples: &[(usize, usize)], factor: f32) -> ScatterReport {
+    let mut acquired = scan(elevations, 1e-3);
+    let values = &mut scattered(&mut acquired).values;
+    samples.iter().for_each(|(elevation, i)| values[elevation * SAMPLES + i] *= factor);
+    report(&acquired)
+}
+
+#[test]
+fn outliers_nearest_to_a_centre_at_two_incidences_suggest_a_lobe() {
+    for (centre, is_back) in [(mirror as fn(Vector) -> Vector, false), (|wi| wi, true)] {
+        // Elevations whose two nearest samples belong to one each.
+        let apart = |pair: &&[f64]| {
+            let order = nearest(pair, centre);
+            pair[0] > 0.0 && order[0].0 != order[1].0
+        };
+        let elevations = ELEVATIONS.windows(2).find(apart).unwrap();
+        let found = raised(elevations, &nearest(elevations, centre)[..2], 20.0);
+        assert_eq!((found.lobe, found.isolated.values), (0, 2), "{found:?}");
+        let lobe = found.unresolved.unwrap();
+        assert_eq!((lobe.centre == LobeCentre::Source, lobe.values), (is_back, 2));
+    }
+}
+
+#[test]
+fn other_outliers_suggest_no_lobe() {
+    let two = &ELEVATIONS[2..4];
+    let order = nearest(two, mirror);
+    let first = order.iter().position(|sample| sample.0 != order[0].0).unwrap() + 1;
+    let next = first + order[first..].iter().position(|sample| sample.0 != order[first].0).unwrap();
+    let of_one: Vec<_> = order.iter().copied().filter(|sample| sample.0 == 0).take(2).collect();
+    let three = &ELEVATIONS[1..4];
+    let smooth_between: Vec<_> = nearest(three, mirror).into_iter().filter(|sample| sample.0 != 1).collect();
+    for (name, elevations, samples, factor) in [
+        ("a single outlier", two, &order[..1], 20.0),
+        ("outliers of one incidence", two, &of_one, 20.0),
+        ("others are nearer", two, &[order[first], order[next]], 20.0),
+        ("low samples", two, &order[..first], 0.05),
+        ("an incidence between them is smooth", three, &[smooth_between[2], smooth_between[3]], 20.0),
+        ("far from every centre", two, &[order[900], order[901], order[902], order[903]], 20.0),
+    ] {
+        let found = raised(elevations, samples, factor);
+        assert_eq!((found.unresolved, found.rejected.values), (None, samples.len() as u64), "{name}: {found:?}");
+    }
 }
 
 #[test]

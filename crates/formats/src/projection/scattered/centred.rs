@@ -1,0 +1,83 @@
+//! Lobes that too few samples see: outliers of several incidences that are the nearest samples to one likely centre.
+//!
+//! Two samples far above their neighbours prove no lobe and are rejected. They suggest one if they belong to different
+//! incidences and are the nearest of all samples to the mirror direction, to the slope 0 of the half vector, or to the
+//! direction back to the source. Chance is no explanation: each incidence has about one sample that is the nearest,
+//! and where a fraction p of the samples are outliers, two incidences both have one there with a probability of p².
+
+use super::plan::Plan;
+use super::relative::{ORIGINS, places};
+use super::together::{Company, FACTOR, Off, SAME};
+use crate::domain::vector::{norm, sub};
+use crate::domain::{CENTRES, LobeCentre, Quantity};
+use serde::{Deserialize, Serialize};
+
+/// Largest distance from the centre, in sample spacings. Raising it warns of more lobes and of more outliers.
+const REACH: f64 = 1.0;
+
+/// Outliers about one likely centre: perhaps samples of a lobe that the scan does not resolve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct UnresolvedLobe {
+    /// Centre of the lobe; in transmission the direction straight through stands for the mirror direction.
+    pub centre: LobeCentre,
+    /// Number of rejected values about the centre.
+    pub values: u64,
+}
+
+/// Sample near a centre.
+#[derive(Clone, Copy)]
+struct Near {
+    distance: f64,
+    row: u32,
+    /// Cosine of the incoming polar angle.
+    height: f64,
+}
+
+/// Finds outliers among `offs` that the `companies` do not classify as light and that stand about one likely centre.
+pub(super) fn unresolved(
+    quantity: Quantity,
+    plan: &Plan,
+    offs: &[Off],
+    companies: &[Company],
+) -> Option<UnresolvedLobe> {
+    let found = CENTRES.into_iter().enumerate().filter_map(|(coordinate, centre)| {
+        let place = |row: u32| places(quantity, plan.directions[row as usize])[coordinate];
+        let near = |row: u32| Near {
+            distance: norm(sub(place(row), ORIGINS[coordinate])),
+            row,
+            height: plan.directions[row as usize].0[2],
+        };
+        let is_outlier =
+            |(off, company): &(&Off, &Company)| !off.is_high && off.excess() > 0.0 && **company != Company::Light;
+        let outliers = offs.iter().zip(companies).filter(is_outlier).map(|(off, _)| (near(off.row), off));
+        let mut outliers: Vec<(Near, &Off)> =
+            outliers.filter(|(near, off)| near.distance <= REACH * off.spacing).collect();
+        outliers.sort_by(|a, b| a.0.distance.total_cmp(&b.0.distance));
+        let farthest = outliers.last().filter(|_| outliers.len() > 1)?.0.distance;
+        let rows = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]);
+        let all: Vec<Near> = rows.map(|&row| near(row)).filter(|near| near.distance <= farthest).collect();
+        let pairs = outliers.windows(2).filter(|pair| is_peak(plan, offs, &all, [pair[0], pair[1]]));
+        let radius = pairs.last()?[1].0.distance;
+        let within = outliers.iter().take_while(|(near, _)| near.distance <= radius);
+        Some(UnresolvedLobe { centre, values: within.map(|(_, off)| off.channels.len() as u64).sum() })
+    });
+    // The first centre wins ties.
+    found.reduce(|most, next| if next.values > most.values { next } else { most })
+}
+
+/// Returns true if two outliers of different incidences fall off from the centre, to within a factor of two, and `all`
+/// other samples as near to it are like them. Only incidences from that of one outlier to that of the other count.
+fn is_peak(plan: &Plan, offs: &[Off], all: &[Near], [(near, inner), (far, outer)]: [(Near, &Off); 2]) -> bool {
+    let wi = |near: Near| plan.directions[near.row as usize].0;
+    if norm(sub(wi(near), wi(far))) < SAME || inner.excess() < outer.excess() - FACTOR {
+        return false;
+    }
+    let [low, high] = [near.height.min(far.height) - SAME, near.height.max(far.height) + SAME];
+    let is_between = |other: &&Near| other.distance <= far.distance && (low..=high).contains(&other.height);
+    let is_alike = |other: &Near| {
+        let number = offs.binary_search_by_key(&other.row, |off| off.row);
+        number.is_ok_and(|number| offs[number].excess() > 0.0 && offs[number].agrees(outer))
+    };
+    all.iter().filter(is_between).all(is_alike)
+}
