@@ -94,10 +94,7 @@ fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineEr
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(warnings.join("; ")));
     }
-    // A sample on the peak of a lobe narrower than the spacing stands for more area than the lobe has: sums over areas
-    // are no albedo then.
-    let has_albedo = quantity.has_cosine() && outcome.report.lobe.is_none() && untold.is_none();
-    let albedo = if has_albedo { sample_light::too_bright(&outcome.report.light_at_samples) } else { None };
+    let albedo = sample_light::too_bright(&outcome.report.light_at_samples).filter(|_| quantity.has_cosine());
     outcome
         .report
         .notes

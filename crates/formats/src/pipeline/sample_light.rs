@@ -38,6 +38,10 @@ pub struct IncidenceLight {
     pub values: u64,
     /// Weighted sum of the samples without isolated rejected ones, averaged over the channels.
     pub light: f64,
+    /// Largest fraction of `light` that a single sample contributes. Where it is large, the sum says little: a sample on
+    /// the peak of a narrow lobe represents more area than the lobe has.
+    #[serde(default)]
+    pub largest_share: f64,
     /// True if samples are weighted by the areas they represent. Over a whole hemisphere `light` is then the
     /// directional albedo or the flux. False in a plane of incidence, and if each sample has its own incidence.
     pub by_area: bool,
@@ -96,6 +100,8 @@ struct Sum {
     classes: [Pair; 3],
     /// Variance of the sample sum, without isolated values, for a relative noise of 1.
     variance: f64,
+    /// Largest magnitude that one sample contributes to that sum.
+    largest: f64,
 }
 
 /// Running sums for samples that arrive in order, in pieces.
@@ -162,6 +168,7 @@ impl LightSums {
                     let sum = &mut self.sums[incidence as usize * self.groups + group];
                     sum.classes.iter_mut().zip(&pairs).for_each(|(sum, pair)| sum.add(pair));
                     sum.variance += deviation * deviation;
+                    sum.largest = sum.largest.max(deviation);
                 }
             }
         }
@@ -193,6 +200,7 @@ impl LightSums {
                 channels,
                 values: total.values,
                 light: weighty / (channels[1] + 1 - channels[0]) as f64,
+                largest_share: if weighty > 0.0 { sum.largest / weighty } else { 0.0 },
                 by_area: self.by_area[i / self.groups],
                 kept,
                 together,
@@ -332,10 +340,13 @@ fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<String> 
     ))
 }
 
-/// Returns a warning if samples reflect more light than they receive, for quantities with an albedo.
+/// Returns a warning if samples reflect more light than they receive, for quantities with an albedo. Their light must
+/// exceed 1 without the sample that contributes most, too.
 pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
-    let is_above =
-        |light: &&IncidenceLight| light.by_area && light.light > 1.0 + ALBEDO.max(STANDARD_ERRORS * light.noise);
+    let is_above = |light: &&IncidenceLight| {
+        let without_largest = light.light * (1.0 - light.largest_share);
+        light.by_area && without_largest > 1.0 + ALBEDO.max(STANDARD_ERRORS * light.noise)
+    };
     let above = lights.iter().filter(is_above);
     let most = above.clone().reduce(|most, next| if next.light > most.light { next } else { most })?;
     let incidence = most.theta_i.map_or_else(String::new, |theta| format!(", most under the incidence of {theta:.1}°"));
@@ -425,6 +436,9 @@ mod tests {
     fn albedos_above_1_are_told_where_they_are_albedos() {
         let of = |light, by_area| IncidenceLight { theta_i: Some(20.0), light, by_area, ..IncidenceLight::default() };
         assert_eq!(too_bright(&[of(1.01, true), of(50.0, false)]), None);
+        let peak = IncidenceLight { largest_share: 0.5, ..of(2.0, true) };
+        assert_eq!(too_bright(&[peak]), None);
+        assert!(too_bright(&[IncidenceLight { light: 2.1, ..peak }]).is_some());
         let message = too_bright(&[of(1.2, true), of(0.9, true), of(1.4, true)]).unwrap();
         assert!(message.contains("under 2 incidences") && message.contains("1.400, most under"), "{message}");
         let message = too_bright(&[of(1.2, true), of(0.9, true)]).unwrap();
@@ -446,6 +460,7 @@ mod tests {
         let found = sums.finish(Some(0.01), None);
         assert_eq!((found[0].kept, found[0].together, found[0].all), (Some(0.0), Some(0.0), Some(-1.0 / 3.0)));
         assert_eq!((found[0].values, found[0].light, found[0].noise), (2, 1.0, 0.01));
+        assert_eq!((found[0].largest_share, found[1].largest_share), (1.0, 0.0));
         for empty in &found[1..] {
             assert_eq!((empty.kept, empty.together, empty.all, empty.values), (None, None, None, 0));
         }

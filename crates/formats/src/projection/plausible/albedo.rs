@@ -23,7 +23,8 @@ const TOLERANCE: f64 = 0.02;
 
 /// Largest directional albedo of a BRDF, BTDF or BSDF, over the incoming directions and bands of a file.
 ///
-/// Directions that were not measured add nothing. In very large files only some incoming directions are summed, always
+/// Directions that were not measured add nothing. Of scattered samples, a single one does not count if its light alone
+/// lifts the albedo above 1: it may lie on the peak of a lobe narrower than the spacing. In very large files only some incoming directions are summed, always
 /// the same ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargestAlbedo {
@@ -166,17 +167,28 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbe
     let samples: usize = groups.iter().map(Vec::len).sum();
     let every = samples.div_ceil(MOST_SCATTERED).max(1);
     let mut largest = Largest::new(scattered.spectral.as_ref(), groups.len());
-    let mut sums = vec![0.0; bands];
+    let (mut sums, mut largest_terms) = (vec![0.0; bands], vec![0.0_f64; bands]);
     for rows in groups.iter().step_by(every) {
         let rows = thinned(rows);
         let directions: Vec<Vector> = rows.iter().map(|&row| outgoing[row].1).collect();
         let Some(areas) = areas(&directions, domain) else { continue };
         sums.fill(0.0);
+        largest_terms.fill(0.0);
         for ((&row, area), direction) in rows.iter().zip(areas).zip(&directions) {
             let weight = area * direction[2].abs();
             let values = &scattered.values[row * bands..][..bands];
-            for (sum, &value) in sums.iter_mut().zip(values).filter(|(_, value)| !value.is_nan()) {
-                *sum += weight * f64::from(value);
+            let totals = sums.iter_mut().zip(&mut largest_terms);
+            for ((sum, largest), &value) in totals.zip(values).filter(|(_, value)| !value.is_nan()) {
+                let term = weight * f64::from(value);
+                *sum += term;
+                *largest = largest.max(term);
+            }
+        }
+        // A sample on the peak of a narrow lobe represents more area than the lobe has. Without it the sum is too low.
+        for (sum, largest) in sums.iter_mut().zip(&largest_terms) {
+            let is_above = |sum: f64| sum > 1.0 + TOLERANCE;
+            if is_above(*sum) && !is_above(*sum - largest) {
+                *sum -= largest;
             }
         }
         let [theta, phi] = scattered.incoming[rows[0]];

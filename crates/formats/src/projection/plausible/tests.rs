@@ -61,6 +61,18 @@ fn an_albedo_above_1_is_told_with_its_place() {
 }
 
 #[test]
+fn a_sample_on_the_peak_of_a_narrow_lobe_gives_no_albedo_above_1() {
+    // The first sample of the spiral, 1.9° from the normal, represents light of 2.
+    let peak = |base: f64| move |_: f64, theta: f64, _: f64| if theta < 2.0 { 300.0 } else { base * WHITE };
+    let found = plausibility(&spiral(&[0.0, 45.0], 900, peak(0.5)));
+    let albedo = found.albedo.as_ref().unwrap();
+    assert!((albedo.albedo - 0.5).abs() < 0.015 && albedo.above == 0, "{albedo:?}");
+    assert_eq!(albedo.remark(), None);
+    // A base that is too bright by itself is told.
+    assert!(plausibility(&spiral(&[0.0, 45.0], 900, peak(1.1))).albedo.unwrap().remark().is_some());
+}
+
+#[test]
 fn no_albedo_is_made_up_where_values_stand_for_no_area() {
     let mut plane = format!("{HEAD}theta_i,theta_o,phi_o,value\n");
     let mut relative = HEAD.replace("1/sr", "relative") + "theta_i,theta_o,phi_o,value\n";
