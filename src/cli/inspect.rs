@@ -228,7 +228,8 @@ struct Material {
     errors: ErrorReport,
     /// Levels, coarsest first; the last one is the whole material.
     levels: Vec<LevelInfo>,
-    /// Warnings of incoming directions that are too sparse for the lobe.
+    /// Warnings about incoming directions that are too sparse for the lobe, and those about scattered samples that the
+    /// metadata chunk states.
     warnings: Vec<String>,
     /// The metadata chunk; `null` if the file has none.
     provenance: Option<serde_json::Value>,
@@ -251,6 +252,11 @@ impl Material {
         let summary: Summary = compress::inspect(bytes)?;
         let shape: Vec<usize> = summary.axes.iter().map(Axis::len).collect();
         let samples = shape.iter().product::<usize>() as f64;
+        // A metadata chunk that is not JSON is shown as text.
+        let provenance =
+            summary.metadata.map(|text| serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text)));
+        let stated = provenance.as_ref().and_then(|provenance| provenance["warnings"].as_array());
+        let stated = stated.into_iter().flatten().filter_map(|warning| Some(warning.as_str()?.to_owned()));
         Ok(Self {
             kind: "material",
             digest: pipeline::digest(bytes),
@@ -273,11 +279,8 @@ impl Material {
             lobe: summary.lobe,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
-            warnings: pipeline::sparse(bytes)?.into_iter().collect(),
-            // A metadata chunk that is not JSON is shown as text.
-            provenance: summary
-                .metadata
-                .map(|text| serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text))),
+            warnings: pipeline::sparse(bytes)?.into_iter().chain(stated).collect(),
+            provenance,
         })
     }
 

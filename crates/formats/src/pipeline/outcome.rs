@@ -2,7 +2,7 @@
 
 use super::auto::AutoReport;
 use super::error::PipelineError;
-use super::fit::{FitReport, at_samples, promised, scatter_of};
+use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::light;
 use super::provenance::provenance;
 use super::refinement::{Refined, refined, warning};
@@ -12,11 +12,11 @@ use super::sample_light::{self, LightSums, Scanned, Untold};
 use super::source::Source;
 use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
-use crate::compress::{self, Between, Decoded, Numbers, Settings, Target};
+use crate::compress::{self, Between, Decoded, Numbers, Settings, Summary, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, NoteKind, Samples, not_wider};
-use crate::projection::{self, CarriedLobe, Projected};
+use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 
 /// A compressed material and its report.
 ///
@@ -65,41 +65,53 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     let mut next = refined(acquisition, request)?;
     loop {
         let Refined { projected, tried } = next;
-        let outcome = compressed(source, request, with_reciprocity(projected, request)?, progress)?;
-        let is_kept = outcome.report.fit.is_none_or(|fit| fit.is_kept());
+        let found = compressed(source, request, with_reciprocity(projected, request)?, progress)?;
+        let is_kept = found.outcome.report.fit.is_none_or(|fit| fit.is_kept());
         let finer = if is_kept { None } else { tried.finer(acquisition, request)? };
         match finer {
             Some(finer) => next = finer,
-            None => return judged(outcome, request),
+            None => return judged(found, request),
         }
     }
 }
 
-/// Adds warnings to the report if the material adds too much error to the noise of scattered samples, differs from
-/// them in total light, or has an unresolved lobe. With the option `strict` these are errors instead.
-fn judged(mut outcome: Outcome, request: &Request) -> Result<Outcome, PipelineError> {
-    let axes = compress::inspect(&outcome.bytes).map_err(|error| PipelineError::Opened(error.into()))?.axes;
-    let is_named = request.outgoing_level.is_some();
-    // A lobe carried beside the cells explains the values of a lobe.
-    let scatter = outcome.report.coverage.scatter.as_deref().filter(|_| outcome.report.lobe.is_none());
-    let untold = scatter.and_then(Untold::of);
-    let reduced = outcome.report.lobe.as_ref().and_then(|carried| carried.reduced);
-    let quantity = outcome.report.quantity;
-    let warnings = [
-        outcome.report.fit.and_then(|fit| warning(&fit, &axes, is_named)),
-        sample_light::warning(&outcome.report.light_at_samples, Scanned { quantity, untold, reduced }),
-        outcome.report.lobe.as_ref().and_then(CarriedLobe::warning),
-    ];
-    let warnings: Vec<String> = warnings.into_iter().flatten().collect();
+/// Adds the warnings about scattered samples to the report. With the option `strict` they are errors instead.
+fn judged(Judged { mut outcome, warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(warnings.join("; ")));
     }
-    let albedo = sample_light::too_bright(&outcome.report.light_at_samples).filter(|_| quantity.has_cosine());
+    let lights = &outcome.report.light_at_samples;
+    let albedo = sample_light::too_bright(lights).filter(|_| outcome.report.quantity.has_cosine());
     outcome
         .report
         .notes
         .extend(warnings.into_iter().chain(albedo).map(|message| Note { kind: NoteKind::Warning, message }));
     Ok(outcome)
+}
+
+/// Returns warnings if the material adds too much error to the noise of scattered samples, differs from them in total
+/// light, or has an unresolved lobe.
+fn warnings_of(
+    summary: &Summary,
+    (fit, found): (&FitReport, &AtSamples),
+    (scatter, lobe): (&ScatterReport, Option<&CarriedLobe>),
+    is_named: bool,
+) -> Vec<String> {
+    // A lobe carried beside the cells explains the values of a lobe.
+    let untold = if lobe.is_some() { None } else { Untold::of(scatter) };
+    let scanned = Scanned { quantity: summary.quantity, untold, reduced: lobe.and_then(|lobe| lobe.reduced) };
+    let warnings = [
+        warning(fit, &summary.axes, is_named),
+        sample_light::warning(&found.light, scanned),
+        lobe.and_then(CarriedLobe::warning),
+    ];
+    warnings.into_iter().flatten().collect()
+}
+
+/// A compressed material and the warnings about its scattered samples, which are not yet in its report.
+struct Judged {
+    outcome: Outcome,
+    warnings: Vec<String>,
 }
 
 /// Compresses a projected measurement. Measures the errors of the file at the samples if these are scattered.
@@ -108,12 +120,12 @@ fn compressed(
     request: &Request,
     projected: Projected,
     progress: &dyn Progress,
-) -> Result<Outcome, PipelineError> {
+) -> Result<Judged, PipelineError> {
     let acquisition = &source.acquisition;
     let scatter = scatter_of(&projected);
     let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
-    let provenance = |fit: Option<&FitReport>| provenance(source, request, &filled, (on_grid, fit));
+    let provenance = |fit: Option<(&FitReport, &[String])>| provenance(source, request, &filled, (on_grid, fit));
     let mut settings = Settings {
         target: request.target,
         policy: request.policy,
@@ -153,15 +165,18 @@ fn compressed(
     let at_cells = if is_averaged { projection::error_at_samples(acquisition, &decoded.measurement) } else { None };
     let is_opened = scattered.is_some() || has_lobes(decoded.measurement.tensor.axes());
     let material = if is_opened { Some(Material::decoded(decoded).map_err(PipelineError::Opened)?) } else { None };
-    let mut fit = None;
+    let (mut fit, mut warnings) = (None, Vec::new());
     if let (Some(scattered), Some(material)) = (scattered, &material) {
         let mut sums = LightSums::new(&scattered);
         let at_samples = at_samples(acquisition, &scattered, material, Some((&mut sums, scatter.noise)));
         let promised = promised(target, compressed.summary.errors.er_l2);
         let found = FitReport::new(&scatter, &at_samples, promised);
+        let is_named = request.outgoing_level.is_some();
+        let of_lobe = (&scatter, lobe.as_ref());
+        warnings = warnings_of(&compressed.summary, (&found, &at_samples), of_lobe, is_named);
         fit = Some((found, at_samples));
         if request.metadata {
-            let whole = compress::with_metadata(&compressed.bytes, &provenance(Some(&found)));
+            let whole = compress::with_metadata(&compressed.bytes, &provenance(Some((&found, &warnings))));
             let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;
             // A byte limit takes precedence over the report in the metadata.
             if !matches!(target, Target::Bytes(limit) if whole.len() as u64 > limit) {
@@ -180,7 +195,7 @@ fn compressed(
     if report.within_2u.is_none() {
         report.within_2u = within_2u;
     }
-    Ok(Outcome { bytes: compressed.bytes, report })
+    Ok(Judged { outcome: Outcome { bytes: compressed.bytes, report }, warnings })
 }
 
 impl Source {

@@ -22,12 +22,12 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
 
 /// Returns the provenance of a material as JSON. It holds no clock, path, host, timing or thread count, so that equal
 /// inputs give equal bytes. `on_grid` is true if the measurement lies on the grid of its file. `fit` is the report on
-/// the material at scattered samples.
+/// the material at scattered samples, with warnings about them.
 pub(super) fn provenance(
     source: &Source,
     request: &Request,
     filled: &[bool],
-    (on_grid, fit): (bool, Option<&FitReport>),
+    (on_grid, fit): (bool, Option<(&FitReport, &[String])>),
 ) -> String {
     let acquisition = &source.acquisition;
     let mut document = serde_json::json!({
@@ -49,8 +49,11 @@ pub(super) fn provenance(
     if count > 0 {
         document["filled"] = serde_json::json!({ "cells": count, "of": filled.len(), "runs": runs(filled) });
     }
-    if let Some(fit) = fit {
+    if let Some((fit, warnings)) = fit {
         document["scattered"] = serde_json::json!(fit.stated());
+        if !warnings.is_empty() {
+            document["warnings"] = serde_json::json!(warnings);
+        }
     }
     document.to_string()
 }
