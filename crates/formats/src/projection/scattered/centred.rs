@@ -57,8 +57,8 @@ pub(super) fn unresolved(
         let farthest = outliers.last().filter(|_| outliers.len() > 1)?.0.distance;
         let rows = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]);
         let all: Vec<Near> = rows.map(|&row| near(row)).filter(|near| near.distance <= farthest).collect();
-        let pairs = outliers.windows(2).filter(|pair| is_peak(plan, offs, &all, [pair[0], pair[1]]));
-        let radius = pairs.last()?[1].0.distance;
+        let mut pairs = outliers.windows(2).filter(|pair| is_peak(plan, offs, &all, [pair[0], pair[1]]));
+        let radius = pairs.next_back()?[1].0.distance;
         let within = outliers.iter().take_while(|(near, _)| near.distance <= radius);
         Some(UnresolvedLobe { centre, values: within.map(|(_, off)| off.channels.len() as u64).sum() })
     });
