@@ -254,7 +254,7 @@ impl Untold {
                     (_, Quantity::Bsdf) => "the mirror direction or the direction straight through",
                     _ => "the mirror direction",
                 };
-                (values, format!("stand about {about} under several incidences"), about)
+                (values, format!("stand about {about}, nearer than all others"), about)
             }
         };
         let areas = || lights.iter().filter(|light| light.by_area);

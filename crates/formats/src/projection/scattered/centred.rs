@@ -1,13 +1,13 @@
 //! Lobes that too few samples see: outliers of several incidences that are the nearest samples to one likely centre.
 //!
 //! Two samples far above their neighbours prove no lobe and are rejected. They suggest one if they belong to different
-//! incidences and are the nearest of all samples to the mirror direction, to the slope 0 of the half vector, or to the
+//! incidences (unless there is only one) and are the nearest of all samples to the mirror direction, to the slope 0 of the half vector, or to the
 //! direction back to the source. Chance is no explanation: each incidence has about one sample that is the nearest,
 //! and where a fraction p of the samples are outliers, two incidences both have one there with a probability of p².
 
 use super::plan::Plan;
 use super::relative::{ORIGINS, places};
-use super::together::{Company, FACTOR, Off, SAME};
+use super::together::{Company, FACTOR, Off, SAME, has_one_incidence};
 use crate::domain::vector::{norm, sub};
 use crate::domain::{CENTRES, LobeCentre, Quantity};
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,7 @@ pub(super) fn unresolved(
     offs: &[Off],
     companies: &[Company],
 ) -> Option<UnresolvedLobe> {
+    let of_one = has_one_incidence(plan);
     let found = CENTRES.into_iter().enumerate().filter_map(|(coordinate, centre)| {
         let place = |row: u32| places(quantity, plan.directions[row as usize])[coordinate];
         let near = |row: u32| Near {
@@ -57,7 +58,7 @@ pub(super) fn unresolved(
         let farthest = outliers.last().filter(|_| outliers.len() > 1)?.0.distance;
         let rows = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]);
         let all: Vec<Near> = rows.map(|&row| near(row)).filter(|near| near.distance <= farthest).collect();
-        let mut pairs = outliers.windows(2).filter(|pair| is_peak(plan, offs, &all, [pair[0], pair[1]]));
+        let mut pairs = outliers.windows(2).filter(|pair| is_peak((plan, of_one), offs, &all, [pair[0], pair[1]]));
         let radius = pairs.next_back()?[1].0.distance;
         let within = outliers.iter().take_while(|(near, _)| near.distance <= radius);
         Some(UnresolvedLobe { centre, values: within.map(|(_, off)| off.channels.len() as u64).sum() })
@@ -66,11 +67,18 @@ pub(super) fn unresolved(
     found.reduce(|most, next| if next.values > most.values { next } else { most })
 }
 
-/// Returns true if two outliers of different incidences fall off from the centre, to within a factor of two, and `all`
-/// other samples as near to it are like them. Only incidences from that of one outlier to that of the other count.
-fn is_peak(plan: &Plan, offs: &[Off], all: &[Near], [(near, inner), (far, outer)]: [(Near, &Off); 2]) -> bool {
+/// Returns true if two outliers of different incidences (of the same if the plan is `of_one`) fall off from the centre,
+/// to within a factor of two, and `all` other samples as near to it are like them. Only incidences from that of one
+/// outlier to that of the other count.
+fn is_peak(
+    (plan, of_one): (&Plan, bool),
+    offs: &[Off],
+    all: &[Near],
+    [(near, inner), (far, outer)]: [(Near, &Off); 2],
+) -> bool {
     let wi = |near: Near| plan.directions[near.row as usize].0;
-    if norm(sub(wi(near), wi(far))) < SAME || inner.excess() < outer.excess() - FACTOR {
+    let is_same = norm(sub(wi(near), wi(far))) < SAME;
+    if is_same != of_one || inner.excess() < outer.excess() - FACTOR {
         return false;
     }
     let [low, high] = [near.height.min(far.height) - SAME, near.height.max(far.height) + SAME];

@@ -101,10 +101,7 @@ pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Co
     let rows: Vec<u32> = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]).copied().collect();
     let mut number_of = vec![u32::MAX; plan.directions.len()];
     offs.iter().zip(0..).for_each(|(off, number)| number_of[off.row as usize] = number);
-    let first = rows.first().map(|&row| plan.directions[row as usize].0);
-    let is_first = |row: &u32| first.is_some_and(|wi| norm(sub(plan.directions[*row as usize].0, wi)) < SAME);
-    let has_one_incidence = rows.iter().all(is_first);
-    let samples = Samples { plan, offs, number_of, has_one_incidence };
+    let samples = Samples { plan, offs, number_of, has_one_incidence: has_one_incidence(plan) };
     for (coordinate, origin) in ORIGINS.into_iter().enumerate() {
         let at = |row: u32| places(quantity, plan.directions[row as usize])[coordinate];
         let places: Vec<Vector> = offs.iter().map(|off| at(off.row)).collect();
@@ -119,6 +116,13 @@ pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Co
         }
     }
     found
+}
+
+/// Returns true if all samples have the same incoming direction.
+pub(super) fn has_one_incidence(plan: &Plan) -> bool {
+    let mut rows = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]);
+    let wi = |row: &u32| plan.directions[*row as usize].0;
+    rows.next().map(wi).is_some_and(|first| rows.all(|row| norm(sub(wi(row), first)) < SAME))
 }
 
 /// Counts of samples in a region: those that deviate or are high in the same way, and all.

@@ -110,6 +110,15 @@ fn outliers_nearest_to_a_centre_at_two_incidences_suggest_a_lobe() {
 }
 
 #[test]
+fn two_outliers_suggest_a_lobe_of_a_single_incidence() {
+    let one = &ELEVATIONS[2..3];
+    let order = nearest(one, mirror);
+    let lobe = raised(one, &order[..2], 20.0).unresolved.unwrap();
+    assert!(lobe.centre != LobeCentre::Source && lobe.values == 2, "{lobe:?}");
+    assert_eq!(raised(one, &order[1..3], 20.0).unresolved, None);
+}
+
+#[test]
 fn other_outliers_suggest_no_lobe() {
     let two = &ELEVATIONS[2..4];
     let order = nearest(two, mirror);
