@@ -89,7 +89,9 @@ fn nearest(elevations: &[f64], centre: fn(Vector) -> Vector) -> Vec<(usize, usiz
 fn raised(elevations: &[f64], samples: &[(usize, usize)], factor: f32) -> ScatterReport {
     let mut acquired = scan(elevations, 1e-3);
     let values = &mut scattered(&mut acquired).values;
-    samples.iter().for_each(|(elevation, i)| values[elevation * SAMPLES + i] *= factor);
+    for (elevation, i) in samples {
+        values[elevation * SAMPLES + i] *= factor;
+    }
     report(&acquired)
 }
 
