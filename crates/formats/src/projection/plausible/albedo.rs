@@ -24,8 +24,8 @@ const TOLERANCE: f64 = 0.02;
 /// Largest directional albedo of a BRDF, BTDF or BSDF, over the incoming directions and bands of a file.
 ///
 /// Directions that were not measured add nothing. Of scattered samples, a single one does not count if its light alone
-/// lifts the albedo above 1: it may lie on the peak of a lobe narrower than the spacing. In very large files only some incoming directions are summed, always
-/// the same ones.
+/// lifts the albedo above 1: it may lie on the peak of a lobe narrower than the spacing. In very large files only some
+/// incoming directions are summed, always the same ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargestAlbedo {
     /// The albedo; at most 1 for a surface that reflects no more light than it receives.
