@@ -8,23 +8,13 @@
 
 use super::plan::Plan;
 use super::relative::{ORIGINS, places};
+use super::report::UnresolvedLobe;
 use super::together::{Company, FACTOR, Off, SAME, has_one_incidence};
 use crate::domain::vector::{norm, sub};
-use crate::domain::{CENTRES, LobeCentre, Quantity};
-use serde::{Deserialize, Serialize};
+use crate::domain::{CENTRES, Quantity};
 
 /// Largest distance from the centre, in sample spacings. Raising it warns of more lobes and of more outliers.
 const REACH: f64 = 1.0;
-
-/// Outliers about one likely centre: perhaps samples of a lobe that the scan does not resolve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct UnresolvedLobe {
-    /// Centre of the lobe; in transmission the direction straight through stands for the mirror direction.
-    pub centre: LobeCentre,
-    /// Number of rejected values about the centre.
-    pub values: u64,
-}
 
 /// Sample near a centre.
 #[derive(Clone, Copy)]

@@ -50,11 +50,10 @@ mod withheld;
 
 pub(super) use areas::areas;
 pub use at_samples::ScatteredSamples;
-pub use centred::UnresolvedLobe;
 pub(super) use cloud::directions;
 pub use incidences::Incidence;
 pub use lobe::CarriedLobe;
-pub use report::{Rejected, ScatterReport};
+pub use report::{Rejected, ScatterReport, UnresolvedLobe};
 
 use super::error::ProjectionError;
 use super::projected::{Coverage, Projected};

@@ -14,10 +14,11 @@
 //! a lobe that the scan does not resolve ([`centred`](super::centred)).
 
 use super::cells::{Fitted, Scratch};
-use super::centred::{UnresolvedLobe, unresolved};
+use super::centred::unresolved;
 use super::cloud::Cloud;
 use super::fit::{Place, Support};
 use super::plan::Plan;
+use super::report::UnresolvedLobe;
 use super::rows::{PARTS, Rows};
 use super::together::{Company, Off, companies};
 use super::tree::Found;

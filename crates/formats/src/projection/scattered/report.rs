@@ -1,6 +1,6 @@
 //! Report on scattered samples: counts, noise, and rejected values.
 
-use super::centred::UnresolvedLobe;
+use crate::domain::LobeCentre;
 use serde::{Deserialize, Serialize};
 
 /// Counts, noise and outliers of scattered samples, independent of the cells made of them.
@@ -43,4 +43,14 @@ pub struct Rejected {
     pub samples: f64,
     /// Fraction of the sum of all positive values.
     pub light: f64,
+}
+
+/// Outliers about one likely centre: perhaps samples of a lobe that the scan does not resolve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+pub struct UnresolvedLobe {
+    /// Centre of the lobe; in transmission the direction straight through stands for the mirror direction.
+    pub centre: LobeCentre,
+    /// Number of rejected values about the centre.
+    pub values: u64,
 }
