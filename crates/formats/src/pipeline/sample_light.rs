@@ -38,8 +38,8 @@ pub struct IncidenceLight {
     pub values: u64,
     /// Weighted sum of the samples without isolated rejected ones, averaged over the channels.
     pub light: f64,
-    /// Largest fraction of `light` that a single sample contributes. Where it is large, the sum says little: a sample on
-    /// the peak of a narrow lobe represents more area than the lobe has.
+    /// Largest fraction of `light` that a single sample contributes. Where it is large, the sum is uncertain: a sample
+    /// on the peak of a narrow lobe represents more area than the lobe has.
     #[serde(default)]
     pub largest_share: f64,
     /// True if samples are weighted by the areas they represent. Over a whole hemisphere `light` is then the

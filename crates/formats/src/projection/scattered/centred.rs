@@ -2,9 +2,8 @@
 //!
 //! Two samples far above their neighbours prove no lobe and are rejected. They suggest one if they belong to different
 //! incidences (unless there is only one) and are the nearest of all samples to the mirror direction, to the slope 0 of
-//! the half vector, or to the direction back to the source. Chance is no explanation: each incidence has about one
-//! sample that is the nearest, and where a fraction p of the samples are outliers, two incidences both have one there
-//! with a probability of p².
+//! the half vector, or to the direction back to the source. Chance hardly explains that. Each incidence has one nearest
+//! sample; if a fraction p of the samples are outliers, those of two incidences both are with a probability of p².
 
 use super::plan::Plan;
 use super::relative::{ORIGINS, places};
