@@ -54,6 +54,11 @@ impl NoteKind {
 }
 
 impl Note {
+    /// Creates a note of its sentence alone, without code and values.
+    pub fn plain(kind: NoteKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), code: String::new(), values: BTreeMap::new() }
+    }
+
     /// Returns the note with its sentence prefixed by the name of the file that it is about.
     #[must_use]
     pub fn about(mut self, name: &str) -> Self {
