@@ -11,7 +11,7 @@ use super::report::{
 use super::request::AxesArgs;
 use crate::compress::{self, LevelInfo, Summary};
 use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
-use crate::formats::{self, Angles, AzimuthExtent, Instrument, Note, NoteKind, Samples};
+use crate::formats::{self, Angles, AzimuthExtent, Instrument, Note, Samples};
 use crate::pipeline::{self, Request};
 use crate::projection::{self, Coverage};
 use serde::Serialize;
@@ -112,8 +112,7 @@ impl Measured {
         };
         // The tensor is no longer needed. One that cannot be opened gets no warning and is still described.
         let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
-        measured.notes.extend(warning.map(|message| Note { kind: NoteKind::Warning, message }));
-        measured.notes.extend(remarks.into_iter().map(|message| Note { kind: NoteKind::Checked, message }));
+        measured.notes.extend(warning.into_iter().chain(remarks));
         Ok(measured)
     }
 
@@ -279,7 +278,7 @@ impl Material {
             lobe: summary.lobe,
             errors: summary.errors,
             levels: compress::levels(bytes)?,
-            warnings: pipeline::sparse(bytes)?.into_iter().chain(stated).collect(),
+            warnings: pipeline::sparse(bytes)?.map(|warning| warning.message).into_iter().chain(stated).collect(),
             provenance,
         })
     }

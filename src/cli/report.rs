@@ -4,7 +4,7 @@ use super::output::{Sheet, count, per_cent, three_digits};
 use crate::compress::{LevelInfo, Noise};
 use crate::domain::ErrorReport;
 use crate::domain::colour::ColourReport;
-use crate::formats::{Note, NoteKind};
+use crate::formats::Note;
 use crate::pipeline::{AutoReport, FitReport, IncidenceReport, Report, SampleLight, StoppedAt};
 use crate::projection::{Coverage, Rejected, ScatterReport};
 
@@ -300,13 +300,6 @@ fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
 /// Adds everything a parser assumed, filled, skipped or warns of.
 pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
     for note in notes {
-        let label = match note.kind {
-            NoteKind::Assumed => "assumed",
-            NoteKind::Filled => "filled",
-            NoteKind::Skipped => "skipped",
-            NoteKind::Warning => "warning",
-            NoteKind::Checked => "checked",
-        };
-        sheet.line(label, &note.message);
+        sheet.line(note.kind.name(), &note.message);
     }
 }

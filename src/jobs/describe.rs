@@ -240,8 +240,7 @@ pub(crate) fn describe(acquisition: &Acquisition, options: &Options) -> Understo
         range = range.zip(factors).and_then(|((a, b), (c, d))| extremes([a * c, a * d, b * c, b * d]));
     }
     let fields = acquisition.report.metadata.iter().take(MAX_FIELDS);
-    let checked = projection::plausibility(acquisition).remarks().into_iter();
-    let checked = checked.map(|message| Note { kind: NoteKind::Checked, message });
+    let checked = projection::plausibility(acquisition).remarks();
     Understood {
         format: acquisition.format.to_owned(),
         dialect: Some(acquisition.dialect.clone()),
@@ -271,7 +270,7 @@ pub(crate) fn describe_needy(format: &str, need: &str, options: &Options) -> Und
         range: None,
         coverage: None,
         instrument: Instrument::default(),
-        warnings: vec![Note { kind: NoteKind::Warning, message: need.to_owned() }],
+        warnings: vec![Note::plain(NoteKind::Warning, need)],
         fields: Vec::new(),
         needs: vec![need.to_owned()],
         options: options.clone(),

@@ -13,8 +13,9 @@ use std::process::Command;
 const ROOMS: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("domain", &["numeric"]),
-    ("formats", &["domain", "numeric"]),
-    ("projection", &["formats", "domain", "numeric"]),
+    ("notes", &["domain"]),
+    ("formats", &["notes", "domain", "numeric"]),
+    ("projection", &["notes", "formats", "domain", "numeric"]),
     ("transform", &["domain", "numeric"]),
     ("codec", &["transform", "domain", "numeric"]),
     ("compress", &["codec", "transform", "domain", "numeric"]),
@@ -41,6 +42,7 @@ const SERVICE: &[&str] = &["jobs", "api", "cli"];
 const SCIENCE: &[&str] = &[
     "numeric",
     "domain",
+    "notes",
     "formats",
     "projection",
     "transform",

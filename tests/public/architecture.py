@@ -25,11 +25,11 @@ CRATES = {
 # Bands of the crates: x, y, width, height, colour of the band and of its names, x of the words beside the name.
 BANDS = {
     "src": (30, 20, 940, 196, "#e9f1fc", "#1d4f91", 137),
-    "crates/formats/src": (268, 256, 702, 332, "#e8f5ec", "#1f6b3a", 447),
+    "crates/formats/src": (268, 256, 702, 406, "#e8f5ec", "#1f6b3a", 447),
     "crates/paper/src": (30, 330, 208, 104, "#f1ecf8", "#5b3a8c", 0),
-    "crates/core/src": (30, 628, 940, 428, "#fdf2e2", "#9a5a00", 284),
+    "crates/core/src": (30, 702, 940, 428, "#fdf2e2", "#9a5a00", 284),
 }
-WIDTH, HEIGHT = 1000, 1076
+WIDTH, HEIGHT = 1000, 1150
 BOX = (188, 52)
 COLUMNS = [40, 284, 528, 772]
 # Rooms: column, y, what is in it in two lines, and the step of an upload's way, which docs/architecture.md describes.
@@ -47,15 +47,16 @@ ROOMS = {
     "preview": (2, 444, "colours and pictures", "", None),
     "formats": (1, 518, "files ⇄ measurements,", "one file a format", 3),
     "appearance": (2, 518, "light, observer, linear sRGB", "", None),
-    "open": (1, 668, "opens a material by its path", "", None),
-    "roles": (3, 668, "surface, light, medium or", "spectrum", 12),
-    "evaluate": (2, 742, "a material in use: spectra,", "densities, directions", 11),
-    "algebra": (0, 742, "sums and products without", "decoding", None),
-    "compress": (2, 816, "policies, rate control, errors", "of the decoded bytes", 8),
-    "codec": (1, 890, "coefficients ⇄ bytes:", "container, entropy coder", 10),
-    "transform": (2, 890, "generic wavelet transform", "", 9),
-    "domain": (1, 964, "what a measurement is;", "the conventions", None),
-    "numeric": (2, 964, "linear systems, wide loops", "", None),
+    "notes": (1, 592, "notes and warnings,", "one file a subject", None),
+    "open": (1, 742, "opens a material by its path", "", None),
+    "roles": (3, 742, "surface, light, medium or", "spectrum", 12),
+    "evaluate": (2, 816, "a material in use: spectra,", "densities, directions", 11),
+    "algebra": (0, 816, "sums and products without", "decoding", None),
+    "compress": (2, 890, "policies, rate control, errors", "of the decoded bytes", 8),
+    "codec": (1, 964, "coefficients ⇄ bytes:", "container, entropy coder", 10),
+    "transform": (2, 964, "generic wavelet transform", "", 9),
+    "domain": (1, 1038, "what a measurement is;", "the conventions", None),
+    "numeric": (2, 1038, "linear systems, wide loops", "", None),
 }
 
 
@@ -123,9 +124,9 @@ def needed(found):
 # The ways of arrows that would cross boxes: the sides where they leave and arrive, and the x or y of the lanes between.
 WAYS = {
     ("jobs", "paper"): ("b", "t", [("y", 236)]),
-    ("catalog", "domain"): ("r", "b", [("x", 984), ("y", 1040)]),
+    ("catalog", "domain"): ("r", "b", [("x", 984), ("y", 1114)]),
     ("cli", "algebra"): ("l", "l", [("x", 16)]),
-    ("formats", "domain"): ("l", "l", [("x", 259)]),
+    ("notes", "domain"): ("l", "l", [("x", 259)]),
     ("open", "evaluate"): ("r", "t", []),
     ("roles", "evaluate"): ("b", "r", []),
     ("algebra", "compress"): ("b", "l", []),
@@ -143,7 +144,7 @@ PLACES = {
     ("codec", "domain"): (0.5, 0.5),
     ("transform", "domain"): (0.5, 0.75),
 }
-LEGEND = (756, 905)
+LEGEND = (756, 979)
 
 
 def box(room):

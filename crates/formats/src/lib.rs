@@ -16,6 +16,7 @@
 mod appearance;
 pub mod export;
 pub mod formats;
+mod notes;
 pub mod pipeline;
 pub mod preview;
 pub mod projection;

@@ -28,6 +28,7 @@ mod lossless;
 mod metadata;
 mod metadata_chunk;
 mod noise;
+mod notes;
 mod parts;
 mod policy;
 mod promise;
@@ -80,9 +81,13 @@ pub use unreachable_error::UnreachableError;
 pub use with_metadata::with_metadata;
 
 use crate::codec::MAGIC;
-use crate::domain::{Measurement, Progress};
+use crate::domain::{Measurement, NoteTemplate, Progress};
 use effort::Tally;
 use spectral_basis::SpectralBasis;
+
+/// Declarations of the notes that this module returns.
+#[doc(hidden)]
+pub const NOTES: &[NoteTemplate] = notes::CompressionNote::TEMPLATES;
 
 /// Returns true if `bytes` start with the magic number of a material.
 pub fn is_material(bytes: &[u8]) -> bool {

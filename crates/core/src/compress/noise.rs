@@ -29,8 +29,9 @@
 
 use super::figures::two_digits_up;
 use super::logarithm::logarithms;
+use super::notes::CompressionNote;
 use super::target::Target;
-use crate::domain::{Axis, Measurement};
+use crate::domain::{Axis, Measurement, Note};
 use crate::numeric::dense::dot;
 use basis::{Basis, Place};
 use rayon::prelude::*;
@@ -57,9 +58,9 @@ pub struct Noise {
 impl Noise {
     /// Returns a warning if `target` lies below the noise: the cost in bytes, and the smallest error worth asking for
     /// instead.
-    pub fn warning(&self, target: Target) -> Option<String> {
+    pub fn warning(&self, target: Target) -> Option<Note> {
         // The largest of a million normal deviates is 5 σ. Below 3 σ so many exceed the bound that each costs bits.
-        let (name, wanted, cliff, enough) = match target {
+        let (bound, wanted, cliff, enough) = match target {
             Target::ErL2(wanted) => ("er_l2", wanted, 1.0, 1.05),
             Target::MaxRelativeError(wanted) => ("max_relative_error", wanted, 3.0, 5.0),
             // The mean magnitude of normal deviates is 0.8 σ.
@@ -67,20 +68,12 @@ impl Noise {
             _ => return None,
         };
         if wanted < cliff * self.relative {
-            return Some(format!(
-                "{name} {wanted} lies below the noise of the samples, whose standard deviation is about {:.2} %: the file spends \
-                 its bytes on noise, about one bit a sample more for every halving of the error; ask for {name} {} or more",
-                100.0 * self.relative,
-                two_digits_up(enough * self.relative),
-            ));
+            let (noise_percent, enough) = (100.0 * self.relative, two_digits_up(enough * self.relative));
+            return Some(CompressionNote::BelowNoise { bound, wanted, noise_percent, enough }.into());
         }
         (wanted < cliff * self.common).then(|| {
-            format!(
-                "{name} {wanted} lies below the noise that whole spectra have in common, whose standard deviation is \
-                 about {:.2} %: every direction's own error costs bytes; ask for {name} {} or more",
-                100.0 * self.common,
-                two_digits_up(enough * self.common),
-            )
+            let (noise_percent, enough) = (100.0 * self.common, two_digits_up(enough * self.common));
+            CompressionNote::BelowNoiseOfSpectra { bound, wanted, noise_percent, enough }.into()
         })
     }
 }

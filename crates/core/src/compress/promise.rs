@@ -2,10 +2,10 @@
 
 use super::compressed::Compressed;
 use super::error::CompressError;
-use super::figures::shown;
 use super::header::ends_on_grid;
 use super::light::Light;
 use super::lobe_chunk;
+use super::notes::CompressionNote;
 use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
 use super::rd::shape::Shape;
@@ -14,8 +14,8 @@ use super::settings::{ALBEDO_ERROR, Settings};
 use super::stated::rounded_down;
 use super::target::{DeltaE, Target};
 use super::unreachable_error::UnreachableError;
-use crate::domain::Measurement;
 use crate::domain::colour::{ColourReport, SpectraColours};
+use crate::domain::{Measurement, Note};
 
 /// Rejects settings whose promise this measurement or policy cannot keep.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), SettingError> {
@@ -167,25 +167,13 @@ pub(crate) fn keep(settings: &Settings, floor: f32, compressed: &Compressed) -> 
 
 /// Returns a warning if a file falls short of a wanted ratio: samples per kept coefficient, or bytes of the float32
 /// tensor per byte of the file. `None` for other targets, and if both ratios are reached.
-pub fn shortfall(target: Target, samples: u64, compressed: &Compressed) -> Option<String> {
+pub fn shortfall(target: Target, samples: u64, compressed: &Compressed) -> Option<Note> {
     let Target::Ratio(wanted) = target else { return None };
     let kept = compressed.summary.kept_coefficients?;
     if samples as f64 / kept.max(1) as f64 <= wanted * (1.0 - 1e-12) {
-        return Some(format!(
-            "ratio {} is more than the {samples} samples there are: {}; ask for ratio {} or less to keep one",
-            shown(wanted),
-            if kept == 0 { "no coefficient is kept".to_owned() } else { format!("{kept} coefficients are kept") },
-            samples.max(1)
-        ));
+        return Some(CompressionNote::RatioAboveSamples { wanted, samples, kept_coefficients: kept }.into());
     }
     let bytes = compressed.bytes.len();
     let found = 4.0 * samples as f64 / bytes as f64;
-    (found < wanted).then(|| {
-        format!(
-            "ratio {} is kept in samples per coefficient, not in bytes: the file of {bytes} bytes is {} : 1 of the float32 \
-             tensor; use the option bytes to bound the size",
-            shown(wanted),
-            shown((found * 1000.0).round() / 1000.0),
-        )
-    })
+    (found < wanted).then(|| CompressionNote::RatioNotInBytes { wanted, bytes, found }.into())
 }

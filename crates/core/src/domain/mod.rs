@@ -21,6 +21,7 @@ mod errors;
 mod lattice;
 pub mod limits;
 mod lobe;
+mod note;
 mod option;
 mod progress;
 mod quantity;
@@ -42,6 +43,9 @@ pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
 pub use lobe::{CENTRES, Lobe, LobeCentre, LobeError, LobeParameters, LobeUnder};
 #[doc(hidden)]
 pub use lobe::{ROUGHNESS_OF_WIDTH, microfacets};
+#[doc(hidden)]
+pub use note::ToNoteValue;
+pub use note::{Note, NoteKind, NoteTemplate, NoteValue};
 pub use option::{Declared, Limits, Values, any_text};
 pub use progress::{Cancelled, Progress, Silent};
 #[doc(hidden)]

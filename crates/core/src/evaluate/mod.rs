@@ -86,6 +86,8 @@ mod warp;
 mod wavelength_sampler;
 
 pub use albedo::Side;
+#[doc(hidden)]
+pub use between::NOTES;
 pub use between::{LeftOut, interpolation_between};
 pub use chosen::{Chosen, ChosenSample, Drawings};
 pub use directions::{Directions, Pairs};

@@ -3,8 +3,8 @@
 use super::instrument::Instrument;
 use super::stated_grid::StatedGrid;
 use crate::domain::vector::{Vector, unit};
-use crate::domain::{Axis, Direction, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
-use serde::{Deserialize, Serialize};
+use crate::domain::{Axis, Direction, Note, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -210,43 +210,16 @@ pub struct ParseReport {
     unfolding: Vec<usize>,
 }
 
-/// One remark of a parser.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-pub struct Note {
-    /// Kind of the remark.
-    pub kind: NoteKind,
-    /// A sentence for the user.
-    pub message: String,
-}
-
-/// Subject of a remark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum NoteKind {
-    /// A value that the file does not state was assumed.
-    Assumed,
-    /// Values that the file does not contain were supplied.
-    Filled,
-    /// A part of the file was not used.
-    Skipped,
-    /// A finding that the user should look at.
-    Warning,
-    /// A check of the values against physics, for the user to judge.
-    Checked,
-}
-
 impl ParseReport {
     /// Adds a remark.
-    pub fn note(&mut self, kind: NoteKind, message: impl Into<String>) {
-        self.notes.push(Note { kind, message: message.into() });
+    pub fn note(&mut self, note: impl Into<Note>) {
+        self.notes.push(note.into());
     }
 
     /// Adds a remark on a change that only the form for triangles needs.
-    pub(super) fn note_unfolding(&mut self, kind: NoteKind, message: impl Into<String>) {
+    pub(super) fn note_unfolding(&mut self, note: impl Into<Note>) {
         self.unfolding.push(self.notes.len());
-        self.note(kind, message);
+        self.note(note);
     }
 
     /// Returns the remarks that apply to a measurement; `on_grid` leaves out those that concern triangles only.

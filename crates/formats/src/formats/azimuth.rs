@@ -1,7 +1,8 @@
 //! Extension of a list of azimuths to the full circle: closed or not, and one column per direction.
 
-use super::acquisition::{AzimuthExtent, Azimuths, NoteKind, ParseReport};
+use super::acquisition::{AzimuthExtent, Azimuths, ParseReport};
 use super::text::Brief;
+use crate::notes::ScatteringNote;
 
 /// Relation of the last listed azimuth to the first + 360°. Azimuths are in degrees, strictly increasing.
 pub(super) enum Closing {
@@ -74,15 +75,12 @@ pub(super) fn extended(
             kept.get_or_insert_with(|| values.clone());
             let difference = merge_repeated(&mut phi, values, inner);
             if difference > 0.0 {
-                let percent = 100.0 * difference;
-                report.note_unfolding(
-                    NoteKind::Warning,
-                    format!(
-                        "{what}: values at {first}° and {last}° differ by up to {percent:.2} %, averaged",
-                        first = Brief(first),
-                        last = Brief(last)
-                    ),
-                );
+                report.note_unfolding(ScatteringNote::RepeatedAzimuthDiffers {
+                    angles: what.to_owned(),
+                    first_degrees: Brief(first),
+                    last_degrees: Brief(last),
+                    difference_percent: 100.0 * difference,
+                });
             }
             Ok(circle(phi))
         }
@@ -91,17 +89,15 @@ pub(super) fn extended(
             Err(format!("{what}: mirrored azimuths from {range}, expected 0° to 180°"))
         }
         (None, Closing::Gap) if mirror && first == 0.0 && last == 180.0 => {
-            report.note(
-                NoteKind::Assumed,
-                format!("{what}: isotropic, azimuths 0° to 180° taken as mirrored (else state the extent sector)"),
-            );
+            report.note(ScatteringNote::AzimuthsMirrored { angles: what.to_owned() });
             Ok(Azimuths { phi, extent: AzimuthExtent::Mirrored })
         }
         (None, Closing::Gap) => {
-            report.note(
-                NoteKind::Assumed,
-                format!("{what}: azimuths {range} taken as all there is, the rest of the circle is masked"),
-            );
+            report.note(ScatteringNote::AzimuthSector {
+                angles: what.to_owned(),
+                first_degrees: Brief(first),
+                last_degrees: Brief(last),
+            });
             Ok(Azimuths { phi, extent: AzimuthExtent::Sector })
         }
         (Some(extent), _) => Ok(Azimuths { phi, extent }),

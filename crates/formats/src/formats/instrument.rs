@@ -2,6 +2,8 @@
 
 use super::rounding::with_digits;
 use super::text::number;
+use crate::domain::Note;
+use crate::notes::LobeNote;
 use serde::{Deserialize, Serialize};
 
 /// Angular resolution of the instrument that took the samples, as stated in the file: full angles in degrees, 0 to 180.
@@ -54,15 +56,17 @@ impl Instrument {
 
 /// Returns a remark if a lobe looks no wider than one of the instrument's stated angles; otherwise `None`. `full_width`
 /// is the full width of the lobe at half its height, in degrees.
-pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<String> {
-    let limits: Vec<String> = instrument
-        .stated()
-        .filter(|(_, angle)| *angle > 0.0 && full_width <= *angle)
-        .map(|(name, angle)| format!("{name} of {angle}°"))
-        .collect();
-    let width = with_digits(full_width, 3);
-    (!limits.is_empty())
-        .then(|| format!("the lobe of {width}° is no wider than {}: its true width is unknown", limits.join(" and ")))
+pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<Note> {
+    let at_least = |angle: Option<f64>| angle.filter(|angle| *angle > 0.0 && full_width <= *angle);
+    let (detector, source) = (at_least(instrument.detector_aperture), at_least(instrument.source_divergence));
+    (detector.is_some() || source.is_some()).then(|| {
+        let note = LobeNote::NoWiderThanInstrument {
+            width_degrees: with_digits(full_width, 3),
+            detector_aperture_degrees: detector,
+            source_divergence_degrees: source,
+        };
+        note.into()
+    })
 }
 
 #[cfg(test)]
@@ -72,20 +76,20 @@ mod tests {
     #[test]
     fn a_lobe_no_wider_than_the_instrument_resolves_has_an_unknown_width() {
         let aperture = Instrument { detector_aperture: Some(1.0), ..Instrument::default() };
-        let message = not_wider(&aperture, 0.8).unwrap();
+        let message = not_wider(&aperture, 0.8).unwrap().message;
         assert_eq!(
             message,
             "the lobe of 0.8° is no wider than the detector's aperture of 1°: its true width is unknown"
         );
-        assert!(not_wider(&aperture, 1.0).is_some_and(|message| message.contains("lobe of 1°")));
+        assert!(not_wider(&aperture, 1.0).is_some_and(|note| note.message.contains("lobe of 1°")));
         assert_eq!(not_wider(&aperture, 1.001), None);
         let both = Instrument { source_divergence: Some(1.5), ..aperture };
-        let message = not_wider(&both, 0.123_456).unwrap();
+        let message = not_wider(&both, 0.123_456).unwrap().message;
         assert!(
             message
                 .contains("0.123° is no wider than the detector's aperture of 1° and the source's divergence of 1.5°")
         );
-        let message = not_wider(&both, 1.2).unwrap();
+        let message = not_wider(&both, 1.2).unwrap().message;
         assert!(
             message.contains("than the source's divergence of 1.5°:") && !message.contains("aperture"),
             "{message}"

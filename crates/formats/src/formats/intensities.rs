@@ -1,11 +1,12 @@
 //! Intensities of a luminaire as its file lists them: numbers with a common factor, and angles brought into order.
 
-use super::acquisition::{NoteKind, ParseReport};
+use super::acquisition::ParseReport;
 use super::error::FormatError;
 use super::stated_grid::{Repeated, StatedGrid, StatedGridError};
 use super::text::{Brief, Source};
 use super::turned::turned;
 use crate::domain::{Axis, DirectionGrid, Tensor};
+use crate::notes::LuminaireNote;
 
 /// Intensities and the numbers of the file: intensity = `factor` · number.
 pub(super) struct Intensities {
@@ -150,7 +151,7 @@ fn increasing(
         }
     }
     if falling {
-        report.note(NoteKind::Warning, format!("{what} angles decrease, expected increasing; turned round"));
+        report.note(LuminaireNote::AnglesDecrease { angles: what });
     }
     let mut groups: Vec<Vec<usize>> = Vec::with_capacity(n);
     let mut increasing: Vec<f64> = Vec::with_capacity(n);
@@ -165,10 +166,7 @@ fn increasing(
     }
     let twice = n - increasing.len();
     if twice > 0 {
-        report.note(
-            NoteKind::Warning,
-            format!("{twice} {what} angles are listed more than once, their intensities averaged"),
-        );
+        report.note(LuminaireNote::AnglesRepeated { repeated: twice, angles: what });
     }
     if !falling && twice == 0 {
         return Ok(increasing);

@@ -5,15 +5,14 @@
 //! turn and the other half follows by reciprocity (Matusik et al. 2003; Rusinkiewicz 1998). Tables of 90 × 90 × 360
 //! cover the whole turn. A value is constant over its cell, as in the lookup code published with the data.
 
-use super::acquisition::{
-    Acquisition, Angles, DirectionalFunction, Modelled, NoteKind, ParseReport, Samples, Written, lifted,
-};
+use super::acquisition::{Acquisition, Angles, DirectionalFunction, Modelled, ParseReport, Samples, Written, lifted};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Format, Reader, Sample};
 use crate::domain::vector::{Vector, about_y, about_z, add, dot, norm, scale, sub};
 use crate::domain::{Axis, Direction, Quantity, Unit};
+use crate::notes::ScatteringNote;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
@@ -85,7 +84,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let table = Table::read(bytes, &mut report)?;
     let numbers = table.values.len();
     let missing = table.values.iter().filter(|value| value.is_nan()).count();
-    report.note(NoteKind::Assumed, "the channels are taken as linear sRGB");
+    report.note(ScatteringNote::LinearSrgb);
     let theta = (0..HALF).step_by(ELEVATION_STEP).map(|degrees| degrees as f64).collect();
     Ok(Acquisition {
         format: NAME,
@@ -139,10 +138,10 @@ impl Table {
             return Err(malformed(bytes.len().min(expected), message));
         }
         if swapped {
-            report.note(NoteKind::Assumed, "big-endian numbers, expected little-endian; swapped");
+            report.note(ScatteringNote::BigEndian);
         }
         if azimuths != AZIMUTHS {
-            report.note(NoteKind::Assumed, format!("{azimuths} cells of phi_d are a whole turn"));
+            report.note(ScatteringNote::WholeTurn { cells: azimuths });
         }
         let (words, _) = bytes[HEAD..].as_chunks::<8>();
         let stored = |word: &[u8; 8]| if swapped { f64::from_be_bytes(*word) } else { f64::from_le_bytes(*word) };
@@ -167,9 +166,7 @@ impl Table {
             return Err(malformed(HEAD + 8 * i, message));
         }
         if negative > 0 {
-            let all = 3 * cells;
-            let message = format!("{negative} of {all} numbers are negative, down to {lowest}: masked");
-            report.note(NoteKind::Skipped, message);
+            report.note(ScatteringNote::NegativeMasked { values: negative, of: 3 * cells, lowest });
         }
         Ok(Self { azimuths, values })
     }

@@ -38,9 +38,10 @@ mod tm27;
 mod turned;
 mod type_c;
 
+pub use crate::domain::{Note, NoteKind, NoteValue};
 pub use acquisition::{
-    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Note, NoteKind, Outside,
-    ParseReport, Samples, Scattered, SpectralFactor, Written,
+    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, DirectionalFunction, Modelled, Outside, ParseReport,
+    Samples, Scattered, SpectralFactor, Written,
 };
 pub use archive::{Archive, Member, is_archive};
 pub use error::{FormatError, FormatErrorKind, Position};

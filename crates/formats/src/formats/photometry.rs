@@ -1,10 +1,11 @@
 //! Combination of a luminaire with its lamp spectrum: intensity by direction becomes spectral intensity.
 
-use super::acquisition::{Acquisition, NoteKind, Samples, SpectralFactor};
+use super::acquisition::{Acquisition, Samples, SpectralFactor};
 use super::error::{FormatError, FormatErrorKind};
 use super::text::Brief;
 use crate::domain::colour::Observer;
 use crate::domain::{Axis, Quantity, Unit, WavelengthGrid};
+use crate::notes::SpectrumNote;
 use crate::numeric::bracket::polyline;
 
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
@@ -66,28 +67,18 @@ pub fn attach_spectrum(acquisition: &mut Acquisition, spectrum: &Acquisition) ->
     let grid = WavelengthGrid::listed(lambda.clone()).map_err(|e| refused(spectrum, e.to_string()))?;
     let report = &mut acquisition.report;
     for note in &spectrum.report.notes {
-        report.note(note.kind, format!("spectrum: {}", note.message));
+        report.note(note.clone().about("spectrum"));
     }
     if masked > 0 {
-        report.note(
-            NoteKind::Filled,
-            format!("spectrum: {masked} masked wavelengths left out, bridged by their neighbours"),
-        );
+        report.note(SpectrumNote::JoinedMaskedBridged { wavelengths: masked });
     }
     let negative = values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
-        report.note(NoteKind::Warning, format!("spectrum: {negative} negative values enter as they are"));
+        report.note(SpectrumNote::JoinedNegative { values: negative });
     }
     let (first, last) = grid.range();
     if acquisition.unit == Unit::Candela && (first > 400.0 || last < 700.0) {
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "the spectrum covers {first} to {last} nm only; light outside counts as none in the candela",
-                first = Brief(first),
-                last = Brief(last)
-            ),
-        );
+        report.note(SpectrumNote::JoinedRangeNarrow { first_nm: Brief(first), last_nm: Brief(last) });
     }
     acquisition.unit = unit;
     acquisition.spectral_factor = Some(SpectralFactor { grid, factors });

@@ -3,8 +3,10 @@
 
 use super::error::{FormatError, FormatErrorKind, Position};
 use super::number::decimal;
+pub(super) use crate::notes::Brief;
+use crate::notes::Quoted;
 use std::borrow::Cow;
-use std::fmt::{self, Write as _};
+use std::fmt::Write as _;
 
 /// Decoded text of a file, with the format named in its errors.
 pub(super) struct Source {
@@ -260,30 +262,7 @@ pub(super) fn number(text: &str) -> Option<f64> {
 /// Returns a short quotation of the file for a message: at most 40 characters, without control characters that could
 /// affect a terminal.
 pub(super) fn snippet(text: &str) -> String {
-    const LONGEST: usize = 40;
-    if text.is_empty() {
-        return "nothing".to_owned();
-    }
-    let mut quoted = String::from("`");
-    for (i, c) in text.chars().enumerate() {
-        if i == LONGEST {
-            quoted.push('…');
-            break;
-        }
-        quoted.push(if c.is_control() { '\u{fffd}' } else { c });
-    }
-    quoted.push('`');
-    quoted
-}
-
-/// Number formatted for a message, in scientific notation if it would be long otherwise.
-pub(super) struct Brief(pub(super) f64);
-
-impl fmt::Display for Brief {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let size = self.0.abs();
-        if size == 0.0 || (1e-4..1e15).contains(&size) { self.0.fmt(f) } else { write!(f, "{:e}", self.0) }
-    }
+    Quoted::of(text).to_string()
 }
 
 /// Formats numbers for metadata; a long list is shortened.

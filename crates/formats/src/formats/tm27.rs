@@ -3,7 +3,7 @@
 //! Element names are matched without their namespace, which writers choose freely; wavelengths are in nm (IES
 //! TM-27-14). Nothing outside the file is read: document types and custom entities are refused.
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::foreign;
 use super::instrument::Instrument;
@@ -12,6 +12,7 @@ use super::reader::{Format, Reader, Sample};
 use super::text::{Brief, Source, number, snippet};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::notes::{Quoted, SpectrumNote, TextNote, ValueNote};
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 
@@ -45,7 +46,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let mut document = Document::new(&source);
     document.read()?;
@@ -59,11 +60,11 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let negative = values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
         let lowest = values.iter().copied().fold(0.0, f32::min);
-        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
+        report.note(ValueNote::Negative { values: negative, lowest });
     }
     let largest = values.iter().copied().fold(0.0, f32::max);
     if quantity == Quantity::Reflectance && largest > 1.5 {
-        report.note(NoteKind::Warning, format!("values up to {largest}, expected 0 to 1; kept as they are"));
+        report.note(SpectrumNote::LargeRatio { largest });
     }
     let grid = WavelengthGrid::listed(wavelengths).map_err(|e| source.malformed(0, e.to_string()))?;
     let dialect = format!("TM-27, {} wavelengths", grid.len());
@@ -94,11 +95,10 @@ fn meaning(
         "intensity" => (Quantity::Spectrum, Unit::WattPerSteradianNanometre),
         "relative" => (Quantity::Spectrum, Unit::Relative),
         _ => {
-            let message = match stated {
-                None => "no SpectralQuantity, taken as relative".to_owned(),
-                Some(stated) => format!("SpectralQuantity {}: only the shape of the spectrum is kept", snippet(stated)),
-            };
-            report.note(NoteKind::Assumed, message);
+            report.note(match stated {
+                None => SpectrumNote::SpectralQuantityNotStated,
+                Some(stated) => SpectrumNote::SpectralQuantityUnknown { stated: Quoted::of(stated) },
+            });
             (Quantity::Spectrum, Unit::Relative)
         }
     };
@@ -106,7 +106,7 @@ fn meaning(
         None => Ok((quantity, how.unit.unwrap_or(unit))),
         Some(asked @ (Quantity::Spectrum | Quantity::Reflectance)) => {
             if asked != quantity {
-                report.note(NoteKind::Warning, format!("taken as {asked} as asked; the file holds a {quantity}"));
+                report.note(SpectrumNote::QuantityAsAsked { asked: asked.to_string(), held: quantity.to_string() });
             }
             let unit = if asked == quantity { unit } else { asked.default_unit() };
             Ok((asked, how.unit.unwrap_or(unit)))
@@ -134,7 +134,7 @@ fn ordered(
 ) -> Result<(Vec<f64>, Vec<f32>), FormatError> {
     if !points.is_sorted_by(|a, b| a.wavelength < b.wavelength) {
         points.sort_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
-        report.note(NoteKind::Warning, "the wavelengths do not increase: sorted");
+        report.note(SpectrumNote::WavelengthsSorted);
     }
     if let Some([_, twice]) = points.array_windows().find(|[a, b]| a.wavelength == b.wavelength) {
         let message = format!("wavelength {} twice, expected each once", Brief(twice.wavelength));

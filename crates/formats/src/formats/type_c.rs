@@ -1,13 +1,14 @@
 //! Conversion of C planes of intensities (LM-63 type C, EULUMDAT) to a grid in the luminaire frame with symmetries
 //! unfolded; its flux.
 
-use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport};
+use super::acquisition::{AngleGrid, Angles, AzimuthExtent, Azimuths, Outside, ParseReport};
 use super::azimuth::{Closing, circle, closing, merge_repeated};
 use super::error::FormatError;
 use super::intensities::{Ordered, Polar, Stated, mean, ordered};
 use super::stated_grid::{StatedGrid, StatedGridError};
 use super::text::{Brief, Source};
 use crate::domain::{self, DirectionGrid, Frame};
+use crate::notes::LuminaireNote;
 
 /// Number of grid rows filled at a time, for cache locality.
 const ROWS: usize = 16;
@@ -35,14 +36,7 @@ pub(super) fn type_c(
     let mut values = table.intensities.values().to_vec();
     let (first, last) = (vertical[0], vertical[vertical.len() - 1]);
     if !((first == 0.0 || first == 90.0) && (last == 90.0 || last == 180.0)) {
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "vertical angles {first}° to {last}°, the standard has 0–90, 90–180 or 0–180; 0 outside",
-                first = Brief(first),
-                last = Brief(last)
-            ),
-        );
+        report.note(LuminaireNote::VerticalAnglesUnusual { first_degrees: Brief(first), last_degrees: Brief(last) });
     }
     average_poles(vertical, horizontal.len(), &mut values, report);
     let Some(planes) = planes(horizontal.clone(), stand_for, &mut values, vertical.len(), report) else {
@@ -110,10 +104,7 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
         for h in 0..planes {
             values[h * n + v] = average;
         }
-        report.note_unfolding(
-            NoteKind::Filled,
-            format!("the planes disagree at {name} ({low} to {high}), where they meet: averaged to {average}"),
-        );
+        report.note_unfolding(LuminaireNote::PolesAveraged { pole: name, low, high, average });
     }
 }
 
@@ -139,10 +130,7 @@ fn planes(
     let mirrored = Some(AzimuthExtent::Mirrored);
     if horizontal.len() == 1 {
         if first != 0.0 {
-            report.note(
-                NoteKind::Assumed,
-                format!("one plane at C{first}, taken to hold all round", first = Brief(first)),
-            );
+            report.note(LuminaireNote::OnePlane { plane_degrees: Brief(first) });
         }
         // A single plane at another angle keeps its angle.
         let stated = (first != 0.0).then_some(Circle);
@@ -175,15 +163,11 @@ fn planes(
             stated = Some(Closed);
             let difference = merge_repeated(&mut horizontal, values, verticals);
             if difference > 0.0 {
-                let percent = 100.0 * difference;
-                report.note_unfolding(
-                    NoteKind::Warning,
-                    format!(
-                        "the planes C{first} and C{last} are one, but differ by up to {percent:.2} %: averaged",
-                        first = Brief(first),
-                        last = Brief(last)
-                    ),
-                );
+                report.note_unfolding(LuminaireNote::ClosingPlaneDiffers {
+                    first_degrees: Brief(first),
+                    last_degrees: Brief(last),
+                    difference_percent: 100.0 * difference,
+                });
             }
         }
         _ if !by_angles => {}
@@ -196,15 +180,7 @@ fn planes(
 }
 
 fn assume_closed(first: f64, last: f64, report: &mut ParseReport) {
-    report.note(
-        NoteKind::Assumed,
-        format!(
-            "the planes go from C{} to C{last} without closing; C{last} taken to be followed by C{}",
-            Brief(first),
-            Brief(first + 360.0),
-            last = Brief(last)
-        ),
-    );
+    report.note(LuminaireNote::PlanesDoNotClose { first_degrees: Brief(first), last_degrees: Brief(last) });
 }
 
 /// Returns the flux in lumens of a grid of candela: `∫ I dω` over the covered angles, linear in gamma and in C.

@@ -1,6 +1,7 @@
 //! Report on the interpolation between incident directions, and its error estimated by leaving out incidences.
 
 use crate::compress::{Between, Noise};
+use crate::domain::Note;
 use crate::evaluate::{LeftOut, Material};
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +41,7 @@ impl IncidenceReport {
     }
 
     /// Returns a warning if the expected error between incidences far exceeds `promised`, the error at the incidences.
-    pub(super) fn warning(&self, promised: f64) -> Option<String> {
+    pub(super) fn warning(&self, promised: f64) -> Option<Note> {
         let left_out =
             LeftOut { er_l2: self.left_out_er_l2, between: self.estimated_er_l2, moved: self.estimated_moved };
         left_out.warning(promised)

@@ -1,7 +1,8 @@
 //! Conservation of light (directional albedo, flux) on angle grids: corrected if cheap, otherwise a warning.
 
 use crate::compress::{self, CompressError, Compressed, LightReport, Numbers, Policy, Settings, Target};
-use crate::domain::{Axis, Measurement, Progress};
+use crate::domain::{Axis, Measurement, Note, Progress};
+use crate::notes::MaterialNote;
 
 /// Largest relative error of the light of an incoming direction without correction or warning: 0.03 is 3 %. Raising it
 /// tolerates larger errors.
@@ -36,13 +37,9 @@ pub(super) fn compress(
 }
 
 /// Returns a warning if the light on an angle grid is off by more than [`LIGHT`].
-pub(super) fn warning(axes: &[Axis], light: Option<&LightReport>) -> Option<String> {
+pub(super) fn warning(axes: &[Axis], light: Option<&LightReport>) -> Option<Note> {
     let largest = light.filter(|light| is_on_grid(axes) && light.largest > LIGHT)?.largest;
-    Some(format!(
-        "the light of some direction (directional albedo, flux) is {:.1} % off, though the samples keep their error: give \
-         albedo_error {LIGHT}, or a smaller error",
-        100.0 * largest
-    ))
+    Some(MaterialNote::LightOff { largest_percent: 100.0 * largest, bound: LIGHT }.into())
 }
 
 fn is_on_grid(axes: &[Axis]) -> bool {
@@ -62,7 +59,7 @@ mod tests {
         assert_eq!(warning(&[], Some(&light(0.05))), None);
         let axes = [grid];
         assert_eq!((warning(&axes, None), warning(&axes, Some(&light(0.029)))), (None, None));
-        let message = warning(&axes, Some(&light(0.05))).unwrap();
+        let message = warning(&axes, Some(&light(0.05))).unwrap().message;
         assert!(message.contains("is 5.0 % off") && message.contains("albedo_error 0.03"), "{message}");
     }
 }

@@ -15,7 +15,8 @@ use super::uncertainty::within_on_grid;
 use crate::compress::{self, Between, Decoded, Numbers, Settings, Summary, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
-use crate::formats::{Acquisition, Note, NoteKind, Samples, not_wider};
+use crate::formats::{Acquisition, Note, Samples, not_wider};
+use crate::notes::ProjectionNote;
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 
 /// A compressed material and its report.
@@ -51,10 +52,7 @@ fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Proje
         projected.measurement = made.measurement;
         projected.numbers = None;
         let difference = made.difference.map_or(0.0, |difference| 100.0 * difference);
-        projected.coverage.notes.push(format!(
-            "reciprocal: each value is the mean with that of the exchanged pair of directions; in the file the two differ by \
-             {difference:.2} % (median)"
-        ));
+        projected.coverage.notes.push(ProjectionNote::MadeReciprocal { difference_percent: difference }.into());
     }
     Ok(projected)
 }
@@ -78,15 +76,16 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
 /// Adds the warnings about scattered samples to the report. With the option `strict` they are errors instead.
 fn judged(Judged { mut outcome, warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
     if request.strict && !warnings.is_empty() {
-        return Err(PipelineError::Strict(warnings.join("; ")));
+        return Err(PipelineError::Strict(sentences(&warnings).join("; ")));
     }
     let lights = &outcome.report.light_at_samples;
     let albedo = sample_light::too_bright(lights).filter(|_| outcome.report.quantity.has_cosine());
-    outcome
-        .report
-        .notes
-        .extend(warnings.into_iter().chain(albedo).map(|message| Note { kind: NoteKind::Warning, message }));
+    outcome.report.notes.extend(warnings.into_iter().chain(albedo));
     Ok(outcome)
+}
+
+fn sentences(notes: &[Note]) -> Vec<&str> {
+    notes.iter().map(|note| note.message.as_str()).collect()
 }
 
 /// Returns warnings if the material adds too much error to the noise of scattered samples, differs from them in total
@@ -96,7 +95,7 @@ fn warnings_of(
     (fit, found): (&FitReport, &AtSamples),
     (scatter, lobe): (&ScatterReport, Option<&CarriedLobe>),
     is_named: bool,
-) -> Vec<String> {
+) -> Vec<Note> {
     // A lobe carried beside the cells explains the values of a lobe.
     let untold = if lobe.is_some() { None } else { Untold::of(scatter) };
     let scanned = Scanned { quantity: summary.quantity, untold, reduced: lobe.and_then(|lobe| lobe.reduced) };
@@ -111,7 +110,7 @@ fn warnings_of(
 /// A compressed material and the warnings about its scattered samples, which are not yet in its report.
 struct Judged {
     outcome: Outcome,
-    warnings: Vec<String>,
+    warnings: Vec<Note>,
 }
 
 /// Compresses a projected measurement. Measures the errors of the file at the samples if these are scattered.
@@ -125,7 +124,7 @@ fn compressed(
     let scatter = scatter_of(&projected);
     let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
-    let provenance = |fit: Option<(&FitReport, &[String])>| provenance(source, request, &filled, (on_grid, fit));
+    let provenance = |fit: Option<(&FitReport, &[&str])>| provenance(source, request, &filled, (on_grid, fit));
     let mut settings = Settings {
         target: request.target,
         policy: request.policy,
@@ -176,7 +175,7 @@ fn compressed(
         warnings = warnings_of(&compressed.summary, (&found, &at_samples), of_lobe, is_named);
         fit = Some((found, at_samples));
         if request.metadata {
-            let whole = compress::with_metadata(&compressed.bytes, &provenance(Some((&found, &warnings))));
+            let whole = compress::with_metadata(&compressed.bytes, &provenance(Some((&found, &sentences(&warnings)))));
             let whole = whole.map_err(|error| PipelineError::Opened(error.into()))?;
             // A byte limit takes precedence over the report in the metadata.
             if !matches!(target, Target::Bytes(limit) if whole.len() as u64 > limit) {
@@ -191,7 +190,7 @@ fn compressed(
     let measured = Measured { fit, at_cells, material: material.as_ref() };
     let mut report = report(acquisition, target, samples, (coverage, lobe), measured, &compressed)?;
     report.auto = auto;
-    report.notes.extend(unresolved.map(|message| Note { kind: NoteKind::Warning, message }));
+    report.notes.extend(unresolved);
     if report.within_2u.is_none() {
         report.within_2u = within_2u;
     }

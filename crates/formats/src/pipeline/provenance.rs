@@ -3,6 +3,7 @@
 use super::fit::FitReport;
 use super::request::Request;
 use super::source::Source;
+use crate::formats::Note;
 
 /// Returns run lengths of cells, alternating between not filled and filled. The first run is not filled and may be 0.
 /// A last run of unfilled cells is omitted.
@@ -20,6 +21,11 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
     runs
 }
 
+/// Returns a note as provenance holds it: kind and sentence. Codes and values are not part of hashed bytes.
+fn stated(note: &Note) -> serde_json::Value {
+    serde_json::json!({ "kind": note.kind, "message": note.message })
+}
+
 /// Returns the provenance of a material as JSON. It holds no clock, path, host, timing or thread count, so that equal
 /// inputs give equal bytes. `on_grid` is true if the measurement lies on the grid of its file. `fit` is the report on
 /// the material at scattered samples, with warnings about them.
@@ -27,7 +33,7 @@ pub(super) fn provenance(
     source: &Source,
     request: &Request,
     filled: &[bool],
-    (on_grid, fit): (bool, Option<(&FitReport, &[String])>),
+    (on_grid, fit): (bool, Option<(&FitReport, &[&str])>),
 ) -> String {
     let acquisition = &source.acquisition;
     let mut document = serde_json::json!({
@@ -38,7 +44,7 @@ pub(super) fn provenance(
             "content_digest": source.content_digest,
             "spectrum_digest": source.spectrum_digest,
             "metadata": acquisition.report.metadata,
-            "notes": acquisition.report.notes_of(on_grid).collect::<Vec<_>>(),
+            "notes": acquisition.report.notes_of(on_grid).map(stated).collect::<Vec<_>>(),
         },
         "request": request,
     });

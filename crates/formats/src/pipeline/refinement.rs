@@ -3,9 +3,10 @@
 use super::error::PipelineError;
 use super::fit::{AtSamples, FitReport, at_samples, promised, scatter_of};
 use super::request::Request;
-use crate::domain::Axis;
+use crate::domain::{Axis, Note};
 use crate::evaluate::Material;
 use crate::formats::Acquisition;
+use crate::notes::MaterialNote;
 use crate::projection::{self, Projected};
 
 /// Largest ratio of the added errors of a finer and a coarser level at which the finer one is used. Raising it accepts
@@ -78,23 +79,18 @@ impl Tried {
 
 /// Returns a warning if a material on `axes` adds more error than allowed. `is_named` is true if the user gave the
 /// level.
-pub(super) fn warning(fit: &FitReport, axes: &[Axis], is_named: bool) -> Option<String> {
+pub(super) fn warning(fit: &FitReport, axes: &[Axis], is_named: bool) -> Option<Note> {
     if fit.is_kept() {
         return None;
     }
     let level =
         axes.iter().rev().find_map(|axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None });
-    let (which, advice) = if is_named {
-        ("", "give a finer outgoing_level, or none")
-    } else {
-        (", the best tried,", "give a finer outgoing_level, or a larger error")
+    let note = MaterialNote::LevelCoarse {
+        level: level.unwrap_or(0),
+        is_named,
+        added_percent: 100.0 * fit.added,
+        noise_percent: fit.noise.map(|noise| 100.0 * noise),
+        allowed_percent: 100.0 * fit.allowed,
     };
-    let noise = fit.noise.map_or_else(|| "unknown".to_owned(), |noise| format!("{:.2} %", 100.0 * noise));
-    Some(format!(
-        "outgoing level {}{which} adds er(L2) {:.2} % to the noise of the samples ({noise}), more than {:.2} % (twice the \
-         promised error, or half the noise): {advice}",
-        level.unwrap_or(0),
-        100.0 * fit.added,
-        100.0 * fit.allowed
-    ))
+    Some(note.into())
 }

@@ -12,7 +12,7 @@ use crate::compress::{self, DecodeError as CodecError, LevelInfo, LightReport, N
 use crate::domain::colour::ColourReport;
 use crate::domain::{Axis, ErrorReport, Quantity, Unit, WavelengthGrid};
 use crate::evaluate::Material;
-use crate::formats::{self, Acquisition, Note, NoteKind};
+use crate::formats::{self, Acquisition, Note};
 use crate::projection::{CarriedLobe, Coverage};
 use serde::{Deserialize, Serialize};
 
@@ -176,7 +176,6 @@ pub(super) fn report(
         incidences.and_then(|incidences| incidences.warning(promised)),
         light::warning(&summary.axes, compressed.light.as_ref()),
     ];
-    let warnings = warnings.into_iter().flatten().map(|message| Note { kind: NoteKind::Warning, message });
     let samples = samples as f64;
     let at_samples = at_scattered.as_ref().map(|(_, found)| found.errors).or(at_cells);
     let (fit, light_at_samples) = at_scattered.map(|(fit, found)| (fit, found.light)).unzip();
@@ -209,7 +208,7 @@ pub(super) fn report(
         auto: None,
         noise,
         coverage,
-        notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings).collect(),
+        notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings.into_iter().flatten()).collect(),
         levels: compress::levels(&compressed.bytes).map_err(opened)?,
     })
 }

@@ -4,8 +4,9 @@
 //! θ|. Rejected samples are no error of the material. Several of them close together may be a lobe narrower than the
 //! sample spacing; these count in the sums that raise warnings. Isolated ones are only reported.
 
-use crate::domain::{Axis, LobeCentre, Quantity, WavelengthGrid};
+use crate::domain::{Axis, LobeCentre, Note, Quantity, WavelengthGrid};
 use crate::formats::with_digits;
+use crate::notes::{LobeNote, MaterialNote};
 use crate::projection::{Incidence, ScatterReport, ScatteredSamples, UnresolvedLobe};
 use serde::{Deserialize, Serialize};
 
@@ -244,9 +245,14 @@ impl Untold {
     }
 
     /// Returns a warning for samples of `quantity` that have these `lights`.
-    fn warning(self, quantity: Quantity, lights: &[IncidenceLight]) -> String {
-        let (values, place, about) = match self {
-            Self::Together(values) => (values, "lie together".to_owned(), "them"),
+    fn warning(self, quantity: Quantity, lights: &[IncidenceLight]) -> Note {
+        let areas = || lights.iter().filter(|light| light.by_area);
+        let albedo = areas().map(|light| light.light).sum::<f64>() / areas().count() as f64;
+        // Without areas the albedo is not a number.
+        let is_dim = quantity.has_cosine() && albedo < 1.0;
+        let largest_albedo = is_dim.then(|| with_digits(1.0 - albedo, 2));
+        let note = match self {
+            Self::Together(values) => LobeNote::Suspected { values, largest_albedo },
             Self::Centred(UnresolvedLobe { centre, values }) => {
                 let about = match (centre, quantity) {
                     (LobeCentre::Source, _) => "the direction back to the source",
@@ -254,21 +260,10 @@ impl Untold {
                     (_, Quantity::Bsdf) => "the mirror direction or the direction straight through",
                     _ => "the mirror direction",
                 };
-                (values, format!("stand about {about}, nearer than all others"), about)
+                LobeNote::SuspectedAbout { values, about, largest_albedo }
             }
         };
-        let areas = || lights.iter().filter(|light| light.by_area);
-        let albedo = areas().map(|light| light.light).sum::<f64>() / areas().count() as f64;
-        // Without areas the albedo is not a number.
-        let range = if quantity.has_cosine() && albedo < 1.0 {
-            format!(": any albedo of it between 0 and {} fits them", with_digits(1.0 - albedo, 2))
-        } else {
-            String::new()
-        };
-        format!(
-            "{values} values far above their neighbours {place}, as those of a lobe do that is narrower than the scan \
-             resolves: its light cannot be told from these samples{range}; measure more densely about {about}"
-        )
+        note.into()
     }
 }
 
@@ -285,79 +280,52 @@ pub(super) struct Scanned {
 /// Returns a warning if the light of a material differs from that of its samples by more than 3 % and by more than
 /// their noise explains. Otherwise warns of an unresolved lobe, if samples suggest one: no sum shows such a lobe, since
 /// no sample lies near its peak.
-pub(super) fn warning(lights: &[IncidenceLight], scanned: Scanned) -> Option<String> {
+pub(super) fn warning(lights: &[IncidenceLight], scanned: Scanned) -> Option<Note> {
     let unresolved = || scanned.untold.map(|lobe| lobe.warning(scanned.quantity, lights));
     different(lights, scanned.reduced).or_else(unresolved)
 }
 
 /// Returns a warning about the incidence under which the light differs most. `reduced` is the fraction by which the
 /// light of a carried lobe was reduced.
-fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<String> {
+fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<Note> {
     let size = |light: &IncidenceLight| light.together.unwrap_or(0.0).abs();
     let off = lights.iter().filter(|light| is_off(light));
     let worst = off.clone().reduce(|most, next| if size(next) > size(most) { next } else { most })?;
-    let incidence = match (worst.theta_i, worst.phi_i) {
-        (Some(theta), Some(phi)) => format!(" under the incidence of {theta:.1}° (azimuth {phi:.1}°)"),
-        (Some(theta), None) => format!(" under the incidence of {theta:.1}°"),
-        _ => String::new(),
-    };
     let is_part = lights.iter().any(|light| light.channels != worst.channels);
-    let wavelengths = worst.wavelengths.map(|ends| ends.map(|nm| format!("{nm:.0}")));
-    let bands = match (wavelengths, worst.channels) {
-        _ if !is_part => String::new(),
-        (Some([first, last]), _) if first == last => format!(" at {first} nm"),
-        (Some([first, last]), _) => format!(" at {first} to {last} nm"),
-        (None, [first, last]) if first == last => format!(" in channel {first}"),
-        (None, [first, last]) => format!(" in the channels {first} to {last}"),
+    let (wavelengths, channels) = match worst.wavelengths {
+        _ if !is_part => (None, None),
+        Some(wavelengths) => (Some(wavelengths), None),
+        None => (None, Some(worst.channels)),
     };
-    let others = match off.count() - 1 {
-        0 => String::new(),
-        1 => "; so does that of one other incidence or group of bands, by less".to_owned(),
-        others => format!("; so do those of {others} other incidences or groups of bands, by less"),
+    let noise_percent = 100.0 * STANDARD_ERRORS * worst.noise;
+    let note = MaterialNote::LightDiffers {
+        difference_percent: 100.0 * size(worst),
+        is_more: worst.together > Some(0.0),
+        theta_i_degrees: worst.theta_i,
+        phi_i_degrees: worst.phi_i,
+        first_nm: wavelengths.map(|[first, _]| first),
+        last_nm: wavelengths.map(|[_, last]| last),
+        first_channel: channels.map(|[first, _]| first),
+        last_channel: channels.map(|[_, last]| last),
+        noise_percent: Some(noise_percent).filter(|noise| *noise != 0.0),
+        others: off.count() - 1,
+        lobe_reduced_percent: reduced.map(|part| 100.0 * part),
     };
-    let is_more = worst.together > Some(0.0);
-    let advice = match reduced {
-        _ if is_more => "the cells or the incoming directions may be too coarse for it".to_owned(),
-        Some(part) => format!(
-            "the light of its narrow lobe was reduced by {:.1} %, as more light than comes in would have been reflected; the \
-             scale, the cosine or the reference may be wrong",
-            100.0 * part
-        ),
-        None => {
-            "a lobe may be narrower than the distance between samples, or than the cells; measure more densely where \
-                 samples lie far above their neighbours"
-                .to_owned()
-        }
-    };
-    let more = if is_more { "more" } else { "less" };
-    let noise = match 100.0 * STANDARD_ERRORS * worst.noise {
-        0.0 => "noise is unknown".to_owned(),
-        noise => format!("noise explains {noise:.2} %"),
-    };
-    Some(format!(
-        "the material has {:.1} % {more} light than its samples{incidence}{bands}, where their {noise}{others}: {advice}",
-        100.0 * size(worst),
-    ))
+    Some(note.into())
 }
 
 /// Returns a warning if samples reflect more light than they receive, for quantities with an albedo. Their light must
 /// exceed 1 without the sample that contributes most, too.
-pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<String> {
+pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<Note> {
     let is_above = |light: &&IncidenceLight| {
         let without_largest = light.light * (1.0 - light.largest_share);
         light.by_area && without_largest > 1.0 + ALBEDO.max(STANDARD_ERRORS * light.noise)
     };
     let above = lights.iter().filter(is_above);
     let most = above.clone().reduce(|most, next| if next.light > most.light { next } else { most })?;
-    let incidence = most.theta_i.map_or_else(String::new, |theta| format!(", most under the incidence of {theta:.1}°"));
-    let under = match above.count() {
-        1 => "one incidence or group of bands".to_owned(),
-        count => format!("{count} incidences or groups of bands"),
-    };
-    Some(format!(
-        "the samples have an albedo above 1 under {under}: {:.3}{incidence}; the scale, the cosine or the reference may be wrong",
-        most.light
-    ))
+    let note =
+        MaterialNote::AlbedoAboveOne { albedo: most.light, places: above.count(), theta_i_degrees: most.theta_i };
+    Some(note.into())
 }
 
 #[cfg(test)]
@@ -372,8 +340,8 @@ mod tests {
         assert_eq!(warning(&[], PLAIN), None);
         assert_eq!(warning(&[of(None, 0.0), of(Some(0.029), 0.0), of(Some(-0.1), 0.026)], PLAIN), None);
         let lobe = Scanned { untold: Some(Untold::Together(5)), ..PLAIN };
-        assert!(warning(&[of(Some(0.029), 0.0)], lobe).unwrap().starts_with("5 values far above"));
-        let message = warning(&[of(Some(0.04), 0.001), of(Some(-0.2), 0.001)], lobe).unwrap();
+        assert!(warning(&[of(Some(0.029), 0.0)], lobe).unwrap().message.starts_with("5 values far above"));
+        let message = warning(&[of(Some(0.04), 0.001), of(Some(-0.2), 0.001)], lobe).unwrap().message;
         assert!(message.contains("20.0 % less light than its samples under the incidence of 40.0°"), "{message}");
         assert!(message.contains("0.40 %; so does that of one other incidence or group of bands"), "{message}");
         assert!(message.contains("measure more densely"), "{message}");
@@ -389,7 +357,7 @@ mod tests {
         };
         let told = |channels, wavelengths| {
             let lights = [of(-0.2, channels, wavelengths), of(0.0, [7, 9], Some([700.0, 720.0]))];
-            warning(&lights, PLAIN).unwrap()
+            warning(&lights, PLAIN).unwrap().message
         };
         assert!(told([0, 0], Some([400.0; 2])).contains("its samples at 400 nm, where"));
         assert!(told([0, 1], Some([400.0, 410.0])).contains("its samples at 400 to 410 nm, where"));
@@ -401,10 +369,10 @@ mod tests {
     fn a_lobe_dimmed_to_conserve_energy_is_told_as_such() {
         let less = IncidenceLight { together: Some(-0.2), ..IncidenceLight::default() };
         let dimmed = Scanned { reduced: Some(0.25), ..PLAIN };
-        let message = warning(&[less], dimmed).unwrap();
+        let message = warning(&[less], dimmed).unwrap().message;
         assert!(message.contains("reduced by 25.0 %") && !message.contains("densely"), "{message}");
         let more = IncidenceLight { together: Some(0.2), ..IncidenceLight::default() };
-        assert!(warning(&[more], dimmed).unwrap().contains("too coarse"));
+        assert!(warning(&[more], dimmed).unwrap().message.contains("too coarse"));
     }
 
     #[test]
@@ -413,7 +381,7 @@ mod tests {
             let untold = Some(Untold::Centred(UnresolvedLobe { centre, values: 2 }));
             let half = IncidenceLight { light: 0.5, by_area: true, together: Some(0.0), ..IncidenceLight::default() };
             let in_plane = IncidenceLight { light: 40.0, by_area: false, ..half };
-            warning(&[half, in_plane], Scanned { quantity, untold, reduced: None }).unwrap()
+            warning(&[half, in_plane], Scanned { quantity, untold, reduced: None }).unwrap().message
         };
         let message = told(Quantity::Brdf, LobeCentre::HalfVector);
         assert!(
@@ -428,7 +396,7 @@ mod tests {
         assert!(told(Quantity::Bsdf, LobeCentre::Source).ends_with("densely about the direction back to the source"));
         let phase = told(Quantity::Phase, LobeCentre::Mirror);
         assert!(!phase.contains("albedo") && phase.ends_with("straight through"), "{phase}");
-        let message = warning(&[], Scanned { untold: Some(Untold::Together(3)), ..PLAIN }).unwrap();
+        let message = warning(&[], Scanned { untold: Some(Untold::Together(3)), ..PLAIN }).unwrap().message;
         assert!(!message.contains("albedo") && message.ends_with("more densely about them"), "{message}");
     }
 
@@ -439,9 +407,9 @@ mod tests {
         let peak = IncidenceLight { largest_share: 0.5, ..of(2.0, true) };
         assert_eq!(too_bright(&[peak]), None);
         assert!(too_bright(&[IncidenceLight { light: 2.1, ..peak }]).is_some());
-        let message = too_bright(&[of(1.2, true), of(0.9, true), of(1.4, true)]).unwrap();
+        let message = too_bright(&[of(1.2, true), of(0.9, true), of(1.4, true)]).unwrap().message;
         assert!(message.contains("under 2 incidences") && message.contains("1.400, most under"), "{message}");
-        let message = too_bright(&[of(1.2, true), of(0.9, true)]).unwrap();
+        let message = too_bright(&[of(1.2, true), of(0.9, true)]).unwrap().message;
         assert!(message.contains("under one incidence or group of bands: 1.200"), "{message}");
     }
 

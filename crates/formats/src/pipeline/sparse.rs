@@ -2,7 +2,7 @@
 
 use super::incidences::IncidenceReport;
 use crate::compress;
-use crate::domain::{Axis, Measurement};
+use crate::domain::{Axis, Measurement, Note};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
 /// Largest number of pairs of incoming and outgoing cells for which a material is opened to check it. Opening this
@@ -13,7 +13,7 @@ const PROMISED: f64 = 0.01;
 
 /// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe. Opens the
 /// material for it. Materials with more than 131,072 pairs of incoming and outgoing cells are not checked.
-pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
+pub fn sparse(bytes: &[u8]) -> Result<Option<Note>, EvaluateError> {
     let summary = compress::inspect(bytes)?;
     if !has_lobes(&summary.axes) {
         return Ok(None);
@@ -26,7 +26,7 @@ pub fn sparse(bytes: &[u8]) -> Result<Option<String>, EvaluateError> {
 }
 
 /// Like [`sparse`], for a measurement that is not compressed yet.
-pub fn sparse_measurement(measurement: Measurement) -> Result<Option<String>, EvaluateError> {
+pub fn sparse_measurement(measurement: Measurement) -> Result<Option<Note>, EvaluateError> {
     if !has_lobes(measurement.tensor.axes()) {
         return Ok(None);
     }

@@ -88,12 +88,19 @@ pub enum Role {
     Outgoing,
 }
 
-impl std::fmt::Display for Role {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
+impl Role {
+    /// Returns the name.
+    pub fn name(self) -> &'static str {
+        match self {
             Self::Incoming => "incoming",
             Self::Outgoing => "outgoing",
-        })
+        }
+    }
+}
+
+impl std::fmt::Display for Role {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
     }
 }
 

@@ -8,8 +8,9 @@ use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
 use super::spectral;
-use crate::domain::{Axis, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TensorError, check_axes};
+use crate::domain::{Axis, Domain, Layout, Measurement, Note, Quantity, Sampling, Tensor, TensorError, check_axes};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
+use crate::notes::ProjectionNote;
 
 /// Conversion of the directions of one side to an axis.
 enum Side<'a> {
@@ -44,10 +45,7 @@ pub(super) fn project(
     outgoing.describe(Role::Outgoing, grid.outside, &mut notes);
     notes.extend(spectral.notes);
     if missing > 0 {
-        notes.push(format!(
-            "{missing} of {} samples are missing: cells are averages of what is there, masked where nothing is",
-            grid.values.len()
-        ));
+        notes.push(ProjectionNote::MissingAveraged { samples: missing, of: grid.values.len() }.into());
     }
 
     let resampling = Resampling {
@@ -183,25 +181,21 @@ impl Side<'_> {
     }
 
     /// Adds notes for the user: choices and assumptions.
-    fn describe(&self, role: Role, outside: Outside, notes: &mut Vec<String>) {
+    fn describe(&self, of: Role, outside: Outside, notes: &mut Vec<Note>) {
+        let role = of.name();
         let (angles, choice) = match self {
             Self::Absent => return,
             Self::Elevations(angles) => {
-                notes.push(format!("{role}: the {} elevations of the file (isotropic)", angles.theta.len()));
+                notes.push(ProjectionNote::Elevations { role, elevations: angles.theta.len() }.into());
                 return;
             }
             Self::Triangles(angles, choice) => (angles, choice),
         };
         let domain = choice.mesh.domain();
-        notes.push(choice.note(role));
-        notes.push(format!(
-            "{role} cells are averages of the bilinear interpolant over {} parts each",
-            1_u64 << (2 * divisions(choice.mesh, angles))
-        ));
-        let rest = match outside {
-            Outside::Zero => "0, as the format's standard says",
-            Outside::Masked => "masked",
-        };
+        notes.push(choice.note(of));
+        let parts = 1_u64 << (2 * divisions(choice.mesh, angles));
+        notes.push(ProjectionNote::CellsOfBilinear { role, parts }.into());
+        let is_zero = outside == Outside::Zero;
         let (top, bottom) = match domain {
             Domain::Hemisphere => (0.0, 90.0),
             Domain::Lower => (90.0, 180.0),
@@ -209,19 +203,21 @@ impl Side<'_> {
         };
         let (low, high) = angles.covers;
         if low > top || high < bottom {
-            notes.push(format!("{role} directions outside theta {}° to {}° are {rest}", rounded(low), rounded(high)));
+            let (first_degrees, last_degrees) = (rounded(low), rounded(high));
+            notes.push(ProjectionNote::OutsideTheta { role, first_degrees, last_degrees, is_zero }.into());
         }
         if low < top || high > bottom {
-            notes.push(format!("{role} samples beyond the {domain} were left out"));
+            notes.push(ProjectionNote::SamplesBeyond { role, domain }.into());
         }
         let Some(azimuths) = &angles.phi else {
-            notes.push(format!("{role} samples have no azimuth: taken as rotationally symmetric about z"));
+            notes.push(ProjectionNote::RotationallySymmetric { role }.into());
             return;
         };
         if let (AzimuthExtent::Sector, [first, .., last]) = (azimuths.extent, azimuths.phi.as_slice())
             && last - first < 360.0
         {
-            notes.push(format!("{role} directions outside phi {}° to {}° are {rest}", rounded(*first), rounded(*last)));
+            let (first_degrees, last_degrees) = (rounded(*first), rounded(*last));
+            notes.push(ProjectionNote::OutsidePhi { role, first_degrees, last_degrees, is_zero }.into());
         }
     }
 }

@@ -3,8 +3,9 @@
 use super::angles::mean_spacing;
 use super::averages::OCTANT_DEGREES;
 use super::error::{LevelError, ProjectionError, Role};
-use crate::domain::{Domain, TriangleMesh};
+use crate::domain::{Domain, Note, TriangleMesh};
 use crate::formats::Angles;
+use crate::notes::ProjectionNote;
 
 /// Finest level chosen automatically. Raising it resolves denser samples with larger tensors.
 const MAX_CHOSEN_LEVEL: u8 = 6;
@@ -86,24 +87,19 @@ impl Choice {
         }
     }
 
-    /// Returns one sentence for the user on the level and its reason.
-    pub(super) fn note(&self, role: Role) -> String {
+    /// Returns a note on the level and its reason.
+    pub(super) fn note(&self, role: Role) -> Note {
         let level = self.mesh.level();
-        let size = OCTANT_DEGREES / f64::from(1_u32 << level);
-        let why = if self.requested {
-            "as requested".to_owned()
-        } else if level < self.wanted {
-            format!("level {} would fit the samples, but makes the tensor too large", self.wanted)
-        } else if level > self.wanted {
-            format!("level {} would fit their spacing, but not represent what they say", self.wanted)
-        } else {
-            "the level whose mean cell size is nearest to the finer spacing".to_owned()
+        let note = ProjectionNote::Level {
+            role: role.name(),
+            level,
+            domain: self.mesh.domain(),
+            cell_degrees: OCTANT_DEGREES / f64::from(1_u32 << level),
+            spacing: self.spacing.clone(),
+            natural_level: self.wanted,
+            is_requested: self.requested,
         };
-        format!(
-            "{role} level {level} on the {}: cells of {size:.1}° for samples every {} ({why})",
-            self.mesh.domain(),
-            self.spacing
-        )
+        note.into()
     }
 }
 
@@ -206,15 +202,15 @@ mod tests {
             phi: Some(Azimuths { phi: (0..32).map(|i| 11.25 * f64::from(i)).collect(), extent: AzimuthExtent::Circle }),
         };
         let mut choice = choose(Role::Outgoing, Domain::Sphere, &angles, None).unwrap();
-        let note = choice.note(Role::Outgoing);
+        let note = choice.note(Role::Outgoing).message;
         assert!(
             note.starts_with("outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25° ("),
             "{note}"
         );
         assert!(choice.lower());
-        assert!(choice.note(Role::Outgoing).contains("level 5 would fit"));
+        assert!(choice.note(Role::Outgoing).message.contains("level 5 would fit"));
         let mut fixed = choose(Role::Outgoing, Domain::Sphere, &angles, Some(7)).unwrap();
-        assert!(!fixed.lower() && fixed.note(Role::Outgoing).contains("as requested"));
+        assert!(!fixed.lower() && fixed.note(Role::Outgoing).message.contains("as requested"));
         let error = choose(Role::Outgoing, Domain::Sphere, &angles, Some(9)).unwrap_err();
         assert_eq!(error.to_string(), "outgoing_level: 9 is above the limit of 8");
     }

@@ -2,7 +2,7 @@
 
 use super::planes::scattered_samples;
 use super::same_angle::{SAME, azimuth_steps, steps};
-use crate::domain::{Axis, Quantity};
+use crate::domain::{Axis, Note, Quantity};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered, not_wider};
 use std::collections::BTreeMap;
 
@@ -33,7 +33,7 @@ fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
 
 /// Returns a remark if the narrowest lobe of a file is no wider than an angle of the instrument. Returns `None` if it
 /// is wider, if there is no lobe, or if the file states no such angle.
-pub(crate) fn unresolved_lobe(acquisition: &Acquisition) -> Option<String> {
+pub(crate) fn unresolved_lobe(acquisition: &Acquisition) -> Option<Note> {
     let instrument = &acquisition.instrument;
     let width = if instrument.is_unknown() { None } else { narrowest_lobe(acquisition) };
     not_wider(instrument, width?)

@@ -63,7 +63,7 @@ pub fn project(acquisition: &Acquisition, request: &AxesRequest) -> Result<Proje
         samples => project_samples(acquisition, samples, request)?,
     };
     if let Some((_, note)) = &instead {
-        projected.coverage.notes.insert(0, (*note).to_owned());
+        projected.coverage.notes.insert(0, note.clone());
     }
     if matches!(samples, Samples::Grid(_)) && !on_grid {
         projected.coverage.notes.extend(samples::coarseness(acquisition, &projected.measurement, request));

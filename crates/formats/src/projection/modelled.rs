@@ -8,10 +8,11 @@ use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::spectral;
 use crate::domain::{
-    Axis, Direction, Domain, Layout, Measurement, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid,
+    Axis, Direction, Domain, Layout, Measurement, Note, Quantity, Sampling, Tensor, TriangleMesh, Vertices, centroid,
     check_axes, child, solid_angle,
 };
 use crate::formats::{Acquisition, Modelled};
+use crate::notes::ProjectionNote;
 use rayon::prelude::*;
 
 /// Least number of times an incoming cell is split into four. The function is piecewise linear in its angles.
@@ -66,11 +67,8 @@ pub(super) fn project(
     let parts_in = incoming.parts(divisions_in, &mut notes);
     let vertices = outgoing.mesh.all_vertices();
     notes.push(outgoing.note(Role::Outgoing));
-    notes.push(format!(
-        "outgoing cells are averages of the file's own interpolant over {} parts each{}",
-        1_u64 << (2 * divisions_out),
-        if is_phase { "" } else { ", weighted by the cosine, so that a cell keeps the light that it reflects" }
-    ));
+    let (parts, is_by_cosine) = (1_u64 << (2 * divisions_out), !is_phase);
+    notes.push(ProjectionNote::CellsOfInterpolant { role: Role::Outgoing.name(), parts, is_by_cosine }.into());
     notes.extend(spectral.notes);
 
     let weight: fn(Direction) -> f64 = if is_phase { |_| 1.0 } else { Direction::cos_theta };
@@ -143,18 +141,17 @@ impl Incoming<'_> {
     }
 
     /// Returns the directions that represent each entry, and adds notes on the choices for the user.
-    fn parts(&self, divisions: u32, notes: &mut Vec<String>) -> Vec<Vec<Part>> {
+    fn parts(&self, divisions: u32, notes: &mut Vec<Note>) -> Vec<Vec<Part>> {
+        let role = Role::Incoming.name();
         match self {
             Self::Elevations(theta) => {
-                notes.push(format!("incoming: the {} elevations of the file (isotropic)", theta.len()));
+                notes.push(ProjectionNote::Elevations { role, elevations: theta.len() }.into());
                 theta.iter().map(|&theta| vec![(Direction::from_degrees(theta, 0.0), 1.0)]).collect()
             }
             Self::Triangles(choice) => {
                 notes.push(choice.note(Role::Incoming));
-                notes.push(format!(
-                    "incoming cells are averages of the file's own interpolant over {} parts each",
-                    1_u64 << (2 * divisions)
-                ));
+                let (parts, is_by_cosine) = (1_u64 << (2 * divisions), false);
+                notes.push(ProjectionNote::CellsOfInterpolant { role, parts, is_by_cosine }.into());
                 let cell = |vertices| {
                     let mut parts = Vec::new();
                     split(vertices, divisions, &mut parts, |_| 1.0);

@@ -6,8 +6,9 @@ use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::resampling::{Directions, Resampling};
 use super::spectral;
-use crate::domain::{Axis, Layout, Measurement, Sampling, Tensor, check_axes};
+use crate::domain::{Axis, Layout, Measurement, Note, Sampling, Tensor, check_axes};
 use crate::formats::Acquisition;
+use crate::notes::ProjectionNote;
 
 /// Projects `tensor`, the samples of `acquisition`.
 pub(super) fn project(
@@ -32,7 +33,7 @@ pub(super) fn project(
     let averaged = [&incoming, &outgoing].iter().any(|d| matches!(d, Directions::Averaged { .. }));
     let resampling = Resampling { outer, incoming, outgoing, channels: spectral.channels };
     let tensor = if resampling.is_identity() {
-        notes.push("the axes and samples of the file".to_owned());
+        notes.push(ProjectionNote::AsInFile.into());
         tensor.clone()
     } else {
         Tensor::new(axes, resampling.apply(tensor.samples(), tensor.masked() > 0))?
@@ -59,7 +60,7 @@ fn coarsen(
     role: Role,
     axis: Option<&Axis>,
     level: Option<u8>,
-    notes: &mut Vec<String>,
+    notes: &mut Vec<Note>,
 ) -> Result<(Option<Axis>, Directions), ProjectionError> {
     let unfit = |level| Err(ProjectionError::Level { role, level });
     let kept = || (axis.cloned(), Directions::Kept(axis.map_or(1, Axis::len)));
@@ -77,11 +78,13 @@ fn coarsen(
         return Ok(kept());
     }
     let coarse = (0..depth).try_fold(mesh, |mesh, _| mesh.coarser());
-    notes.push(format!(
-        "{role} level {level} as requested: means of {} triangles of level {}, by solid angle",
-        1_u32 << (2 * u32::from(depth)),
-        mesh.level()
-    ));
+    let means = ProjectionNote::LevelMeans {
+        role: role.name(),
+        level,
+        triangles: 1_u32 << (2 * u32::from(depth)),
+        file_level: mesh.level(),
+    };
+    notes.push(means.into());
     let averages = Averages::over_children(mesh, depth);
     Ok((coarse.map(Axis::Triangles), Directions::Averaged { from: mesh.len(), averages }))
 }

@@ -2,8 +2,9 @@
 //! become scattered samples.
 
 use super::request::DirectionDomain;
-use crate::domain::Axis;
+use crate::domain::{Axis, Note};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered};
+use crate::notes::ProjectionNote;
 use std::borrow::Cow;
 
 /// Largest gap in degrees between azimuths that form a grid. Wider gaps separate scan planes: light between them
@@ -26,11 +27,9 @@ pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Sca
 
 /// Returns samples that replace the grid of `acquisition`, and a note for the user; `None` if the grid is kept. If the
 /// user requests [`DirectionDomain::Grid`], scan planes stay a grid.
-pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, &'static str)> {
+pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, Note)> {
     if let Some(scattered) = open_samples(acquisition, domain) {
-        let note = "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
-                    directions without a grid";
-        return Some((Samples::Scattered(scattered), note));
+        return Some((Samples::Scattered(scattered), ProjectionNote::WithoutGrid.into()));
     }
     let (grid, incoming, _) = pairs_of_directions(acquisition)?;
     let azimuth = single_azimuth(incoming)?;
@@ -44,7 +43,7 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
         azimuths.phi.iter_mut().for_each(|phi| *phi -= azimuth);
     }
     grid.stated = grid.stated.and_then(|stated| stated.isotropic(azimuth)).map(Box::new);
-    Some((Samples::Grid(grid), "incoming directions of one azimuth only: taken as isotropic"))
+    Some((Samples::Grid(grid), ProjectionNote::OneAzimuthIsotropic.into()))
 }
 
 /// Returns scattered samples in place of a grid with undefined gaps between its angles; `None` if the grid is kept.

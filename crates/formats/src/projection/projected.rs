@@ -3,7 +3,7 @@
 use super::scattered::at_samples::ScatteredSamples;
 use super::scattered::lobe::carried::CarriedLobe;
 use super::scattered::report::ScatterReport;
-use crate::domain::{Measurement, Tensor};
+use crate::domain::{Measurement, Note, Tensor};
 use crate::formats::Contradictions;
 use serde::{Deserialize, Serialize};
 
@@ -50,8 +50,10 @@ pub struct Coverage {
     pub filled: u64,
     /// Number of cells outside the measured range: masked, or 0 if the format's standard says so.
     pub empty: u64,
-    /// Reasons for the chosen axes, one sentence each.
-    pub notes: Vec<String>,
+    /// Reasons for the chosen axes. JSON holds the sentences only.
+    #[serde(with = "sentences")]
+    #[cfg_attr(feature = "schema", schema(value_type = Vec<String>))]
+    pub notes: Vec<Note>,
     /// Differences between values that the file states for one direction; measured on the file's own grid only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradictions: Option<Contradictions>,
@@ -63,4 +65,34 @@ pub struct Coverage {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
 fn is_zero(count: &u64) -> bool {
     *count == 0
+}
+
+/// Notes in JSON as their sentences. Notes that were read have no codes.
+mod sentences {
+    use crate::domain::{Note, NoteKind};
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(notes: &[Note], to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(notes.iter().map(|note| &note.message))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Note>, D::Error> {
+        let sentences = Vec::<String>::deserialize(from)?;
+        Ok(sentences.into_iter().map(|sentence| Note::plain(NoteKind::Chosen, sentence)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notes::ProjectionNote;
+
+    #[test]
+    fn a_coverage_that_was_written_is_read_with_its_sentences() {
+        let coverage = Coverage { cells: 2, notes: vec![ProjectionNote::AsInFile.into()], ..Coverage::default() };
+        let json = serde_json::to_value(&coverage).unwrap();
+        assert_eq!(json["notes"], serde_json::json!(["the axes and samples of the file"]));
+        let read: Coverage = serde_json::from_value(json).unwrap();
+        assert_eq!((read.cells, read.notes[0].to_string()), (2, coverage.notes[0].to_string()));
+    }
 }

@@ -6,8 +6,9 @@ use super::planes;
 use super::request::AxesRequest;
 use super::resampling::Channels;
 use super::spectral;
-use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement};
+use crate::domain::{Axis, Direction, ErrorAccumulator, ErrorReport, Layout, Measurement, Note};
 use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
+use crate::notes::ProjectionNote;
 use rayon::prelude::*;
 
 /// Number of samples compared at a time: memory is needed for two arrays of this length.
@@ -78,23 +79,13 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
 
 /// Returns a note if the cells of a grid, at levels chosen by its spacing, miss its samples by more than half the
 /// target.
-pub(super) fn coarseness(
-    acquisition: &Acquisition,
-    measurement: &Measurement,
-    request: &AxesRequest,
-) -> Option<String> {
+pub(super) fn coarseness(acquisition: &Acquisition, measurement: &Measurement, request: &AxesRequest) -> Option<Note> {
     if request.incoming_level.is_some() || request.outgoing_level.is_some() {
         return None;
     }
     let (target, found) = (request.target(), error_at_samples(acquisition, measurement)?.er_l2);
-    (found > 0.5 * target).then(|| {
-        format!(
-            "projection alone costs er(L2) {:.3} % at the file's samples, more than half of the {} % asked for: give a finer \
-             outgoing_level (or incoming_level)",
-            100.0 * found,
-            100.0 * target
-        )
-    })
+    (found > 0.5 * target)
+        .then(|| ProjectionNote::CellsCoarse { error_percent: 100.0 * found, target_percent: 100.0 * target }.into())
 }
 
 fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measurement) -> Option<Pairing<'a>> {

@@ -3,14 +3,15 @@
 use super::bands::Bands;
 use super::error::SpectralError;
 use super::resampling::Channels;
-use crate::domain::{Axis, WavelengthGrid};
+use crate::domain::{Axis, Note, WavelengthGrid};
 use crate::formats::SpectralFactor;
+use crate::notes::ProjectionNote;
 
 /// Spectral axis of the tensor, the resampling that leads to it, and notes for the user.
 pub(super) struct Spectral {
     pub(super) axis: Option<Axis>,
     pub(super) channels: Channels,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Vec<Note>,
 }
 
 /// Plans the spectral axis. `own` is that of the samples, `factor` a spectrum joined with them, `wanted` the requested
@@ -67,20 +68,23 @@ fn kept(axis: Option<Axis>) -> Spectral {
     Spectral { axis, channels, notes: Vec::new() }
 }
 
-fn resample(from: &WavelengthGrid, to: &WavelengthGrid) -> Result<(Bands, Vec<String>), SpectralError> {
+fn resample(from: &WavelengthGrid, to: &WavelengthGrid) -> Result<(Bands, Vec<Note>), SpectralError> {
     let bands = Bands::new(from, to);
     let ((first, last), (low, high)) = (from.range(), to.range());
     if bands.outside() == bands.len() {
         return Err(SpectralError::Outside { requested: (low, high), measured: (first, last) });
     }
-    let mut notes = vec![format!(
-        "{} wavelengths from {low} to {high} nm as requested: averages over their bands of the piecewise linear \
-         spectrum through {} samples from {first} to {last} nm",
-        to.len(),
-        from.len()
-    )];
+    let resampled = ProjectionNote::WavelengthsResampled {
+        wavelengths: to.len(),
+        first_nm: low,
+        last_nm: high,
+        samples: from.len(),
+        measured_first_nm: first,
+        measured_last_nm: last,
+    };
+    let mut notes = vec![resampled.into()];
     if bands.outside() > 0 {
-        notes.push(format!("{} requested wavelengths are outside the measured range and masked", bands.outside()));
+        notes.push(ProjectionNote::WavelengthsOutside { wavelengths: bands.outside() }.into());
     }
     Ok((bands, notes))
 }

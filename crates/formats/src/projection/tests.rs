@@ -171,7 +171,7 @@ fn outside_is_zero_or_masked_as_the_format_says() {
     assert!(samples[..half].iter().all(|&s| s == 0.0) && samples[half..].iter().all(|&s| s == 2.0));
     assert_eq!(zero.coverage.empty, half as u64);
     assert!(
-        zero.coverage.notes.iter().any(|n| n.contains("outside theta 90° to 180° are 0")),
+        zero.coverage.notes.iter().any(|n| n.message.contains("outside theta 90° to 180° are 0")),
         "{:?}",
         zero.coverage.notes
     );
@@ -310,7 +310,7 @@ fn one_incident_azimuth_is_isotropic() {
     let turned = project(&scan(30.0, steps(30.0, 20.0, 18), AzimuthExtent::Circle), &levels(None, Some(3))).unwrap();
     let plain = project(&scan(0.0, steps(0.0, 20.0, 18), AzimuthExtent::Circle), &levels(None, Some(3))).unwrap();
     assert!(matches!(plain.measurement.tensor.axes()[0], Axis::Elevation(_)));
-    assert!(plain.coverage.notes[0].contains("taken as isotropic"), "{:?}", plain.coverage.notes);
+    assert!(plain.coverage.notes[0].message.contains("taken as isotropic"), "{:?}", plain.coverage.notes);
     let pairs = turned.measurement.tensor.samples().iter().zip(plain.measurement.tensor.samples());
     assert!(pairs.clone().all(|(a, b)| a.is_nan() && b.is_nan() || (a - b).abs() < 1e-5));
     let errors = error_at_samples(&scan(30.0, steps(30.0, 20.0, 18), AzimuthExtent::Circle), &turned.measurement);
@@ -321,7 +321,11 @@ fn one_incident_azimuth_is_isotropic() {
 fn nothing_is_known_between_the_planes_of_a_scan() {
     let acquired = scan(0.0, vec![0.0, 180.0], AzimuthExtent::Circle);
     let projected = project(&acquired, &levels(None, Some(4))).unwrap();
-    assert!(projected.coverage.notes[0].contains("more than 90 degrees apart"), "{:?}", projected.coverage.notes);
+    assert!(
+        projected.coverage.notes[0].message.contains("more than 90 degrees apart"),
+        "{:?}",
+        projected.coverage.notes
+    );
     let [_, Axis::Triangles(mesh)] = projected.measurement.tensor.axes() else { panic!("elevations and triangles") };
     let samples = projected.measurement.tensor.samples();
     for (cell, &sample) in samples.iter().enumerate() {
@@ -346,7 +350,7 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
 fn cells_coarser_than_the_promise_are_told() {
     let told = |samples: &Acquisition, request: &AxesRequest| {
         let notes = project(samples, request).unwrap().coverage.notes;
-        notes.iter().any(|note| note.contains("more than half of the 1 % asked for"))
+        notes.iter().any(|note| note.message.contains("more than half of the 1 % asked for"))
     };
     let steep = brdf(|_, wo, _| (4.0 * wo.xyz()[0]).exp() as f32);
     let flat = brdf(|_, _, c| 0.3 + c as f32);
@@ -371,7 +375,7 @@ fn missing_samples_are_counted_and_holes_masked() {
     assert_eq!(coverage.cells, 4 * 256);
     assert_eq!(coverage.measured + coverage.interpolated + coverage.empty, coverage.cells);
     assert!(coverage.empty > 0 && coverage.measured > 0 && coverage.interpolated > 0);
-    assert!(coverage.notes.iter().any(|n| n.contains("are missing")));
+    assert!(coverage.notes.iter().any(|n| n.message.contains("are missing")));
     // A sample that is present is never masked.
     let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
     assert_eq!(errors.max_absolute_error, 0.0);

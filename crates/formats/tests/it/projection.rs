@@ -120,7 +120,7 @@ fn a_luminaire_and_its_spectrum_become_a_spectral_emission() {
     let chosen = mesh(&projected, 0);
     assert_eq!((chosen.domain(), chosen.level()), (Domain::Sphere, 5));
     let note = "outgoing level 5 on the sphere: cells of 2.2° for samples every 2.5° × 11.25°";
-    assert!(projected.coverage.notes[0].starts_with(note), "{:?}", projected.coverage.notes);
+    assert!(projected.coverage.notes[0].message.starts_with(note), "{:?}", projected.coverage.notes);
     assert_eq!((projected.coverage.cells, projected.coverage.empty), (8192, 4096));
     let lambdas = acquired.spectral_factor.as_ref().unwrap().grid.len();
     assert_eq!(projected.measurement.tensor.shape(), [8192, lambdas]);

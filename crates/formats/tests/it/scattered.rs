@@ -273,7 +273,12 @@ fn levels_are_refined_until_the_material_fits() {
     let coarser = source.compress(&coarser).unwrap();
     assert!(fit(&chosen).is_kept() && !fit(&coarser).is_kept(), "{:?} {:?}", fit(&chosen), fit(&coarser));
     assert!(
-        chosen.report.coverage.notes.iter().any(|note| note.contains("would fit their spacing, but not represent"))
+        chosen
+            .report
+            .coverage
+            .notes
+            .iter()
+            .any(|note| note.message.contains("would fit their spacing, but not represent"))
     );
 }
 

@@ -5,6 +5,7 @@ mod cubic;
 mod divisor;
 mod fit;
 mod left_out;
+mod notes;
 mod report;
 mod tables;
 
@@ -12,6 +13,9 @@ pub use choice::interpolation_between;
 pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
 pub(super) use divisor::Divided;
 pub use report::LeftOut;
+
+/// Declarations of the notes that this module returns.
+pub const NOTES: &[crate::domain::NoteTemplate] = notes::IncidenceNote::TEMPLATES;
 
 /// Upper bound on f·cos θo past the last measured incidence, as a multiple of its largest value at that incidence.
 pub(super) const MOST_BEYOND: f32 = 1.5;

@@ -1,7 +1,9 @@
 //! Report on the interpolation between incidences: leave-one-out errors, and the error expected between incidences.
 
 use super::left_out::left_out;
+use super::notes::IncidenceNote;
 use super::tables::Tables;
+use crate::domain::Note;
 use crate::evaluate::material::Material;
 
 /// Ratio of the error expected between incidences to the leave-one-out error. Leaving one out doubles the distance; the
@@ -29,17 +31,13 @@ const MOVED: f64 = 0.05;
 impl LeftOut {
     /// Returns a warning if the incoming directions are too sparse. That is, the error expected between them exceeds
     /// three times the relative error `promised` at them, or more than 5 % of an incidence's light is misplaced.
-    pub fn warning(&self, promised: f64) -> Option<String> {
-        let sparse = "incoming directions are too sparse for the lobe: between them";
+    pub fn warning(&self, promised: f64) -> Option<Note> {
         if self.moved > MOVED {
-            return Some(format!(
-                "{sparse} about {:.0} % of its light is expected in the wrong place",
-                100.0 * self.moved
-            ));
+            return Some(IncidenceNote::LightMoved { light_percent: 100.0 * self.moved }.into());
         }
         (self.between > PROMISES * promised).then(|| {
-            let (between, promised) = (100.0 * self.between, 100.0 * promised);
-            format!("{sparse} er(L2) is expected to be about {between:.1} %, at them it is {promised:.2} %")
+            let (expected_percent, promised_percent) = (100.0 * self.between, 100.0 * promised);
+            IncidenceNote::ErrorBetween { expected_percent, promised_percent }.into()
         })
     }
 }

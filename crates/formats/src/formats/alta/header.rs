@@ -2,10 +2,11 @@
 
 use super::about::NAME;
 use super::coordinates::Coordinates;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Source, snippet};
+use crate::notes::{ScatteringNote, ValueNote};
 
 /// Upper bound on the values in a row: three channels.
 pub(super) const MOST_VALUES: usize = 3;
@@ -87,7 +88,7 @@ pub(super) fn read(source: &Source, how: &Interpretation, report: &mut ParseRepo
     for (key, value, _) in &fields {
         report.metadata.push(((*key).chars().take(256).collect(), value.chars().take(4096).collect()));
     }
-    report.note(NoteKind::Assumed, "angles in radians are rounded to 0.0001 degrees");
+    report.note(ValueNote::AnglesRounded { stored_as: "radians" });
     Ok(Header { coordinates, values: m })
 }
 
@@ -117,15 +118,15 @@ fn check_values(
     match (name, count) {
         (Some("INV_STERADIAN"), 1) => Ok(()),
         (Some("RGB_COLOR"), 3) => {
-            report.note(NoteKind::Assumed, "the channels are taken as linear sRGB");
+            report.note(ScatteringNote::LinearSrgb);
             Ok(())
         }
         (Some("INV_STERADIAN"), 3) => {
-            report.note(NoteKind::Assumed, "three values a row: taken as the channels of linear sRGB");
+            report.note(ScatteringNote::ThreeValuesAsSrgb);
             Ok(())
         }
         (None | Some("UNKNOWN" | "UNKNOWN_OUTPUT"), 1 | 3) if how.quantity.is_some() => {
-            report.note(NoteKind::Assumed, "#PARAM_OUT is not stated: values in 1/sr without the cosine, as asked");
+            report.note(ScatteringNote::OutputNotStated);
             Ok(())
         }
         (None | Some("UNKNOWN" | "UNKNOWN_OUTPUT"), 1 | 3) => {

@@ -12,7 +12,7 @@ mod header;
 #[cfg(test)]
 mod tests;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -21,6 +21,7 @@ use super::reader::{Reader, Sample};
 use super::text::{Brief, Source, Token, Tokens, number, snippet};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::domain::{Axis, Quantity, Unit};
+use crate::notes::{ScatteringNote, TextNote};
 use about::{ABOUT, NAME};
 use coordinates::Pair;
 use header::Header;
@@ -48,7 +49,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let header = header::read(&source, how, &mut report)?;
     let rows = rows(&source, &header, &mut report)?;
@@ -112,10 +113,10 @@ fn rows(source: &Source, header: &Header, report: &mut ParseReport) -> Result<Ro
         }
     }
     if below > 0 {
-        report.note(NoteKind::Skipped, format!("{below} rows with a direction below the horizon"));
+        report.note(ScatteringNote::RowsBelowHorizon { rows: below });
     }
     if limits > 0 {
-        report.note(NoteKind::Skipped, format!("confidence limits of {limits} rows"));
+        report.note(ScatteringNote::ConfidenceLimits { rows: limits });
     }
     if rows.values.iter().all(|value| value.is_nan()) {
         let end = source.text().len();

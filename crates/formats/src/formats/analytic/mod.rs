@@ -21,13 +21,14 @@ mod spectra;
 #[cfg(test)]
 mod tests;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind, Position};
 use super::interpretation::Interpretation;
 use super::manifest;
 use super::reader::{Format, Reader, Sample};
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
 use crate::domain::{Axis, Domain, Layout, Quantity, Sampling, Tensor};
+use crate::notes::ScatteringNote;
 use document::{Document, Noise};
 use lobes::Lobe;
 use sampling::Entries;
@@ -170,7 +171,7 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
                 return Err(malformed(format!("wavelength is {lambda}, expected a positive number of nm")));
             }
             if document.wavelength.is_none() {
-                acquisition.report.note(NoteKind::Assumed, format!("no wavelength stated, taken as {lambda} nm"));
+                acquisition.report.note(ScatteringNote::WavelengthNotStated { wavelength_nm: lambda });
             }
             vec![lambda]
         }
@@ -194,8 +195,10 @@ fn fill(acquisition: &mut Acquisition, document: &Document) -> Result<(), Format
         return Err(malformed(format!("model: sample {at} is {}, expected a finite number", values[at])));
     }
     if incoming.points() * outgoing.points() > 1 {
-        let message = format!("cells are averages over {} × {} points", incoming.points(), outgoing.points());
-        acquisition.report.note(NoteKind::Assumed, message);
+        acquisition.report.note(ScatteringNote::CellsAveraged {
+            incoming_points: incoming.points(),
+            outgoing_points: outgoing.points(),
+        });
     }
     match &mut acquisition.samples {
         Samples::OnAxes { tensor, .. } => {
@@ -284,10 +287,7 @@ fn note_energy(lobes: &[Lobe], lambdas: &[f64], report: &mut ParseReport) {
     });
     for ((albedo, lambda), theta) in worst.into_iter().zip(THETAS) {
         if albedo > 1.02 {
-            let message = format!(
-                "the model reflects {albedo:.3} of the light from theta {theta}° at {lambda} nm, more than arrives"
-            );
-            report.note(NoteKind::Warning, message);
+            report.note(ScatteringNote::MoreLightThanArrives { albedo, theta_degrees: theta, wavelength_nm: lambda });
             return;
         }
     }

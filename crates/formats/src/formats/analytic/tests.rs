@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::domain::{Domain, TriangleMesh, Unit};
+use crate::formats::NoteKind;
 use crate::formats::{self, Samples};
 
 fn read(json: &str) -> Result<Acquisition, FormatError> {

@@ -8,12 +8,13 @@ mod container;
 
 pub use container::{Archive, Member, is_archive};
 
-use super::acquisition::{Acquisition, NoteKind};
+use super::acquisition::Acquisition;
 use super::error::{FormatError, FormatErrorKind};
 use super::interpretation::Interpretation;
 use super::probing;
 use super::reader::refuse_idle_options;
 use super::text::snippet;
+use crate::notes::{Quoted, TextNote};
 use about::ABOUT;
 use container::{listed, refused};
 
@@ -34,8 +35,7 @@ pub(super) fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, Fo
         .map_err(|error| FormatError { message: format!("{}: {}", snippet(&member.name), error.message), ..error })?;
     acquisition.report.metadata.insert(0, ("member".to_owned(), member.name.clone()));
     if how.member.is_none() {
-        let message = format!("{} is the only measurement of the archive", snippet(&member.name));
-        acquisition.report.note(NoteKind::Assumed, message);
+        acquisition.report.note(TextNote::OnlyMeasurementOfArchive { member: Quoted::of(&member.name) });
     }
     Ok(acquisition)
 }

@@ -3,10 +3,11 @@
 use super::about::NAME;
 use super::lines::{self, LampSet, Lines};
 use crate::domain::Unit;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::Brief;
+use crate::notes::LuminaireNote;
 
 /// Header fields that determine the intensities.
 pub(super) struct Header {
@@ -94,22 +95,16 @@ impl Header {
             keep(&format!("direct_ratio_k{index}"), written(lines.optional("a direct ratio")?));
         }
         if conversion.is_none() {
-            report.note(NoteKind::Assumed, "no conversion factor of the intensities, taken as 1");
+            report.note(LuminaireNote::ConversionFactorNotStated);
         }
         if let Some(tilt) = tilt.filter(|tilt| *tilt != 0.0) {
-            report.note(
-                NoteKind::Warning,
-                format!("measured with a tilt of {}°; the intensities are kept as they stand", Brief(tilt)),
-            );
+            report.note(LuminaireNote::MeasuredWithTilt { tilt_degrees: Brief(tilt) });
         }
         if blocks {
-            report.note(NoteKind::Assumed, "the lamp sets are written field by field, not set by set");
+            report.note(LuminaireNote::LampSetsByField);
         }
         if sets.len() > 1 {
-            report.note(
-                NoteKind::Assumed,
-                format!("{} lamp sets, which are alternatives: the intensities are those of the first", sets.len()),
-            );
+            report.note(LuminaireNote::AlternativeLampSets { sets: sets.len() });
         }
         Ok(Self { symmetry, planes, angles, conversion: conversion.unwrap_or(1.0), output_ratio, sets })
     }
@@ -136,24 +131,16 @@ impl Header {
             (asked, Some(lumens)) => {
                 let first = &self.sets[0];
                 if !self.is_absolute() {
-                    report.note(
-                        NoteKind::Assumed,
-                        format!(
-                            "relative photometry: intensities hold for {} lamp(s) of {} lm in all",
-                            Brief(first.count),
-                            Brief(lumens)
-                        ),
-                    );
+                    report.note(LuminaireNote::RelativePhotometryInAll {
+                        lamps: Brief(first.count),
+                        flux_lm: Brief(lumens),
+                    });
                 }
                 Ok((asked.unwrap_or(Unit::Candela), per_kilolumen * lumens / 1000.0))
             }
             (None | Some(Unit::Relative), None) => {
-                let found =
-                    self.sets.first().map_or("no lamp set".to_owned(), |set| format!("{} lm", Brief(set.lumens)));
-                report.note(
-                    NoteKind::Warning,
-                    format!("{found}, expected the lumens of the lamps: intensities stay in cd per 1000 lm"),
-                );
+                let flux_lm = self.sets.first().map(|set| Brief(set.lumens));
+                report.note(LuminaireNote::LampFluxNotStated { flux_lm });
                 Ok((how.unit.unwrap_or(Unit::CandelaPerKilolumen), per_kilolumen))
             }
             (Some(unit), None) => Err(needs(format!(
@@ -170,14 +157,11 @@ impl Header {
         let stated = lumens * ratio / 100.0;
         report.metadata.push(("flux_of_the_intensities_lm".to_owned(), format!("{found:.1}")));
         if stated > 0.0 && (found / stated - 1.0).abs() > 0.05 {
-            report.note(
-                NoteKind::Warning,
-                format!(
-                    "the intensities make {found:.1} lm, {:.1} % of the {} lm stated; kept as they are",
-                    100.0 * found / stated,
-                    Brief(stated)
-                ),
-            );
+            report.note(LuminaireNote::FluxDiffers {
+                flux_lm: found,
+                part_percent: 100.0 * found / stated,
+                stated_lm: Brief(stated),
+            });
         }
     }
 }

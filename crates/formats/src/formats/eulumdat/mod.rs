@@ -17,7 +17,7 @@ mod write;
 pub use restate::restate_eulumdat;
 pub use write::write_eulumdat;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -25,6 +25,7 @@ use super::reader::{Reader, Sample};
 use super::text::Source;
 use super::type_c::{flux, type_c};
 use crate::domain::{Quantity, Unit};
+use crate::notes::TextNote;
 use about::{ABOUT, NAME};
 use header::Header;
 use lines::{HEAD_LINES, Lines, decimal};
@@ -57,7 +58,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let mut lines = Lines::of(&source);
     let header = Header::read(&mut lines, &mut report)?;

@@ -2,11 +2,12 @@
 
 use super::header::Header;
 use super::lines::{Lines, decimal};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::FormatError;
 use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{self, Brief, snippet};
 use crate::formats::type_c::Planes;
+use crate::notes::{LuminaireNote, Quoted};
 
 /// The symmetries `Isym` in words.
 const SYMMETRIES: [&str; 5] = [
@@ -52,7 +53,7 @@ pub(super) fn read(
             }
             let mirrored =
                 chosen.iter().rev().map(|&(c, offset)| (if c > 180.0 { 540.0 - c } else { 180.0 - c }, offset));
-            report.note(NoteKind::Assumed, "symmetry 3: the planes stored are C270 over C0 to C90, as the format says");
+            report.note(LuminaireNote::SymmetryOfHalfPlanes);
             (mirrored.collect(), intensities.reversed(ng), Planes::ByAngles)
         }
         _ => {
@@ -81,13 +82,7 @@ fn stored(
     let first = others.next();
     if let Some(first) = first {
         let further = 1 + others.clone().count();
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "{further} lines after the last intensity were not read, the first is {}",
-                snippet(first.text.trim())
-            ),
-        );
+        report.note(LuminaireNote::LinesAfterIntensities { lines: further, first: Quoted::of(first.text.trim()) });
     }
     let Header { symmetry, planes: mc, angles: ng, .. } = *header;
     let expected = match symmetry {
@@ -120,13 +115,11 @@ fn stored(
             None => lines.refused(lines.at(), message),
         });
     };
-    report.note(
-        NoteKind::Warning,
-        format!(
-            "the file says {said}, but has the {found} intensities of {}: read so",
-            if other == 0 { "all planes" } else { "one plane" }
-        ),
-    );
+    report.note(LuminaireNote::SymmetryContradicted {
+        symmetry: said,
+        intensities: found,
+        planes: if other == 0 { "all planes" } else { "one plane" },
+    });
     Ok(other)
 }
 
@@ -152,8 +145,7 @@ fn intensities<'a>(
         Ok(())
     })?;
     if negative > 0 {
-        let message = format!("{negative} intensities are negative, down to {lowest}; kept as they are");
-        report.note(NoteKind::Warning, message);
+        report.note(LuminaireNote::NegativeIntensities { intensities: negative, lowest });
     }
     Ok((intensities, rest))
 }

@@ -1,6 +1,7 @@
 //! EULUMDAT: every symmetry against the directions it stands for, photometry, layouts of lamp sets, and hostile fields.
 
 use super::*;
+use crate::formats::NoteKind;
 use crate::formats::acquisition::{AngleGrid, AzimuthExtent};
 use crate::formats::read as read_any;
 

@@ -2,8 +2,9 @@
 
 use super::labels::Revision;
 use super::native::Photometry;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::text::Brief;
+use crate::notes::LuminaireNote;
 
 /// The numbers before the angles.
 pub(super) struct Header {
@@ -39,20 +40,10 @@ impl Header {
         add(revision.field_12_name(), generation.chars().take(40).collect());
         add("input_watts", Brief(self.watts).to_string());
         if self.lumens < 0.0 && self.lumens != -1.0 {
-            report.note(
-                NoteKind::Warning,
-                format!("{} lumens per lamp, taken as absolute photometry (which is written -1)", Brief(self.lumens)),
-            );
+            report.note(LuminaireNote::FluxNegative { flux_lm: Brief(self.lumens) });
         }
         if matches!(revision, Revision::Lm63_1995 | Revision::Lm63_2002) && self.field_12 != 1.0 {
-            report.note(
-                NoteKind::Warning,
-                format!(
-                    "field 12 is {}, expected 1 in {}; it does not enter the intensities",
-                    Brief(self.field_12),
-                    revision.name()
-                ),
-            );
+            report.note(LuminaireNote::Field12NotOne { found: Brief(self.field_12), revision: revision.name() });
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Head of an LM-63 file: revision, keywords, TILT line, and a unit stated in free text.
 
 use crate::domain::Unit;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::FormatError;
-use crate::formats::text::{Source, snippet};
+use crate::formats::text::Source;
+use crate::notes::{LuminaireNote, Quoted};
 
 /// Revisions that are read differently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,7 +107,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
         {
             revision = Some(tagged);
             if !known {
-                report.note(NoteKind::Warning, format!("unknown revision {}, read as LM-63-2002", snippet(text)));
+                report.note(LuminaireNote::RevisionUnknown { tag: Quoted::of(text) });
             }
             continue;
         }
@@ -125,7 +126,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
             (Some((key, text)), _) => {
                 let key = key.trim().to_uppercase();
                 if key == "MORE" {
-                    report.note(NoteKind::Warning, "[MORE] continues nothing; kept as a keyword of its own");
+                    report.note(LuminaireNote::MoreContinuesNothing);
                 }
                 keywords.push((key, text.trim().to_owned()));
             }
@@ -133,24 +134,18 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
         }
     };
     if skipped > 0 {
-        report.note(
-            NoteKind::Skipped,
-            format!("{skipped} lines of text beyond {MAX_KEYWORDS} or longer than {MAX_TEXT} bytes"),
-        );
+        report.note(LuminaireNote::LongText { lines: skipped, most_keywords: MAX_KEYWORDS, most_bytes: MAX_TEXT });
     }
     let revision = revision.unwrap_or_else(|| {
-        report.note(NoteKind::Assumed, "no version tag, read as LM-63-1986");
+        report.note(LuminaireNote::NoVersionTag);
         Revision::Lm63_1986
     });
     let tilt_included = tilt_value.eq_ignore_ascii_case("INCLUDE");
     if !tilt_included && !tilt_value.eq_ignore_ascii_case("NONE") {
-        report.note(
-            NoteKind::Skipped,
-            format!("TILT names a file, {}; files named inside a file are never opened", snippet(tilt_value)),
-        );
+        report.note(LuminaireNote::TiltFile { name: Quoted::of(tilt_value) });
     }
     if keywords.iter().any(|(key, _)| key == "NEARFIELD") {
-        report.note(NoteKind::Warning, "near-field photometry: intensities hold at the distances of [NEARFIELD] only");
+        report.note(LuminaireNote::NearField);
     }
     report.metadata.extend(keywords.iter().cloned());
     report.metadata.push(("tilt".to_owned(), tilt_value.chars().take(256).collect()));
@@ -173,30 +168,18 @@ impl Labels {
             if text.eq_ignore_ascii_case(Unit::Relative.name()) {
                 return Unit::Relative;
             }
-            report.note(
-                NoteKind::Warning,
-                format!(
-                    "[_INTENSITYUNITS] says {}, which is not known; taken as relative, name the unit to change that",
-                    snippet(text)
-                ),
-            );
+            report.note(LuminaireNote::UnitUnknown { unit: Quoted::of(text) });
             return Unit::Relative;
         }
         for (key, text) in &self.keywords {
             if let Some(unit) = intensity_unit(text) {
-                report.note(
-                    NoteKind::Assumed,
-                    format!("values taken as {unit}, not candela: [{}] says so", snippet_key(key)),
-                );
+                report.note(LuminaireNote::UnitOfKeyword { unit, keyword: snippet_key(key) });
                 return unit;
             }
         }
         for (key, text) in &self.keywords {
             if let Some(word) = radiometric_word(text) {
-                report.note(
-                    NoteKind::Warning,
-                    format!("[{}] mentions {word}: the values may not be candela; taken as relative, name the unit to change that", snippet_key(key)),
-                );
+                report.note(LuminaireNote::UnitDoubtful { keyword: snippet_key(key), word });
                 return Unit::Relative;
             }
         }

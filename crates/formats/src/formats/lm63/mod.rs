@@ -16,7 +16,7 @@ mod write;
 pub use restate::restate_lm63;
 pub use write::write_lm63;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -24,6 +24,7 @@ use super::reader::{Reader, Sample};
 use super::text::{Brief, Source};
 use super::type_c::{Planes, flux, type_c};
 use crate::domain::{Quantity, Unit};
+use crate::notes::{LuminaireNote, TextNote};
 use about::{ABOUT, NAME};
 use header::Header;
 use labels::{Labels, Revision};
@@ -45,7 +46,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let labels = labels::read(&source, &mut report)?;
     let mut numbers = Numbers::new(&source, labels.numbers_at);
@@ -60,7 +61,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         && stated.vertical.iter().any(|&(angle, _)| angle < 0.0)
     {
         // In 1986 type 1 denoted both, and gamma is never negative.
-        report.note(NoteKind::Assumed, "negative vertical angles in a 1986 file of type 1: taken as type A");
+        report.note(LuminaireNote::TypeAOfNegativeAngles);
         header.photometry = Photometry::A;
     }
     let (grid, shape) = match header.photometry {
@@ -111,19 +112,9 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
     }
     let unit = labels.unit(report);
     if unit == Unit::Candela && header.lumens == 0.0 {
-        report.note(
-            NoteKind::Warning,
-            "0 lumens per lamp, expected -1 for absolute photometry; candela kept as they are",
-        );
+        report.note(LuminaireNote::FluxZero);
     } else if unit == Unit::Candela && header.lumens > 0.0 {
-        report.note(
-            NoteKind::Assumed,
-            format!(
-                "relative photometry: candela hold for {} lamp(s) of {} lm each",
-                header.lamps,
-                Brief(header.lumens)
-            ),
-        );
+        report.note(LuminaireNote::RelativePhotometry { lamps: header.lamps, flux_lm: Brief(header.lumens) });
     }
     Ok(unit)
 }
@@ -132,13 +123,9 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
 fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
     let efficiency = flux / lamp_lumens;
     if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "the intensities make {} % of the {} lm of the lamps, expected 5 to 105 %",
-                Brief((1000.0 * efficiency).round() / 10.0),
-                Brief(lamp_lumens)
-            ),
-        );
+        report.note(LuminaireNote::EfficiencyImplausible {
+            efficiency_percent: Brief((1000.0 * efficiency).round() / 10.0),
+            lamps_lm: Brief(lamp_lumens),
+        });
     }
 }

@@ -1,13 +1,14 @@
 //! Conversion of photometric types A and B to a type C grid, bilinear in the file's own angles.
 
 use crate::domain::{AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame, Outside};
-use crate::formats::acquisition::{AngleGrid, NoteKind, ParseReport};
+use crate::formats::acquisition::{AngleGrid, ParseReport};
 use crate::formats::azimuth::circle;
 use crate::formats::error::FormatError;
 use crate::formats::intensities::{Ordered, Polar, Stated, ordered};
 use crate::formats::stated_grid::{StatedGrid, StatedGridError};
 use crate::formats::text::{Source, listed};
 use crate::formats::type_c::luminaire;
+use crate::notes::LuminaireNote;
 use crate::numeric::bracket::Bracket;
 
 /// Coordinate system of the angles.
@@ -71,19 +72,15 @@ pub(super) fn convert(
             values.push(table.at(vertical, if lateral { horizontal.abs() } else { horizontal }));
         }
     }
-    report.note_unfolding(
-        NoteKind::Filled,
-        format!(
-            "type {}: {} × {} intensities resampled to {} × {} of type C by bilinear interpolation in their own angles",
-            photometry.name(),
-            table.vertical.len(),
-            table.horizontal.len(),
-            theta.len(),
-            phi.len()
-        ),
-    );
+    report.note_unfolding(LuminaireNote::ResampledToTypeC {
+        photometry: photometry.name(),
+        rows: table.vertical.len(),
+        columns: table.horizontal.len(),
+        polar: theta.len(),
+        planes: phi.len(),
+    });
     if lateral {
-        report.note(NoteKind::Assumed, "horizontal angles start at 0: both sides taken as alike");
+        report.note(LuminaireNote::SidesAlike);
     }
     let symmetry = if lateral { "laterally symmetric" } else { "no symmetry" };
     let mut grid = luminaire(theta, (lowest, 180.0), Some(circle(phi)), values);

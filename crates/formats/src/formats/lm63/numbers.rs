@@ -4,10 +4,11 @@ use super::header::Header;
 use super::labels::Labels;
 use super::native::Photometry;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{Brief, Source, Token, Tokens, listed, snippet};
+use crate::notes::LuminaireNote;
 
 /// Reader of the numbers after the TILT line.
 pub(super) struct Numbers<'a> {
@@ -73,7 +74,7 @@ impl<'a> Numbers<'a> {
         report.metadata.push(("tilt_geometry".to_owned(), geometry.to_string()));
         report.metadata.push(("tilt_angles".to_owned(), listed(&angles)));
         report.metadata.push(("tilt_factors".to_owned(), listed(&factors)));
-        report.note(NoteKind::Skipped, "tilt factors are kept as metadata, they do not enter the intensities");
+        report.note(LuminaireNote::TiltFactors);
         Ok(())
     }
 
@@ -152,10 +153,7 @@ impl<'a> Numbers<'a> {
             factor *= header.field_12;
         }
         if factor <= 0.0 {
-            report.note(
-                NoteKind::Warning,
-                format!("the multipliers of this file make {factor}, expected more than 0", factor = Brief(factor)),
-            );
+            report.note(LuminaireNote::MultipliersNotPositive { factor: Brief(factor) });
         }
         let mut numbers = Self { source: self.source, tokens: self.tokens.clone() };
         // A truncated file is reported as such before any other error.
@@ -164,14 +162,11 @@ impl<'a> Numbers<'a> {
         let negative = values.iter().filter(|&&intensity| intensity < 0.0).count();
         if negative > 0 {
             let lowest = values.iter().copied().fold(0.0, f32::min);
-            report.note(
-                NoteKind::Warning,
-                format!("{negative} intensities are negative, down to {lowest}; kept as they are"),
-            );
+            report.note(LuminaireNote::NegativeIntensities { intensities: negative, lowest });
         }
         let trailing = numbers.tokens.count();
         if trailing > 0 {
-            report.note(NoteKind::Warning, format!("{trailing} further tokens after the last intensity were not read"));
+            report.note(LuminaireNote::FurtherTokens { tokens: trailing });
         }
         Ok(stated)
     }

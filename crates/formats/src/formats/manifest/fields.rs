@@ -2,10 +2,11 @@
 
 use super::refusal::unfit;
 use crate::domain::UnknownName;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::FormatError;
 use crate::formats::instrument::{self, Instrument};
 use crate::formats::text::snippet;
+use crate::notes::TextNote;
 use serde_json::{Map, Value};
 use std::str::FromStr;
 
@@ -66,7 +67,7 @@ pub(super) fn other_fields(fields: &Map<String, Value>, report: &mut ParseReport
         }
         match (key.as_str(), value) {
             ("valid" | "sigma", _) => {
-                report.note(NoteKind::Skipped, format!("`{key}` names another file, which is not opened"));
+                report.note(TextNote::OtherFileNamed { key: key.clone() });
             }
             (_, Value::String(text)) => report.metadata.push((key.clone(), text.clone())),
             _ => report.metadata.push((key.clone(), value.to_string())),

@@ -3,10 +3,11 @@
 use super::entry::{Angle, Entry, Role};
 use super::refusal::unfit;
 use crate::domain::{Axis, Quantity, Tensor};
-use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, NoteKind, Outside, ParseReport};
+use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, Outside, ParseReport};
 use crate::formats::azimuth::extended;
 use crate::formats::error::FormatError;
 use crate::formats::text::Brief;
+use crate::notes::ScatteringNote;
 
 /// Combines angle axes into a grid; they must come in the order of [`Role`].
 pub(super) fn assemble(
@@ -82,14 +83,13 @@ pub(super) fn assemble(
 
 /// Divides the values at each outgoing angle by its cosine; values at 90 degrees are masked.
 pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -> Result<(), FormatError> {
-    report.note(NoteKind::Assumed, "values hold the cosine, as the manifest says: divided by |cos theta_o|");
+    report.note(ScatteringNote::CosineDivided { source: "manifest" });
     let Some(outgoing) = &grid.outgoing else { return Ok(()) };
     let width = grid.spectral.as_ref().map_or(1, Axis::len);
     let inner = outgoing.phi.as_ref().map_or(1, |phi| phi.phi.len()) * width;
     let grazing = divide(&mut grid.values, &outgoing.theta, inner);
     if grazing > 0 {
-        let message = format!("{grazing} values at theta_o of 90 degrees hold a cosine of 0: masked");
-        report.note(NoteKind::Warning, message);
+        report.note(ScatteringNote::GrazingMasked { values: grazing });
     }
     if let Some(stated) = &mut grid.stated {
         let axes = stated.tensor.axes().to_vec();

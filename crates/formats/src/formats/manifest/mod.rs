@@ -14,13 +14,14 @@ pub use describe::manifest_of;
 #[cfg(feature = "schema")]
 pub use schema::ArrayManifest;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::FormatError;
 use super::interpretation::Interpretation;
 use super::npy::about::NAME;
 use super::stated::{StatedQuantity, divide_by_pi};
 use super::text::snippet;
 use crate::domain::{Layout, Quantity, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::notes::{ScatteringNote, ValueNote};
 use entry::Entry;
 use fields::{instrument, named, other_fields, text};
 use refusal::unfit;
@@ -67,7 +68,7 @@ pub(super) fn interpret(
         if matches!(fields.get("cosine_included"), Some(other) if *other != Value::Bool(false)) {
             return Err(unfit("cosine_included of a reflectance factor, which holds no cosine: expected false"));
         }
-        report.note(NoteKind::Assumed, "reflectance factors, divided by π: a BRDF in 1/sr");
+        report.note(ScatteringNote::ReflectanceFactors);
         divide_by_pi(&mut samples);
         false
     } else {
@@ -119,7 +120,11 @@ fn quantity(
     };
     match (how.quantity, stated) {
         (Some(asked), Some(stated)) if asked != stated => {
-            report.note(NoteKind::Warning, format!("taken as {asked} as asked; the manifest says {stated}"));
+            report.note(ValueNote::QuantityAsAsked {
+                asked: asked.to_string(),
+                stated: stated.to_string(),
+                source: "manifest",
+            });
             Ok(asked)
         }
         (Some(quantity), _) | (None, Some(quantity)) => Ok(quantity),
@@ -144,7 +149,7 @@ fn unit(
     if let (Some(asked), Some(stated)) = (how.unit, stated)
         && asked != stated
     {
-        report.note(NoteKind::Warning, format!("unit taken as {asked} as asked; the manifest says {stated}"));
+        report.note(ValueNote::UnitAsAsked { asked, stated, source: "manifest" });
     }
     if stated_quantity.is_factor() {
         return match how.unit.or(stated) {
@@ -154,7 +159,7 @@ fn unit(
     }
     Ok(how.unit.or(stated).unwrap_or_else(|| {
         let unit = quantity.default_unit();
-        report.note(NoteKind::Assumed, format!("no unit stated, taken as {unit}"));
+        report.note(ValueNote::UnitNotStated { unit });
         unit
     }))
 }
@@ -167,8 +172,7 @@ fn cosine_included(
 ) -> Result<bool, FormatError> {
     match fields.get("cosine_included") {
         None if quantity.has_cosine() => {
-            let message = "`cosine_included` is not stated, taken as false: the values do not hold |cos theta_o|";
-            report.note(NoteKind::Assumed, message);
+            report.note(ScatteringNote::CosineNotStated);
             Ok(false)
         }
         None | Some(Value::Bool(false)) => Ok(false),
@@ -186,6 +190,6 @@ fn count_negative(values: &[f32], report: &mut ParseReport) {
     let negative = values.iter().filter(|value| **value < 0.0).count();
     if negative > 0 {
         let lowest = values.iter().copied().fold(0.0, f32::min);
-        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
+        report.note(ValueNote::Negative { values: negative, lowest });
     }
 }

@@ -16,14 +16,13 @@ mod write;
 pub use restate::restate_mbsdf;
 pub use write::{MbsdfGrid, write_mbsdf};
 
-use super::acquisition::{
-    Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, NoteKind, Outside, ParseReport, Samples,
-};
+use super::acquisition::{Acquisition, AngleGrid, Angles, AzimuthExtent, Azimuths, Outside, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use crate::domain::{Axis, Quantity, Unit};
+use crate::notes::{ScatteringNote, ValueNote};
 use about::{ABOUT, NAME};
 use angles::{azimuths, polar_angles};
 use blocks::{Block, blocks};
@@ -78,15 +77,14 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
             return Err(needs("the file holds no measurement data, expected reflection or transmission"));
         }
     };
-    report.note(NoteKind::Assumed, "polar angles at i · 90°/n from the normal, held from the last one to 90°");
+    report.note(ScatteringNote::PolarAnglesEven);
     let (sizes, grid) = match part {
         Part::One(block) => (block.describe(), grid(quantity, block)),
         Part::Both(above, below) => {
             let (a, b) = (above.describe(), below.describe());
-            report
-                .note(NoteKind::Filled, "the rows nearest to the horizon repeated at it, so that the sides do not mix");
+            report.note(ScatteringNote::HorizonRowsRepeated);
             if a != b {
-                report.note(NoteKind::Assumed, "each side is linear between its own angles, both lists are kept");
+                report.note(ScatteringNote::SidesLinear);
             }
             (if a == b { a } else { format!("{a} and {b}") }, joined(&above, &below)?)
         }
@@ -110,10 +108,7 @@ fn count_negatives(values: &[f32], report: &mut ParseReport) {
     if negative > 0 {
         let lowest = values.iter().copied().fold(0.0, f32::min);
         let all = values.len();
-        report.note(
-            NoteKind::Warning,
-            format!("{negative} of {all} values are negative, down to {lowest}; kept as they are"),
-        );
+        report.note(ValueNote::NegativeOf { values: negative, of: all, lowest });
     }
 }
 

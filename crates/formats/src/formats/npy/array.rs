@@ -6,9 +6,10 @@ use super::header::{Header, header_of, parse_header};
 use super::refusal::malformed;
 use crate::domain::first_where;
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::turned::turn;
+use crate::notes::ValueNote;
 
 /// The samples of an array in row-major order.
 pub(super) struct Array {
@@ -61,7 +62,7 @@ pub(super) fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array
         )
     })?;
     if element.name != "f4" && element.name != "f2" {
-        report.note(NoteKind::Assumed, format!("{} values were rounded to float32", element.name));
+        report.note(ValueNote::RoundedToFloat32 { element: element.name });
     }
     Ok(Array { shape, samples })
 }

@@ -4,12 +4,13 @@ use super::about::NAME;
 use super::function::Curve;
 use super::normalised::held;
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::normalization::Normalization;
 use crate::formats::spectral_table::rows;
 use crate::formats::text::{Brief, Source};
+use crate::notes::PhaseNote;
 
 /// Returns true if lower-case text describes the values as a volume scattering function. A line that only names the
 /// option `normalization` does not count.
@@ -30,13 +31,7 @@ pub(super) fn read(
         Some(column) => table.pick(column).map_err(renamed)?,
         None if table.names.len() > 1 => {
             let list = table.column_list();
-            report.note(
-                NoteKind::Assumed,
-                format!(
-                    "{} columns of values ({list}): the first is read, the option column names another",
-                    table.names.len()
-                ),
-            );
+            report.note(PhaseNote::FirstColumnRead { columns: table.names.len(), names: list });
             table.pick("1").map_err(renamed)?;
         }
         None => {}
@@ -68,14 +63,7 @@ pub(super) fn read(
     if table.values.len() < 2 || table.values.iter().all(|v| v.is_nan()) {
         return Err(source.malformed(0, "fewer than two values, expected a table over the scattering angle"));
     }
-    report.note(
-        NoteKind::Assumed,
-        if cosines {
-            "the first column is the cosine of the scattering angle, +1 = forward".to_owned()
-        } else {
-            "the first column is the scattering angle in degrees, 0 = forward".to_owned()
-        },
-    );
+    report.note(if cosines { PhaseNote::CosinesInFirstColumn } else { PhaseNote::DegreesInFirstColumn });
     let (mut places, mut values): (Vec<f64>, Vec<f64>) =
         table.wavelengths.iter().zip(&table.values).map(|(&(x, _), &value)| (x, f64::from(value))).unzip();
     // Sorted by increasing angle or decreasing cosine.

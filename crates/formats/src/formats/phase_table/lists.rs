@@ -3,12 +3,13 @@
 use super::about::NAME;
 use super::function::Curve;
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::spectral_table::lines::contents as table_lines;
 use crate::formats::spectral_table::pairs::are_pairs;
 use crate::formats::text::{Brief, Source, Token, Tokens, number};
+use crate::notes::PhaseNote;
 use std::f64::consts::PI;
 
 /// Lower bound on the values of a list and on the moments of a function.
@@ -124,7 +125,7 @@ fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> 
     if n > MAX_WAVELENGTHS {
         return Err(over_limit(n, "values", MAX_WAVELENGTHS));
     }
-    report.note(NoteKind::Assumed, "one line of values: at cosines of the scattering angle in even steps from -1 to 1");
+    report.note(PhaseNote::EvenCosines);
     let cosine = |i: usize| 2.0 * i as f64 / (n - 1) as f64 - 1.0;
     let cosines = (0..n).rev().map(|i| cosine(i).clamp(-1.0, 1.0)).collect();
     Ok(Curve::over_cosines(cosines, values.iter().rev().copied().collect()))
@@ -138,19 +139,12 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     }
     // A non-negative function has |k_m| <= 1.
     let factored = moments.iter().any(|k| k.abs() > 1.0 + 1e-9);
-    report.note(
-        NoteKind::Assumed,
-        if factored {
-            "Legendre moments with the factor 2m + 1, as some are larger than 1"
-        } else {
-            "Legendre moments without the factor 2m + 1, as none is larger than 1"
-        },
-    );
+    report.note(if factored { PhaseNote::MomentsFactored } else { PhaseNote::MomentsNotFactored });
     if !factored {
         moments.iter_mut().enumerate().for_each(|(m, k)| *k *= (2 * m + 1) as f64);
     }
     let count = (ANGLES_PER_MOMENT * n).clamp(360, MAX_WAVELENGTHS - 1);
-    report.note(NoteKind::Filled, format!("the moments became a table of {} angles", count + 1));
+    report.note(PhaseNote::MomentsExpanded { angles: count + 1 });
     let angles: Vec<f64> = (0..=count).map(|i| 180.0 * i as f64 / count as f64).collect();
     let values = angles.iter().map(|angle| series(&moments, libm::cos(angle.to_radians())) / (4.0 * PI)).collect();
     let mut curve = Curve::over_angles(angles, values, false);

@@ -21,7 +21,7 @@ mod tests;
 
 pub(super) use normalised::tabulated;
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::FormatError;
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -30,6 +30,7 @@ use super::reader::{Reader, Sample};
 use super::spectral_table::layouts;
 use super::text::{Brief, Source, is_text};
 use crate::domain::{Quantity, Unit};
+use crate::notes::{PhaseNote, TextNote};
 use about::{ABOUT, NAME};
 use columns::says_volume;
 use normalised::{modelled, normalise};
@@ -80,7 +81,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let (mut curve, form, vsf) = match lists::read(&source, how, &mut report)? {
         Some((curve, form)) => (curve, form, false),
@@ -89,10 +90,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let negative = curve.values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
         let lowest = curve.values.iter().copied().fold(0.0, f64::min);
-        report.note(
-            NoteKind::Warning,
-            format!("{negative} values are negative, down to {}; kept as they are", Brief(lowest)),
-        );
+        report.note(PhaseNote::Negative { values: negative, lowest: Brief(lowest) });
     }
     normalise(&mut curve, how.normalization.or(vsf.then_some(Normalization::Vsf)), &mut report)?;
     Ok(Acquisition {

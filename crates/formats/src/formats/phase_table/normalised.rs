@@ -4,11 +4,12 @@ use super::about::NAME;
 use super::function::{Curve, Curves};
 use super::refusal::needs;
 use crate::domain::{Axis, DirectionGrid, Frame, Tensor};
-use crate::formats::acquisition::{Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport};
+use crate::formats::acquisition::{Angles, AzimuthExtent, Azimuths, Modelled, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::normalization::Normalization;
 use crate::formats::stated_grid::{Repeated, StatedGrid};
 use crate::formats::text::Brief;
+use crate::notes::PhaseNote;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -39,14 +40,11 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
     theta.push(180.0);
     let phi = Some(Azimuths { phi: even(2 * steps, 360.0), extent: AzimuthExtent::Circle });
     if finest < OUTGOING_SPACING {
-        report.note_unfolding(
-            NoteKind::Assumed,
-            format!(
-                "directions {OUTGOING_SPACING} degrees apart are enough, {INCOMING_SPACING} for incoming ones, though the \
-                 table has steps of {} degrees: name the levels for more",
-                Brief(finest)
-            ),
-        );
+        report.note_unfolding(PhaseNote::CoarserDirections {
+            outgoing_degrees: OUTGOING_SPACING,
+            incoming_degrees: INCOMING_SPACING,
+            step_degrees: Brief(finest),
+        });
     }
     Modelled {
         stated: stated(&curves, spectral.as_ref()).map(Box::new),
@@ -106,8 +104,7 @@ pub(in crate::formats) fn tabulated(
         curves.push(curve);
     }
     if width > 1 {
-        let message = format!("each of {width} wavelengths is normalised by itself; what is said here is of the first");
-        report.note(NoteKind::Assumed, message);
+        report.note(PhaseNote::WavelengthsNormalised { wavelengths: width });
     }
     Ok(modelled(curves, spectral, report))
 }
@@ -118,14 +115,7 @@ pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     let gap = first.max(180.0 - last);
     // Rounding of acos is not a gap.
     if gap > 1e-6 && gap <= HELD {
-        report.note(
-            NoteKind::Filled,
-            format!(
-                "the table goes from {} to {} degrees: its first and last value hold beyond",
-                Brief(first),
-                Brief(last)
-            ),
-        );
+        report.note(PhaseNote::EndsHeld { first_degrees: Brief(first), last_degrees: Brief(last) });
     }
     curve.held = if gap <= HELD { gap } else { 0.0 };
     curve
@@ -151,7 +141,7 @@ pub(super) fn normalise(
                 ));
             }
         };
-        report.note(NoteKind::Warning, "angles that the table does not cover are masked");
+        report.note(PhaseNote::UncoveredMasked);
         curve.values.iter_mut().for_each(|value| *value /= divisor);
         return Ok(());
     }
@@ -167,10 +157,9 @@ pub(super) fn normalise(
     let near = |expected: f64| (total / expected - 1.0).abs() <= TOLERANCE;
     let found = format!("{total:.6}");
     match said {
-        None if near(1.0) => report.note(NoteKind::Assumed, format!("normalised to 1 over the sphere (found {found})")),
+        None if near(1.0) => report.note(PhaseNote::NormalisedToOne { integral: total }),
         None if near(4.0 * PI) => {
-            report
-                .note(NoteKind::Assumed, format!("normalised to 4 pi over the sphere (found {found}): divided by it"));
+            report.note(PhaseNote::NormalisedToFourPi { integral: total });
         }
         None => {
             return Err(needs(format!(
@@ -180,27 +169,15 @@ pub(super) fn normalise(
         }
         Some(Normalization::Vsf) => {
             report.metadata.push(("scattering_coefficient".to_owned(), Brief(total).to_string()));
-            report.note(
-                NoteKind::Assumed,
-                format!(
-                    "a volume scattering function: divided by its integral, the scattering coefficient {}",
-                    Brief(total)
-                ),
-            );
+            report.note(PhaseNote::VolumeScattering { scattering_coefficient: Brief(total) });
         }
         Some(Normalization::Relative) => {
-            report.note(
-                NoteKind::Assumed,
-                format!("relative values: divided by their integral over the sphere, {found}"),
-            );
+            report.note(PhaseNote::RelativeNormalised { integral: total });
         }
         Some(said) => {
             let expected = if said == Normalization::One { 1.0 } else { 4.0 * PI };
             if !near(expected) {
-                report.note(
-                    NoteKind::Warning,
-                    format!("the values integrate to {found} over the sphere, not to {expected:.6} as was said: divided by what they make"),
-                );
+                report.note(PhaseNote::IntegralContradicted { integral: total, stated: expected });
             }
         }
     }
@@ -210,19 +187,10 @@ pub(super) fn normalise(
     report.metadata.push(("mean_cosine".to_owned(), format!("{mean:.6}")));
     report.metadata.push(("share_of_the_first_step".to_owned(), format!("{share:.6}")));
     if share > UNRESOLVED && curve.angles[1] < 90.0 {
-        report.note(
-            NoteKind::Warning,
-            format!(
-                "{:.0} % of the light lies within the first step of the table: its peak is not resolved",
-                100.0 * share
-            ),
-        );
+        report.note(PhaseNote::PeakNotResolved { light_percent: 100.0 * share });
     }
     if mean < -0.05 {
-        report.note(
-            NoteKind::Warning,
-            format!("most light goes backward (mean cosine {mean:.3}): here +1 and 0 degrees are forward; is it the other way round in the file?"),
-        );
+        report.note(PhaseNote::MostlyBackward { mean_cosine: mean });
     }
     Ok(())
 }

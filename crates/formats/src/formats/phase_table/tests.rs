@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::domain::Direction;
+use crate::formats::NoteKind;
 use crate::formats::{FormatErrorKind, read as read_any};
 use std::f64::consts::PI;
 use std::fmt::Write as _;

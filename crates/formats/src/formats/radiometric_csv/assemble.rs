@@ -8,14 +8,13 @@ use super::places::{Places, placed, placed_sigma};
 use super::rows::Rows;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
 use crate::domain::{Axis, Quantity, Sampling, Tensor, WavelengthGrid};
-use crate::formats::acquisition::{
-    AngleGrid, Angles, Azimuths, Modelled, NoteKind, Outside, ParseReport, Samples, Scattered,
-};
+use crate::formats::acquisition::{AngleGrid, Angles, Azimuths, Modelled, Outside, ParseReport, Samples, Scattered};
 use crate::formats::azimuth::extended;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::phase_table;
 use crate::formats::stated::divide_by_pi;
 use crate::formats::text::Brief;
+use crate::notes::{ScatteringNote, ValueNote};
 
 /// Upper bound on the direction changes of the long form, in which all wavelengths of a direction should follow each
 /// other.
@@ -115,8 +114,7 @@ fn on_lattice(
 
 fn skip_sigma(columns: &Columns, report: &mut ParseReport) {
     if columns.has_sigma {
-        let message = "the columns of sigma: uncertainties are used where there are directions";
-        report.note(NoteKind::Skipped, message);
+        report.note(ValueNote::UncertaintiesWithoutDirections);
     }
 }
 
@@ -162,15 +160,12 @@ fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: 
     let is_degrees = |k: usize| columns.angles[k].is_some_and(|angle| !angle.radians);
     let theta = [0, 2].into_iter().filter(|&k| is_degrees(k)).map(largest).fold(0.0, f64::max);
     if theta > 0.0 && theta <= LIKELY_RADIANS {
-        let message = format!("theta up to {} degrees only: radians are said by `angle_unit: rad`", Brief(theta));
-        report.note(NoteKind::Warning, message);
+        report.note(ValueNote::ThetaLikelyInRadians { largest_degrees: Brief(theta) });
     }
     if let Some(Axis::Wavelength(grid)) = spectral {
         let last = grid.at(grid.len() - 1);
         if last <= LIKELY_MICROMETRES {
-            let message =
-                format!("wavelengths up to {} nm only: micrometres are said by `wavelength_unit: um`", Brief(last));
-            report.note(NoteKind::Warning, message);
+            report.note(ValueNote::WavelengthsLikelyInMicrometres { largest_nm: Brief(last) });
         }
     }
 }
@@ -219,7 +214,7 @@ fn scattering_angles(
     function.map_err(|error| FormatError { format: NAME, ..error })
 }
 
-fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
+fn count_missing(values: &[f32], places: &'static str, report: &mut ParseReport) {
     // 32-bit counters vectorise; there are at most 2^28 values.
     let (mut missing, mut negative) = (0_u32, 0_u32);
     for value in values {
@@ -227,11 +222,11 @@ fn count_missing(values: &[f32], what: &str, report: &mut ParseReport) {
         negative += u32::from(*value < 0.0);
     }
     if missing > 0 {
-        report.note(NoteKind::Warning, format!("{missing} of {} {what} have no sample: masked", values.len()));
+        report.note(ValueNote::WithoutSample { missing: missing as usize, of: values.len(), places });
     }
     if negative > 0 {
         let lowest = values.iter().copied().fold(0.0, f32::min);
-        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
+        report.note(ValueNote::Negative { values: negative as usize, lowest });
     }
 }
 
@@ -251,10 +246,7 @@ fn grid(
     // Original values, kept if some are filled below.
     let mut kept = before.filter(|_| filled > 0);
     if filled > 0 {
-        report.note_unfolding(
-            NoteKind::Filled,
-            format!("{filled} samples at a pole, where all azimuths are one direction, from the others there"),
-        );
+        report.note_unfolding(ScatteringNote::PolesFilled { samples: filled });
     }
     count_missing(&values, "places of the grid", report);
     let [theta_i, phi_i, theta_o, phi_o] = lattice.angles;
@@ -374,7 +366,7 @@ fn scattered(
         distinct.iter().map(|direction| [direction[theta], direction[theta + 1]]).collect()
     };
     if header.extents.iter().any(Option::is_some) || header.covers.iter().any(Option::is_some) {
-        report.note(NoteKind::Skipped, "extents and covers of angles: the directions make no grid");
+        report.note(ValueNote::ExtentsWithoutGrid);
     }
     Ok(Scattered { incoming: side(0), outgoing: side(2), isotropic, spectral, values, sigma })
 }

@@ -4,10 +4,11 @@ use super::header::Header;
 use super::problems::Problems;
 use crate::domain::Quantity;
 use crate::domain::limits::MAX_WAVELENGTHS;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::normalization::Normalization;
 use crate::formats::number::decimal;
 use crate::formats::text::{Brief, snippet};
+use crate::notes::TextNote;
 
 /// Angles in the order of a row's direction.
 pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
@@ -193,8 +194,7 @@ pub(super) fn read(
     check_directions(&columns, header, &mut refuse);
     if !unknown.is_empty() {
         let shown = unknown.iter().take(8).cloned().collect::<Vec<_>>().join(", ");
-        let message = format!("{} column(s) that are not known: {shown}", unknown.len());
-        report.note(NoteKind::Skipped, message);
+        report.note(TextNote::UnknownColumns { columns: unknown.len(), first_names: shown });
     }
     good.then_some(columns)
 }

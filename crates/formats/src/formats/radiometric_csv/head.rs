@@ -2,9 +2,10 @@
 
 use super::about::NAME;
 use super::header::Field;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, unmarked, unmarked_utf16};
+use crate::notes::TextNote;
 use std::borrow::Cow;
 
 /// Upper bounds on the number of header lines and on the characters of each; anything longer is not a header.
@@ -19,7 +20,7 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
     let text = if utf16 {
         let source = Source::decode(bytes, NAME);
         if let Some(encoding) = source.odd_encoding() {
-            report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+            report.note(TextNote::DecodedAs { encoding });
         }
         Cow::Owned(source.text().as_bytes().to_vec())
     } else {
@@ -55,7 +56,7 @@ impl Head {
         let mut decoded = |bytes: &[u8], report: &mut ParseReport| {
             let (text, encoding) = unmarked(bytes);
             if encoding != "UTF-8" && odd.replace(encoding).is_none() {
-                report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+                report.note(TextNote::DecodedAs { encoding });
             }
             text.into_owned()
         };

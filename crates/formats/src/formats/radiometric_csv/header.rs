@@ -3,7 +3,7 @@
 use super::about::NAME;
 use super::problems::Problems;
 use crate::domain::{Quantity, Unit};
-use crate::formats::acquisition::{AzimuthExtent, NoteKind, ParseReport, Samples};
+use crate::formats::acquisition::{AzimuthExtent, ParseReport, Samples};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::instrument::{self, Instrument};
 use crate::formats::interpretation::Interpretation;
@@ -11,6 +11,7 @@ use crate::formats::normalization::Normalization;
 use crate::formats::spectral_table::wavelength_unit::WavelengthUnit;
 use crate::formats::stated::StatedQuantity;
 use crate::formats::text::snippet;
+use crate::notes::ValueNote;
 
 /// One `# key: value` line.
 pub(super) struct Field {
@@ -136,7 +137,7 @@ pub(super) fn read(
         return Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message));
     };
     if let Some(stated) = stated.filter(|stated| *stated != kind) {
-        report.note(NoteKind::Warning, format!("taken as {kind} as asked; the file says {stated}"));
+        report.note(ValueNote::QuantityAsAsked { asked: kind.to_string(), stated: stated.to_string(), source: "file" });
     }
     let (quantity, is_factor) = (kind.quantity(), kind.is_factor());
     let unit = unit(&mut header, kind, how, report)?;
@@ -245,7 +246,7 @@ fn unit(
     if let (Some(asked), Some(stated)) = (how.unit, stated)
         && asked != stated
     {
-        report.note(NoteKind::Warning, format!("unit taken as {asked} as asked; the file says {stated}"));
+        report.note(ValueNote::UnitAsAsked { asked, stated, source: "file" });
     }
     if how.unit.is_none() && !header.stated("value_unit") {
         let message = format!("`value_unit` is not stated, expected it, or the option: {names}");
@@ -285,10 +286,7 @@ fn wavelength_unit(
         FormatError::new(FormatErrorKind::NeedsOption, NAME, message)
     })?;
     if let Some(stated) = stated.filter(|stated| *stated != asked) {
-        report.note(
-            NoteKind::Warning,
-            format!("wavelengths taken in {} as asked; the file says {}", asked.name(), stated.name()),
-        );
+        report.note(ValueNote::WavelengthUnitAsAsked { asked: asked.name(), stated: stated.name() });
     }
     Ok(asked)
 }

@@ -1,7 +1,8 @@
 //! Reordering of values from row order to grid order; repeated measurements are averaged.
 
 use super::rows::Rows;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
+use crate::notes::ValueNote;
 use std::collections::HashMap;
 
 /// Values in grid order; repeated ones are averaged.
@@ -35,8 +36,7 @@ impl Places {
             self.values[place] = (sum / f64::from(count)) as f32;
         }
         if !self.repeated.is_empty() {
-            let message = format!("{} samples were measured more than once: averaged", self.repeated.len());
-            report.note(NoteKind::Warning, message);
+            report.note(ValueNote::MeasuredRepeatedly { samples: self.repeated.len() });
         }
         self.values
     }

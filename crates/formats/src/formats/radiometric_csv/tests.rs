@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::domain::{Axis, Direction, Quantity, Unit};
-use crate::formats::acquisition::{AngleGrid, AzimuthExtent, NoteKind, Samples, Scattered};
+use crate::formats::NoteKind;
+use crate::formats::acquisition::{AngleGrid, AzimuthExtent, Samples, Scattered};
 use crate::formats::error::Position;
 use crate::formats::instrument::Instrument;
 use crate::formats::read as read_any;

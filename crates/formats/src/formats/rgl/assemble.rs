@@ -8,9 +8,10 @@ use super::refusal::{malformed, over_limit};
 use super::warp::{Map, Warp};
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, WavelengthGrid};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::turned::turn;
+use crate::notes::ScatteringNote;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Tolerance in radians for angles stored in f32.
@@ -24,13 +25,13 @@ pub(super) fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Mo
     let isotropic = phi.len() <= 2;
     let reduction = if isotropic { Reduction::None } else { reduction(fields.require("phi_i")?, &phi, report)? };
     if isotropic && phi.len() == 2 {
-        report.note(NoteKind::Assumed, "two incident azimuths are an isotropic material, evaluated at azimuth 0");
+        report.note(ScatteringNote::TwoAzimuthsIsotropic);
     }
 
     let (values, spectral) = match (fields.get("spectra"), fields.get("rgb")) {
         (Some(spectra), rgb) => {
             if rgb.is_some() {
-                report.note(NoteKind::Skipped, "the field `rgb` beside the spectra");
+                report.note(ScatteringNote::RgbBesideSpectra);
             }
             (spectra, Axis::Wavelength(wavelengths(fields.require("wavelengths")?)?))
         }
@@ -100,7 +101,7 @@ fn check_elevations(field: &Field<'_>, theta: &[f64]) -> Result<(), FormatError>
 fn reduction(field: &Field<'_>, phi: &[f64], report: &mut ParseReport) -> Result<Reduction, FormatError> {
     let (first, last) = (phi[0], phi[phi.len() - 1]);
     let degrees = |radians: f64| libm::round(radians.to_degrees() * 100.0) / 100.0;
-    let found = format!("incident azimuths from {}° to {}°", degrees(first), degrees(last));
+    let (first_degrees, last_degrees) = (degrees(first), degrees(last));
     let (reduction, end) = match libm::round(TAU / (last - first)) {
         1.0 => (Reduction::None, PI),
         2.0 => (Reduction::Half, 0.0),
@@ -108,18 +109,20 @@ fn reduction(field: &Field<'_>, phi: &[f64], report: &mut ParseReport) -> Result
         _ => (Reduction::None, f64::NEG_INFINITY),
     };
     if first < -PI - TOLERANCE || last > end + TOLERANCE {
-        let message = format!("{found}, expected -180° to 180°, -180° to 0° or -180° to -90°");
+        let message = format!(
+            "incident azimuths from {first_degrees}° to {last_degrees}°, expected -180° to 180°, -180° to 0° or -180° to -90°"
+        );
         return Err(FormatError::at_byte(FormatErrorKind::Unsupported, NAME, field.at, message));
     }
     match reduction {
         Reduction::None => {}
-        Reduction::Half => report.note(NoteKind::Assumed, format!("{found}: the same when turned by 180°")),
+        Reduction::Half => report.note(ScatteringNote::HalfTurnSymmetry { first_degrees, last_degrees }),
         Reduction::Quarter => {
-            report.note(NoteKind::Assumed, format!("{found}: its own mirror image along x and along y"));
+            report.note(ScatteringNote::MirrorSymmetry { first_degrees, last_degrees });
         }
     }
     if first > -PI + TOLERANCE || last < end - TOLERANCE {
-        report.note(NoteKind::Assumed, format!("{found}: held from the first and the last to the ends of the turn"));
+        report.note(ScatteringNote::AzimuthEndsHeld { first_degrees, last_degrees });
     }
     Ok(reduction)
 }
@@ -209,13 +212,10 @@ fn channels_last(
     }
     let all = values.len();
     if missing > 0 {
-        let message =
-            format!("{missing} of {all} numbers are missing (NaN); what would be interpolated from them is masked");
-        report.note(NoteKind::Warning, message);
+        report.note(ScatteringNote::MissingMasked { values: missing, of: all });
     }
     if negative > 0 {
-        let message = format!("{negative} of {all} numbers are negative, down to {lowest:e}; kept as they are");
-        report.note(NoteKind::Warning, message);
+        report.note(ScatteringNote::NegativeKept { values: negative, of: all, lowest });
     }
     Ok((values, missing))
 }

@@ -18,13 +18,14 @@ mod write;
 
 pub use write::{RglGrid, write_rgl};
 
-use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, Angles, AzimuthExtent, Azimuths, Modelled, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
 use super::reader::{Reader, Sample};
 use super::text::snippet;
 use crate::domain::{Axis, Quantity, Unit};
+use crate::notes::ScatteringNote;
 use about::{ABOUT, NAME};
 use assemble::model;
 use container::Fields;
@@ -74,7 +75,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     describe(&fields, &mut report)?;
     let skipped: Vec<String> = fields.names().filter(|name| !KNOWN.contains(name)).map(snippet).collect();
     if !skipped.is_empty() {
-        report.note(NoteKind::Skipped, format!("fields that say nothing about values: {}", skipped.join(", ")));
+        report.note(ScatteringNote::OtherFields { names: skipped.join(", ") });
     }
     let (model, spectral) = model(&fields, &mut report)?;
     let modelled = modelled(model, spectral, &mut report);
@@ -107,8 +108,7 @@ fn modelled(model: Model, spectral: Axis, report: &mut ParseReport) -> Modelled 
     // π/2 rounded to f32 slightly exceeds a right angle.
     let theta: Vec<f64> = model.theta.iter().map(|t| degrees(t).min(90.0)).collect();
     if let Some(&last) = theta.last().filter(|&&last| last < 90.0) {
-        let message = format!("incident elevations from {}° on are held to 90°", libm::round(last * 100.0) / 100.0);
-        report.note(NoteKind::Assumed, message);
+        report.note(ScatteringNote::ElevationsHeld { last_degrees: libm::round(last * 100.0) / 100.0 });
     }
     let phi = (!model.isotropic).then(|| Azimuths {
         phi: model.phi.iter().map(|phi| degrees(phi).clamp(-180.0, 180.0)).collect(),

@@ -2,8 +2,9 @@
 //! then pairs of numbers.
 
 use crate::domain::Quantity;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, number};
+use crate::notes::SpectrumNote;
 
 /// Number of lines searched for labels; files have 20 to 30 of them.
 const LOOKED_AT: usize = 200;
@@ -94,12 +95,10 @@ impl Library {
         };
         let stated = value("Number of X Values");
         if number(&stated).is_some_and(|stated| stated != rows as f64) {
-            report.note(NoteKind::Warning, format!("{rows} rows, but `Number of X Values` says {stated}"));
+            report.note(SpectrumNote::RowsDiffer { rows, stated });
         }
         if value("Measurement").contains("bidirectional") && self.quantity() == Quantity::Reflectance {
-            let message = "bidirectional reflectance, relative to a diffuse white, kept as a reflectance: \
-                           `--quantity reflectance-factor` reads it as a BRDF (divided by π)";
-            report.note(NoteKind::Assumed, message);
+            report.note(SpectrumNote::BidirectionalKept);
         }
     }
 }

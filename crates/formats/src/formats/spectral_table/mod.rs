@@ -18,7 +18,7 @@ mod write;
 
 pub use write::{write_spd, write_spectra};
 
-use super::acquisition::{Acquisition, NoteKind, ParseReport, Samples};
+use super::acquisition::{Acquisition, ParseReport, Samples};
 use super::error::{FormatError, FormatErrorKind};
 use super::instrument::Instrument;
 use super::interpretation::Interpretation;
@@ -28,6 +28,7 @@ use super::text::{Brief, Source, is_text, snippet};
 use super::turned::turned;
 use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Axis, Sampling, Tensor, Unit, WavelengthGrid};
+use crate::notes::{SpectrumNote, TextNote, ValueNote};
 use about::{ABOUT, NAME};
 use table::Table;
 
@@ -42,7 +43,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     let source = Source::decode(bytes, NAME);
     let mut report = ParseReport::default();
     if let Some(encoding) = source.odd_encoding() {
-        report.note(NoteKind::Assumed, format!("text decoded as {encoding}"));
+        report.note(TextNote::DecodedAs { encoding });
     }
     let mut table = layouts::read(&source, &mut report)?;
     refuse_summary(&table, how)?;
@@ -111,9 +112,7 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
     match how.quantity {
         Some(stated @ (Spectrum | Reflectance)) => return Ok(stated),
         Some(ReflectanceFactor) => {
-            let message =
-                "reflectance factors, divided by π: a BRDF in 1/sr at one geometry that the file does not state";
-            report.note(NoteKind::Assumed, message);
+            report.note(SpectrumNote::FactorsAsAsked);
             return Ok(ReflectanceFactor);
         }
         Some(other) => {
@@ -128,20 +127,16 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
         return Ok(library.quantity().into());
     }
     if holds_factors(table)? {
-        let message = "the header names reflectance factors: divided by π, a BRDF in 1/sr at one geometry that the file does \
-                       not state (`--quantity reflectance` keeps them as they are)";
-        report.note(NoteKind::Assumed, message);
+        report.note(SpectrumNote::FactorsNamed);
         return Ok(ReflectanceFactor);
     }
     if table.says(|prose| REFLECTANCE_WORDS.iter().any(|word| prose.contains(word))) {
         if table.says(|prose| prose.contains("reflectance factor")) {
-            let message = "reflectance factors of a geometry that the header does not name, kept as reflectances: `--quantity \
-                           reflectance-factor` reads those of one direction of view as a BRDF (divided by π)";
-            report.note(NoteKind::Assumed, message);
+            report.note(SpectrumNote::FactorsKept);
         }
         return Ok(Reflectance);
     }
-    report.note(NoteKind::Assumed, "the header names no quantity, taken as spectrum in relative values");
+    report.note(SpectrumNote::QuantityNotStated);
     Ok(Spectrum)
 }
 
@@ -214,7 +209,7 @@ fn wavelengths(
     if n > 1 && nanometres[1] < nanometres[0] {
         nanometres.reverse();
         table.reverse();
-        report.note(NoteKind::Assumed, "the rows were turned round, so that wavelengths increase");
+        report.note(SpectrumNote::RowsTurnedRound);
     }
     WavelengthGrid::listed(nanometres).map_err(|e| FormatError::new(FormatErrorKind::Malformed, NAME, e.to_string()))
 }
@@ -227,7 +222,7 @@ fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) 
         table.names.iter().any(in_percent) || table.library.as_ref().is_some_and(library::Library::is_percent);
     if !matches!(stated, StatedQuantity::Reflectance | StatedQuantity::ReflectanceFactor) {
         if declared {
-            report.note(NoteKind::Assumed, "the header says percent; relative values are kept as they stand");
+            report.note(SpectrumNote::PercentKept);
         }
         return;
     }
@@ -238,15 +233,9 @@ fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) 
         for value in &mut table.values {
             *value = (f64::from(*value) / 100.0) as f32;
         }
-        let why = if declared {
-            "the header says percent".to_owned()
-        } else {
-            format!("reflectance up to {largest} taken as percent")
-        };
-        report.note(NoteKind::Warning, format!("{why}: divided by 100"));
+        report.note(if declared { SpectrumNote::PercentDivided } else { SpectrumNote::PercentGuessed { largest } });
     } else if largest > 1.5 {
-        report
-            .note(NoteKind::Warning, format!("reflectance up to {largest}, expected 0 to 1 or percent; kept as it is"));
+        report.note(SpectrumNote::LargeReflectance { largest });
     }
 }
 
@@ -257,12 +246,12 @@ fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(
         return Err(source.malformed(0, "every value is missing (blank, NaN or --), expected numbers"));
     }
     if masked > 0 {
-        report.note(NoteKind::Warning, format!("{masked} missing values (blank, NaN or --) are masked"));
+        report.note(SpectrumNote::MissingMasked { values: masked });
     }
     let negative = table.values.iter().filter(|v| **v < 0.0).count();
     if negative > 0 {
         let lowest = table.values.iter().copied().filter(|v| *v < 0.0).fold(0.0, f32::min);
-        report.note(NoteKind::Warning, format!("{negative} values are negative, down to {lowest}; kept as they are"));
+        report.note(ValueNote::Negative { values: negative, lowest });
     }
     Ok(())
 }

@@ -7,10 +7,11 @@ use super::lines::{contents, split_comment};
 use super::table::Table;
 use super::wavelength_unit::names_wavelength;
 use crate::domain::limits::{MAX_ENTRIES, MAX_SAMPLES};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::number::decimal;
 use crate::formats::text::{Source, Token, snippet};
+use crate::notes::TextNote;
 
 /// Upper bounds on the lines searched for the delimiter, and on those before the first row of numbers.
 const LOOKED_AT: usize = 20;
@@ -75,7 +76,7 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
     }
     let after = lines.filter(|line| !line.text.trim().is_empty()).count();
     if after > 0 {
-        report.note(NoteKind::Skipped, format!("{after} lines after the end mark of the data"));
+        report.note(TextNote::LinesAfterEndMark { lines: after });
     }
     parser.finish(report)
 }
@@ -191,7 +192,7 @@ impl<'a> Parser<'a> {
         }
         let skipped = self.preamble.iter().filter(|(_, comment)| !comment).count();
         if skipped > 0 && self.library.is_none() {
-            report.note(NoteKind::Skipped, format!("{skipped} lines of text before the data"));
+            report.note(TextNote::LinesBeforeData { lines: skipped });
         }
         let mut names = header.unwrap_or_default().into_iter();
         let wavelength_name = self.library.as_ref().map(|library| library.x_units.clone()).or_else(|| names.next());
@@ -258,8 +259,7 @@ impl<'a> Parser<'a> {
         table.drop_empty_columns(report);
         if table.wavelength_name.is_none() && table.names.len() > 1 {
             let columns = table.names.len();
-            report
-                .note(NoteKind::Warning, format!("{columns} columns of values without a header, named 1 to {columns}"));
+            report.note(TextNote::ColumnsWithoutHeader { columns });
         }
         Ok(table)
     }
@@ -338,7 +338,7 @@ impl Table {
         }
         self.values = self.values.chunks_exact(columns).flat_map(|row| &row[..columns - 1]).copied().collect();
         self.names.pop();
-        report.note(NoteKind::Skipped, "the last column, which is blank throughout");
+        report.note(TextNote::BlankLastColumn);
     }
 }
 

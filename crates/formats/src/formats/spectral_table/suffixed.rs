@@ -5,9 +5,10 @@ use super::cells::{Delimiter, is_missing, unquoted};
 use super::lines::{contents, split_comment};
 use super::table::Table;
 use crate::domain::limits::{MAX_SAMPLES, MAX_WAVELENGTHS};
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
+use crate::notes::TextNote;
 
 /// Lower bound on the consecutive lines that form a list.
 const FEWEST: usize = 3;
@@ -116,7 +117,7 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<T
         }
     }
     if figures > 0 {
-        report.note(NoteKind::Skipped, format!("{figures} lines of named figures around the data, kept as keywords"));
+        report.note(TextNote::FiguresAroundData { lines: figures });
     }
     for comment in source.lines().filter_map(|line| split_comment(line).1).take(MAX_FIGURES) {
         prose.push_str(&comment.to_lowercase());

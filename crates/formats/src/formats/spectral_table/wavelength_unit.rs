@@ -1,10 +1,11 @@
 //! Unit of a column of wavelengths: from the option, else the header, else the range of the numbers.
 
 use super::about::NAME;
-use crate::formats::acquisition::{NoteKind, ParseReport};
+use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
+use crate::notes::SpectrumNote;
 
 /// Unit of the first column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,7 +115,7 @@ pub(super) fn of(
             known()
         )));
     };
-    report.note(NoteKind::Assumed, format!("no wavelength unit stated, {range} taken as {}", unit.name()));
+    report.note(SpectrumNote::WavelengthUnitGuessed { first: Brief(first), last: Brief(last), unit: unit.name() });
     Ok(unit)
 }
 

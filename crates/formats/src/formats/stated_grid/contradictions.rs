@@ -1,7 +1,8 @@
 //! Differences between the values that a file states for one and the same direction.
 
 use super::repeated::Repeated;
-use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
+use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Note, Tensor};
+use crate::notes::ValueNote;
 use serde::{Deserialize, Serialize};
 
 /// Root mean square deviations, in percent of the mean, between values that the file states for the same direction.
@@ -45,18 +46,18 @@ impl Contradictions {
         Self { poles: percent(poles), seam: percent(seam), planes: percent(planes), normal_incidence: percent(normal) }
     }
 
-    /// Returns a sentence for people; `None` if no direction is stated more than once.
-    pub fn sentence(&self) -> Option<String> {
-        let parts = [
-            ("poles", self.poles),
-            ("seam", self.seam),
-            ("angles listed twice", self.planes),
-            ("azimuths at normal incidence", self.normal_incidence),
-        ];
-        let parts: Vec<String> =
-            parts.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?))).collect();
-        (!parts.is_empty())
-            .then(|| format!("values stated for one direction differ from their mean (rms): {}", parts.join(", ")))
+    /// Returns a note; `None` if no direction is stated more than once.
+    pub fn note(&self) -> Option<Note> {
+        let Self { poles, seam, planes, normal_incidence } = *self;
+        (*self != Self::default()).then(|| {
+            let note = ValueNote::DirectionsRestated {
+                poles_percent: poles,
+                seam_percent: seam,
+                repeated_angles_percent: planes,
+                normal_incidence_percent: normal_incidence,
+            };
+            note.into()
+        })
     }
 }
 
@@ -141,7 +142,7 @@ mod tests {
         close(found.poles, 100.0 * (0.02_f64 / 3.0).sqrt());
         close(found.seam, 100.0 * (2.0 * 0.05_f64.powi(2) / 4.0).sqrt());
         assert_eq!((found.planes, found.normal_incidence), (None, None));
-        let sentence = found.sentence().unwrap();
+        let sentence = found.note().unwrap().message;
         assert!(sentence.ends_with("(rms): poles 8.16 %, seam 3.54 %"), "{sentence}");
     }
 
@@ -172,6 +173,6 @@ mod tests {
         // Nothing is stated twice off the poles and the normal.
         let tilted = vec![Axis::Elevation(vec![10.0, 30.0]), axes[1].clone()];
         let found = Contradictions::of(&Tensor::new(tilted, vec![f32::NAN; 8]).unwrap(), Repeated::default());
-        assert_eq!((found, found.sentence()), (Contradictions::default(), None));
+        assert_eq!((found, found.note()), (Contradictions::default(), None));
     }
 }

@@ -5,6 +5,7 @@ use super::table::Table;
 use crate::domain::vector::Vector;
 use crate::domain::{Axis, Domain, Quantity, Unit};
 use crate::formats::{Acquisition, Samples, Scattered};
+use crate::notes::CheckNote;
 use crate::projection::same_angle::{azimuth_steps, steps};
 use crate::projection::scattered::{areas, directions};
 use std::borrow::Cow;
@@ -65,24 +66,26 @@ impl LargestAlbedo {
     }
 
     /// Returns a remark for the user if the albedo exceeds 1.
-    pub(super) fn remark(&self) -> Option<String> {
+    pub(super) fn remark(&self) -> Option<CheckNote> {
         if self.albedo <= 1.0 + TOLERANCE {
             return None;
         }
         let (theta, phi) = self.incoming;
-        let phi = phi.map_or_else(String::new, |phi| format!(", phi_i {phi:.1}°"));
-        let band = match self.band {
-            None => String::new(),
-            Some(Band::Wavelength(nanometres)) => format!(" at {nanometres} nm"),
-            Some(Band::Channel(number)) => format!(" in channel {number}"),
+        let (wavelength_nm, channel) = match self.band {
+            None => (None, None),
+            Some(Band::Wavelength(nanometres)) => (Some(nanometres), None),
+            Some(Band::Channel(number)) => (None, Some(number)),
         };
-        let part =
-            if self.of < self.all { format!("; {} of {} were summed", self.of, self.all) } else { String::new() };
-        Some(format!(
-            "albedo above 1 under {} of {} incoming directions: {:.3} at most, under theta_i {theta:.1}°{phi}{band}{part}; the \
-             scale, the cosine or the reference may be wrong",
-            self.above, self.of, self.albedo
-        ))
+        Some(CheckNote::AlbedoAboveOne {
+            albedo: self.albedo,
+            above: self.above,
+            summed: self.of,
+            all: self.all,
+            theta_i_degrees: theta,
+            phi_i_degrees: phi,
+            wavelength_nm,
+            channel,
+        })
     }
 }
 

@@ -13,6 +13,7 @@ pub use negative::Negatives;
 pub use reciprocity::Reciprocity;
 
 use super::lobe_width::unresolved_lobe;
+use crate::domain::{Note, NoteKind};
 use crate::formats::Acquisition;
 
 /// Results of the plausibility checks of a file; `None` for checks that do not apply.
@@ -25,7 +26,7 @@ pub struct Plausibility {
     /// Negative values.
     pub negatives: Option<Negatives>,
     /// Remark on a lobe that is no wider than an angle of the instrument.
-    pub unresolved: Option<String>,
+    pub unresolved: Option<Note>,
 }
 
 /// Checks the values of a file, as stated, for physical plausibility. Takes about a second at most: of very large
@@ -40,11 +41,13 @@ pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
 }
 
 impl Plausibility {
-    /// Returns one line for the user on each finding: albedo above 1, reciprocity, negative values, unresolved lobe.
-    pub fn remarks(&self) -> Vec<String> {
-        let albedo = self.albedo.as_ref().and_then(LargestAlbedo::remark);
-        let reciprocity = self.reciprocity.as_ref().map(Reciprocity::remark);
-        let negatives = self.negatives.as_ref().map(Negatives::remark);
-        [albedo, reciprocity, negatives, self.unresolved.clone()].into_iter().flatten().collect()
+    /// Returns a note for the user on each finding: albedo above 1, reciprocity, negative values, unresolved lobe.
+    pub fn remarks(&self) -> Vec<Note> {
+        let albedo = self.albedo.as_ref().and_then(LargestAlbedo::remark).map(Note::from);
+        let reciprocity = self.reciprocity.as_ref().map(|reciprocity| reciprocity.remark().into());
+        let negatives = self.negatives.as_ref().map(|negatives| negatives.remark().into());
+        // A compression warns of it; before that, it is one of the checks.
+        let unresolved = self.unresolved.clone().map(|note| Note { kind: NoteKind::Checked, ..note });
+        [albedo, reciprocity, negatives, unresolved].into_iter().flatten().collect()
     }
 }

@@ -1,6 +1,7 @@
 //! Negative values of a file: their number, and their size relative to the largest value.
 
 use crate::formats::{Acquisition, Samples};
+use crate::notes::CheckNote;
 
 /// Negative values of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,12 +36,8 @@ impl Negatives {
     }
 
     /// Returns a remark for the user.
-    pub(super) fn remark(&self) -> String {
-        let share = 100.0 * self.values as f64 / self.of as f64;
-        let size = self.largest.map_or_else(
-            || "no value is positive".to_owned(),
-            |largest| format!("the largest has {:.2} % of the magnitude of the largest value", 100.0 * largest),
-        );
-        format!("{} of {} values ({share:.2} %) are negative; {size}", self.values, self.of)
+    pub(super) fn remark(&self) -> CheckNote {
+        let largest_percent = self.largest.map(|largest| 100.0 * largest);
+        CheckNote::Negative { values: self.values, of: self.of, largest_percent }
     }
 }

@@ -4,6 +4,7 @@ use super::sides::{Mix, Side};
 use super::table::Table;
 use crate::domain::{Axis, Quantity};
 use crate::formats::{Acquisition, Scattered};
+use crate::notes::CheckNote;
 use crate::projection::planes::scattered_samples;
 use crate::projection::same_angle::{azimuth_steps, steps};
 use std::collections::HashMap;
@@ -44,13 +45,9 @@ impl Reciprocity {
     }
 
     /// Returns a remark for the user.
-    pub(super) fn remark(&self) -> String {
-        let how = if self.is_interpolated { ", interpolated between samples" } else { "" };
-        format!(
-            "f(wi, wo) and f(wo, wi), equal by reciprocity, differ by {:.2} % (median of {} values{how})",
-            100.0 * self.difference,
-            self.values
-        )
+    pub(super) fn remark(&self) -> CheckNote {
+        let difference_percent = 100.0 * self.difference;
+        CheckNote::Reciprocity { difference_percent, values: self.values, is_interpolated: self.is_interpolated }
     }
 }
 

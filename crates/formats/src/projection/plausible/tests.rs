@@ -54,10 +54,13 @@ fn a_white_diffuser_sends_out_all_light_and_no_more() {
 fn an_albedo_above_1_is_told_with_its_place() {
     let brighter = |theta_i: f64, _: f64, _: f64| if theta_i > 40.0 { 1.25 * WHITE } else { 0.5 * WHITE };
     let on_grid = plausibility(&grid(&[0.0, 30.0, 60.0], brighter)).remarks();
-    assert!(on_grid[0].starts_with("albedo above 1 under 1 of 3 incoming directions: 1.25"), "{on_grid:?}");
-    assert!(on_grid[0].contains("under theta_i 60.0°;"), "{on_grid:?}");
+    assert!(on_grid[0].message.starts_with("albedo above 1 under 1 of 3 incoming directions: 1.25"), "{on_grid:?}");
+    assert!(on_grid[0].message.contains("under theta_i 60.0°;"), "{on_grid:?}");
     let remarks = plausibility(&spiral(&[20.0, 50.0], 900, brighter)).remarks();
-    assert!(remarks[0].contains("under theta_i 50.0° at 500 nm") && remarks[0].contains("1 of 2"), "{remarks:?}");
+    assert!(
+        remarks[0].message.contains("under theta_i 50.0° at 500 nm") && remarks[0].message.contains("1 of 2"),
+        "{remarks:?}"
+    );
 }
 
 #[test]
@@ -128,7 +131,10 @@ fn reciprocity_is_told_by_exchanged_samples() {
     let found = plausibility(&grid(&all, tilted));
     let reciprocity = found.reciprocity.unwrap();
     assert!((0.05..0.2).contains(&reciprocity.difference), "{reciprocity:?}");
-    assert!(found.remarks().iter().any(|remark| remark.contains("equal by reciprocity, differ by")), "{found:?}");
+    assert!(
+        found.remarks().iter().any(|remark| remark.message.contains("equal by reciprocity, differ by")),
+        "{found:?}"
+    );
 }
 
 #[test]
@@ -158,9 +164,9 @@ fn negative_values_are_counted_against_the_largest() {
         plausibility(&csv(&format!("{HEAD}theta_i,theta_o,phi_o,value\n0,10,0,-0.5\n0,20,0,2\n0,30,0,\n0,40,0,1\n")));
     assert_eq!(found.negatives, Some(Negatives { values: 1, of: 3, largest: Some(0.25) }));
     let remark = "1 of 3 values (33.33 %) are negative; the largest has 25.00 % of the magnitude of the largest value";
-    assert_eq!(found.remarks(), [remark]);
+    assert_eq!(found.remarks().iter().map(|note| &note.message).collect::<Vec<_>>(), [remark]);
     let all = plausibility(&csv(&format!("{HEAD}theta_i,theta_o,phi_o,value\n0,10,0,-0.5\n0,20,0,-2\n")));
-    assert!(all.remarks()[0].ends_with("are negative; no value is positive"), "{all:?}");
+    assert!(all.remarks()[0].message.ends_with("are negative; no value is positive"), "{all:?}");
     assert_eq!(plausibility(&grid(&[0.0], glossy)).negatives, None);
 }
 
@@ -179,7 +185,10 @@ fn a_lobe_as_wide_as_the_aperture_is_told_of() {
     assert_eq!(scan(""), None);
     assert_eq!(scan("# detector_aperture: 0.7\n"), None);
     let told = scan("# detector_aperture: 1\n# source_divergence: 0.01\n").unwrap();
-    assert!(told.starts_with("the lobe of 0.8") && told.contains("than the detector's aperture of 1°:"), "{told}");
+    assert!(
+        told.message.starts_with("the lobe of 0.8") && told.message.contains("than the detector's aperture of 1°:"),
+        "{told}"
+    );
     // A diffuser has no lobe, however wide the aperture.
     let mut diffuser = grid(&[0.0, 30.0], |_, _, _| WHITE);
     diffuser.instrument.detector_aperture = Some(180.0);

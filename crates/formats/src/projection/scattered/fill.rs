@@ -5,7 +5,8 @@ use super::cells::{Fitted, Standing, standings};
 use super::plan::Plan;
 use super::rows::Rows;
 use crate::domain::vector::{Vector, add, dot, scale, sub, unit};
-use crate::domain::{Direction, Quantity};
+use crate::domain::{Direction, Note, Quantity};
+use crate::notes::FitNote;
 use crate::projection::resampling::Channels;
 
 /// Largest median relative difference between values of exchanged directions at which data count as reciprocal.
@@ -59,7 +60,7 @@ pub(super) fn by_reciprocity(
     width: usize,
     samples: &mut [f32],
     standing: &mut [Standing],
-) -> Option<String> {
+) -> Option<Note> {
     if quantity != Quantity::Brdf || plan.elevations.len() < 2 || !standing.contains(&Standing::Empty) {
         return None;
     }
@@ -99,14 +100,8 @@ pub(super) fn by_reciprocity(
         spectrum.iter_mut().zip(row).for_each(|(s, &v)| *s = v as f32);
         standing[*cell] = Standing::Filled;
     }
-    (!found.is_empty()).then(|| {
-        format!(
-            "{} cells are filled by reciprocity: where both were measured, values of exchanged directions differ by {:.1} % \
-             in the middle",
-            found.len(),
-            100.0 * median
-        )
-    })
+    (!found.is_empty())
+        .then(|| FitNote::FromReciprocity { cells: found.len(), difference_percent: 100.0 * median }.into())
 }
 
 /// Writes the values of the exchanged directions into `row`, interpolated between the two elevations around. Each

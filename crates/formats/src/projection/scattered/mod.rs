@@ -59,8 +59,9 @@ use super::error::ProjectionError;
 use super::projected::{Coverage, Projected};
 use super::request::AxesRequest;
 use super::spectral::{self, Spectral};
-use crate::domain::{Axis, Layout, Measurement, Quantity, Sampling, Tensor, check_axes};
+use crate::domain::{Axis, Layout, Measurement, Note, Quantity, Sampling, Tensor, check_axes};
 use crate::formats::{Acquisition, Scattered};
+use crate::notes::FitNote;
 use cells::{Standing, standings};
 use incidences::incidences;
 use lobe::Split;
@@ -122,9 +123,7 @@ pub(super) fn project(
         let like = plan.fitted(plan.few(&rows), 0);
         if is_symmetric(&plan.clouds, like) {
             let filled = fill::by_symmetry(&plan, &rows, &channels, &mut samples, &mut standing);
-            notes.extend((filled > 0).then(|| {
-                format!("{filled} cells are filled from mirror images in the plane of incidence: withheld samples are predicted as well from there as from their own side")
-            }));
+            notes.extend((filled > 0).then(|| FitNote::FromMirrorImages { cells: filled }.into()));
         }
     }
     notes.extend(fill::by_reciprocity(acquisition.quantity, &plan, channels.to(), &mut samples, &mut standing));
@@ -187,23 +186,20 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
 }
 
 /// Returns notes for the user on samples with this number of values.
-fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<String> {
-    let mut notes = Vec::new();
+fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<Note> {
+    let mut notes: Vec<Note> = Vec::new();
     if report.missing > 0 {
-        notes.push(format!("{} values are missing and left out of the fits", report.missing));
+        notes.push(FitNote::Missing { values: report.missing }.into());
     }
     if report.negative > 0 {
-        notes.push(format!(
-            "{} values ({:.2} % of all) are negative and kept: fits around them are of values, not of logarithms",
-            report.negative,
-            100.0 * report.negative as f64 / values.max(1) as f64
-        ));
+        let share_percent = 100.0 * report.negative as f64 / values.max(1) as f64;
+        notes.push(FitNote::Negative { values: report.negative, share_percent }.into());
     }
     if filled > 0 {
-        notes.push(format!("{filled} cells without samples in or around them are filled and marked as such; without another rule they continue the fit of the samples around"));
+        notes.push(FitNote::Continued { cells: filled }.into());
     }
     if empty > 0 {
-        notes.push(format!("{empty} cells are too far from any sample: masked"));
+        notes.push(FitNote::FarFromSamples { cells: empty }.into());
     }
     notes
 }

@@ -6,8 +6,9 @@ use super::extent::{Joint, incoming_domain, is_one_sided, outgoing_domain, spaci
 use super::rows::{Kind, Rows};
 use super::trials;
 use crate::domain::vector::Vector;
-use crate::domain::{Axis, Direction, Domain, Quantity};
+use crate::domain::{Axis, Direction, Domain, Note, Quantity};
 use crate::formats::Scattered;
+use crate::notes::{FitNote, ProjectionNote};
 use crate::projection::averages::OCTANT_DEGREES;
 use crate::projection::error::{LevelError, ProjectionError, Role, ScatteredError};
 use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES};
@@ -70,7 +71,7 @@ pub(super) struct Plan {
     sides_apart: bool,
     /// A selection of the bands of all rows, if there are many.
     thin: Option<Rows<'static>>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Vec<Note>,
 }
 
 /// Returns the side that triangles represent, and its requested level. Fails if a level is requested for a missing
@@ -116,7 +117,7 @@ impl Plan {
         let mut notes = Vec::new();
         let single = !of.isotropic && one_azimuth(of);
         if single {
-            notes.push("incoming directions of one azimuth only: taken as isotropic".to_owned());
+            notes.push(ProjectionNote::OneAzimuthIsotropic.into());
         }
         let isotropic = !of.incoming.is_empty() && (of.isotropic || single);
         let domain = outgoing_domain(quantity);
@@ -131,16 +132,14 @@ impl Plan {
             .collect();
         let outside = (0..rows.kinds.len() as u32).filter(|&row| !inside(row)).count();
         if outside > 0 {
-            notes.push(format!("{outside} samples beyond the {domain} were left out"));
+            notes.push(FitNote::SamplesBeyond { samples: outside, domain }.into());
         }
         if live.is_empty() {
             return Err(ScatteredError::Beside { count: rows.kinds.len(), domain, quantity }.into());
         }
         let unfolded = isotropic && is_one_sided(&live, &directions);
         if unfolded {
-            notes.push(
-                "samples on one side of the plane of incidence only: the other is taken as its mirror image".to_owned(),
-            );
+            notes.push(FitNote::OneSideMirrored.into());
         }
         let groups = cloud::incoming(of, isotropic, &live);
         let joint = Joint::of(&groups, live.len());
@@ -304,24 +303,18 @@ impl Plan {
     fn describe(&mut self, role: Role, of: &Scattered) {
         let mut notes = Vec::new();
         if self.isotropic {
-            let how = if self.clouds.len() == self.elevations.len() {
-                "measured"
-            } else {
-                "even elevations, samples between them"
-            };
-            let count = self.elevations.len();
-            let s = if count == 1 { "" } else { "s" };
-            notes.push(format!("incoming: {count} elevation{s} (isotropic), {how}"));
+            let is_measured = self.clouds.len() == self.elevations.len();
+            notes.push(FitNote::Elevations { elevations: self.elevations.len(), is_measured }.into());
         }
         notes.extend(self.incoming.iter().map(|choice| choice.note(Role::Incoming)));
         notes.push(self.outgoing.note(role));
-        let coordinates = if self.clouds[0].slopes { "slopes of the half vector" } else { "tangent coordinates" };
-        let weights = if of.sigma.is_some() { ", by nearness and stated uncertainty" } else { ", by nearness" };
-        notes.push(format!(
-            "{role} cells are averages of robust quadratic fits in {coordinates} to the {} nearest samples{weights}; of \
-             logarithms where all of these are positive",
-            self.neighbours
-        ));
+        let fits = FitNote::Quadratic {
+            role: role.name(),
+            neighbours: self.neighbours,
+            is_by_slopes: self.clouds[0].slopes,
+            is_by_uncertainty: of.sigma.is_some(),
+        };
+        notes.push(fits.into());
         notes.append(&mut self.notes);
         self.notes = notes;
     }

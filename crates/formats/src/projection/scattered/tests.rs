@@ -221,7 +221,7 @@ fn blind_spots_are_filled_and_marked() {
         .collect();
     let projected = project(&isotropic(&[40.0], &outgoing, gloss), &level(5)).unwrap();
     assert!(
-        projected.coverage.notes.iter().any(|note| note.contains("mirror images")),
+        projected.coverage.notes.iter().any(|note| note.message.contains("mirror images")),
         "{:?}",
         projected.coverage.notes
     );
@@ -234,7 +234,7 @@ fn bilateral_data_are_unfolded() {
     let half: Vec<[f64; 2]> = uniform(8000, 90.0).into_iter().filter(|[_, phi]| *phi <= 180.0).collect();
     let elevations = [10.0, 50.0];
     let projected = project(&isotropic(&elevations, &half, gloss), &level(4)).unwrap();
-    assert!(projected.coverage.notes.iter().any(|note| note.contains("mirror image")));
+    assert!(projected.coverage.notes.iter().any(|note| note.message.contains("mirror image")));
     assert_eq!(projected.coverage.empty, 0);
     assert!(error(&projected, &elevations, gloss, |_| true) < 0.01);
 }
@@ -308,7 +308,11 @@ fn missing_bands_are_left_out_and_negative_values_kept() {
 fn reciprocal_directions_fill_what_is_out_of_reach() {
     let elevations: Vec<f64> = (0..=16).map(|i| 5.0 * f64::from(i)).collect();
     let projected = project(&isotropic(&elevations, &uniform(1500, 50.0), gloss), &level(4)).unwrap();
-    assert!(projected.coverage.notes.iter().any(|note| note.contains("reciprocity")), "{:?}", projected.coverage.notes);
+    assert!(
+        projected.coverage.notes.iter().any(|note| note.message.contains("reciprocity")),
+        "{:?}",
+        projected.coverage.notes
+    );
     let mesh = mesh(&projected);
     let far = |i: usize| projected.filled[i] && mesh.centroid(i % mesh.len()).theta_degrees() > 60.0;
     assert!((0..projected.filled.len()).any(far));

@@ -9,8 +9,11 @@ use super::projected::{Coverage, Numbers, Projected};
 use super::request::{AxesRequest, DirectionDomain};
 use super::resampling::{Directions, Resampling};
 use super::spectral;
-use crate::domain::{Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Quantity, Sampling, Tensor};
+use crate::domain::{
+    Axis, Azimuths, DirectionGrid, Domain, Frame, Layout, Measurement, Note, Quantity, Sampling, Tensor,
+};
 use crate::formats::{Acquisition, Contradictions, Modelled, Samples, StatedGrid};
+use crate::notes::ProjectionNote;
 
 /// Returns true if the measurement stays on the grid of its file. Fails if the request demands that and it is
 /// impossible.
@@ -71,15 +74,17 @@ pub(super) fn project(
     // The incoming direction of a list over the scattering angle is artificial.
     let incoming = layout.incoming.filter(|_| acquisition.quantity != Quantity::Phase);
     for (role, axis) in [(Role::Incoming, incoming), (Role::Outgoing, layout.outgoing)] {
-        notes.extend(axis.map(|i| format!("{role}: {}, as the file states it", numbers.axes()[i].describe())));
+        let stated =
+            axis.map(|i| ProjectionNote::AxisAsStated { role: role.name(), axis: numbers.axes()[i].describe() });
+        notes.extend(stated.map(Note::from));
     }
     notes.extend(left_out);
     notes.extend(spectral.notes);
     if missing > 0 {
-        notes.push(format!("{missing} of {all} samples are missing: masked"));
+        notes.push(ProjectionNote::MissingMasked { samples: missing, of: all }.into());
     }
     let contradictions = Contradictions::of(&numbers, repeated);
-    notes.extend(contradictions.sentence());
+    notes.extend(contradictions.note());
     let width = resampling.channels.to();
     let cells = tensor.len() / width;
     let empty = tensor.samples().chunks(width).filter(|spectrum| spectrum.iter().all(|s| s.is_nan())).count();
@@ -106,7 +111,7 @@ fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
 }
 
 /// Returns the rows on the side of the surface that belongs to the quantity, and a note if rows were left out.
-fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<String>), ProjectionError> {
+fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<Note>), ProjectionError> {
     let (domain, low, high) = match quantity {
         Quantity::Brdf => (Domain::Hemisphere, 0.0, 90.0),
         Quantity::Btdf => (Domain::Lower, 90.0, 180.0),
@@ -136,6 +141,7 @@ fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<String>)
     let mut axes = tensor.axes().to_vec();
     let left_out = polar.len() - (to - from);
     axes[axis] = Axis::Grid(part);
-    let note = format!("{left_out} of {} outgoing elevations lie beyond the {domain}: left out", polar.len());
-    Ok((Tensor::new(axes, kept)?, (left_out > 0).then_some(note)))
+    let note = (left_out > 0)
+        .then(|| ProjectionNote::ElevationsBeyond { elevations: left_out, of: polar.len(), domain }.into());
+    Ok((Tensor::new(axes, kept)?, note))
 }

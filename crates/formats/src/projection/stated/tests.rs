@@ -2,6 +2,7 @@
 
 use super::super::{Coverage, project};
 use super::*;
+use crate::domain::NoteValue;
 use crate::domain::{AzimuthExtent, Unit, WavelengthGrid};
 use crate::formats::{Interpretation, SpectralFactor, read, write_npy};
 use serde_json::{Value, json};
@@ -47,8 +48,15 @@ fn a_lamp_keeps_its_angles_and_numbers() {
     assert_eq!(measurement.tensor.samples(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|n: f64| (n * (0.1 * 0.7)) as f32));
     let numbers = projected.numbers.unwrap();
     assert_eq!((numbers.tensor.samples(), numbers.factor), (&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0][..], 0.1 * 0.7));
-    let note = "outgoing: grid of 2 × 3 (polar 0..20, azimuth -30..30), as the file states it".to_owned();
-    assert_eq!(projected.coverage, Coverage { cells: 6, measured: 6, notes: vec![note], ..Coverage::default() });
+    let [note] = &projected.coverage.notes[..] else { panic!("{:?}", projected.coverage.notes) };
+    let axis = "grid of 2 × 3 (polar 0..20, azimuth -30..30)";
+    assert_eq!(
+        (note.code.as_str(), &note.values["axis"]),
+        ("projection-axis-as-stated", &NoteValue::Text(axis.into()))
+    );
+    assert_eq!(note.message, format!("outgoing: {axis}, as the file states it"));
+    let counts = Coverage { cells: 6, measured: 6, notes: vec![note.clone()], ..Coverage::default() };
+    assert_eq!(projected.coverage, counts);
 }
 
 #[test]
@@ -90,7 +98,7 @@ fn gaps_are_masked_and_counted() {
     let projected = project(&acquisition, &on_grid()).unwrap();
     let coverage = projected.coverage;
     assert_eq!((coverage.cells, coverage.measured, coverage.empty), (24, 23, 1));
-    assert!(coverage.notes[2].contains("4 of 72 samples are missing"), "{:?}", coverage.notes);
+    assert!(coverage.notes[2].message.contains("4 of 72 samples are missing"), "{:?}", coverage.notes);
     assert_eq!(projected.measurement.tensor.masked(), 4);
 }
 
@@ -105,7 +113,7 @@ fn elevations_behind_the_surface_are_left_out() {
         let projected = project(&acquisition, &on_grid()).unwrap();
         let tensor = &projected.measurement.tensor;
         assert_eq!((directions(tensor, 1).polar(), tensor.samples()), (&polar[..], &samples[..]));
-        assert!(projected.coverage.notes[2].starts_with("2 of 4 outgoing elevations lie beyond the"));
+        assert!(projected.coverage.notes[2].message.starts_with("2 of 4 outgoing elevations lie beyond the"));
     }
     let mut below = array(Quantity::Bsdf, &axes(&[95.0, 170.0]), &[1, 2]);
     below.quantity = Quantity::Brdf;

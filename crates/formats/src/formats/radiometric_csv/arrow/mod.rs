@@ -20,11 +20,12 @@ use super::columns::{self, Columns, Row};
 use super::header::{self, Field, Header};
 use super::problems::Problems;
 use super::remarks::remarks;
-use crate::formats::acquisition::{Acquisition, NoteKind, ParseReport};
+use crate::formats::acquisition::{Acquisition, ParseReport};
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::interpretation::Interpretation;
 use crate::formats::reader::{FACTOR, Format, Reader, Sample};
 use crate::formats::text::{Brief, number, snippet};
+use crate::notes::ValueNote;
 use batch::{Batches, Refusal};
 use flat::{Broken, Table};
 use schema::{Column, Kind, Schema};
@@ -113,7 +114,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
         return Err(named(error));
     }
     if rounded {
-        report.note(NoteKind::Assumed, "angles in float32 are rounded to 0.0001 degrees");
+        report.note(ValueNote::AnglesRounded { stored_as: "float32" });
     }
     decimal_wavelengths(&mut rows.wavelengths.values);
     remarks(&header, &columns, rows.grazing, &mut report);

@@ -1,7 +1,8 @@
 //! Narrow lobe that a projection carries beside its cells, with its notes and warnings.
 
-use crate::domain::{Lobe, LobeCentre};
+use crate::domain::{Lobe, LobeCentre, Note};
 use crate::formats::with_digits;
+use crate::notes::LobeNote;
 use serde::{Deserialize, Serialize};
 
 /// Least number of samples within half maximum of a resolved lobe.
@@ -33,34 +34,22 @@ pub struct CarriedLobe {
 }
 
 impl CarriedLobe {
-    /// Returns a sentence for the user on the lobe.
-    pub fn note(&self) -> String {
-        let count = self.samples_within_half;
-        let lie = if count == 1 { "sample lies" } else { "samples lie" };
-        let reduced = self.reduced.map_or_else(String::new, |part| {
-            let part = 100.0 * part;
-            format!("; its light was reduced by {part:.1} %, as more light than comes in would have been reflected")
-        });
-        let unseen = match self.unseen_bands {
-            0 => String::new(),
-            bands => format!("; {bands} bands without a sample of it have the colour of their neighbours"),
+    /// Returns a note on the lobe.
+    pub fn note(&self) -> Note {
+        let note = LobeNote::Carried {
+            lobe: self.lobe.to_string(),
+            samples: self.samples_within_half,
+            reduced_percent: self.reduced.map(|part| 100.0 * part),
+            unseen_bands: self.unseen_bands,
         };
-        format!(
-            "a lobe narrower than the cells is carried beside them: {}; {count} {lie} within half its maximum{}{}",
-            self.lobe, reduced, unseen
-        )
+        note.into()
     }
 
     /// Returns a warning if the scan does not resolve the lobe.
-    pub fn warning(&self) -> Option<String> {
+    pub fn warning(&self) -> Option<Note> {
         let [low, high] = self.light_range.filter(|_| !self.is_resolved)?;
         let about = if self.lobe.centre() == LobeCentre::Source { "direction back" } else { "mirror direction" };
-        Some(format!(
-            "a lobe narrower than the scan resolves: fewer than three samples of all incidences lie within half its \
-             maximum; its albedo, the mean over incidences and bands, lies between {} and {}; measure more densely about \
-             the {about}",
-            with_digits(low, 3),
-            with_digits(high, 3)
-        ))
+        let (least_albedo, largest_albedo) = (with_digits(low, 3), with_digits(high, 3));
+        Some(LobeNote::NotResolved { least_albedo, largest_albedo, about }.into())
     }
 }

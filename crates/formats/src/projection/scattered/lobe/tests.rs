@@ -106,7 +106,7 @@ fn a_lobe_that_few_samples_see_is_warned_of() {
     let projected = projected(spiral(|wi, wo| BASE + lobe(wi, wo), &ELEVATIONS, 0.01, 8));
     let carried = projected.lobe.unwrap();
     let warning = carried.warning().unwrap();
-    assert!(!carried.is_resolved && warning.contains("narrower than the scan resolves"), "{warning}");
+    assert!(!carried.is_resolved && warning.message.contains("narrower than the scan resolves"), "{warning}");
     let true_light = ELEVATIONS.iter().map(|&theta| light(&lobe, theta)).sum::<f64>() / 8.0;
     assert!(carried.light > 0.0 && carried.light < 2.0 * true_light, "{} of {true_light}", carried.light);
     let [low, high] = carried.light_range.unwrap();

@@ -1,0 +1,76 @@
+//! Notes on the axes of a projection and the cells that represent samples.
+
+use crate::domain::Domain;
+
+wavelume_core::declare_notes! {
+    /// Notes on the axes of a projection and the cells that represent samples.
+    ProjectionNote {
+        Chosen AsInFile => "the axes and samples of the file";
+        Chosen AxisAsStated { role: &'static str, axis: String } => "{role}: {axis}, as the file states it";
+        Chosen Elevations { role: &'static str, elevations: usize } =>
+            "{role}: the {elevations} elevations of the file (isotropic)";
+        Chosen Level {
+            role: &'static str, level: u8, domain: Domain, cell_degrees: f64, spacing: String,
+            natural_level: u8, is_requested: bool,
+        } => "{role} level {level} on the {domain}: cells of {cell_degrees:.1}° for samples every {spacing} ({reason})",
+            reason = level_reason(level, natural_level, is_requested);
+        Chosen LevelMeans { role: &'static str, level: u8, triangles: u32, file_level: u8 } =>
+            "{role} level {level} as requested: means of {triangles} triangles of level {file_level}, by solid angle";
+        Chosen CellsOfBilinear { role: &'static str, parts: u64 } =>
+            "{role} cells are averages of the bilinear interpolant over {parts} parts each";
+        Chosen CellsOfInterpolant { role: &'static str, parts: u64, is_by_cosine: bool } =>
+            "{role} cells are averages of the file's own interpolant over {parts} parts each{weights}",
+            weights =
+                if is_by_cosine { ", weighted by the cosine, so that a cell keeps the light that it reflects" } else { "" };
+        Warning CellsCoarse { error_percent: f64, target_percent: f64 } =>
+            "projection alone costs er(L2) {error_percent:.3} % at the file's samples, more than half of the {target_percent} % \
+             asked for: give a finer outgoing_level (or incoming_level)";
+        Chosen MadeReciprocal { difference_percent: f64 } =>
+            "reciprocal: each value is the mean with that of the exchanged pair of directions; in the file the two differ by \
+             {difference_percent:.2} % (median)";
+
+        // Angles that the file does not cover, or that the quantity does not have.
+        Assumed OneAzimuthIsotropic => "incoming directions of one azimuth only: taken as isotropic";
+        Assumed WithoutGrid =>
+            "angles with nothing between them (one of them, or azimuths more than 90 degrees apart): taken as \
+             directions without a grid";
+        Assumed RotationallySymmetric { role: &'static str } =>
+            "{role} samples have no azimuth: taken as rotationally symmetric about z";
+        Assumed OutsideTheta { role: &'static str, first_degrees: f64, last_degrees: f64, is_zero: bool } =>
+            "{role} directions outside theta {first_degrees}° to {last_degrees}° are {rest}", rest = outside(is_zero);
+        Assumed OutsidePhi { role: &'static str, first_degrees: f64, last_degrees: f64, is_zero: bool } =>
+            "{role} directions outside phi {first_degrees}° to {last_degrees}° are {rest}", rest = outside(is_zero);
+        Skipped SamplesBeyond { role: &'static str, domain: Domain } =>
+            "{role} samples beyond the {domain} were left out";
+        Skipped ElevationsBeyond { elevations: usize, of: usize, domain: Domain } =>
+            "{elevations} of {of} outgoing elevations lie beyond the {domain}: left out";
+        Warning MissingAveraged { samples: usize, of: usize } =>
+            "{samples} of {of} samples are missing: cells are averages of what is there, masked where nothing is";
+        Warning MissingMasked { samples: usize, of: usize } => "{samples} of {of} samples are missing: masked";
+
+        // Wavelengths.
+        Chosen WavelengthsResampled {
+            wavelengths: usize, first_nm: f64, last_nm: f64, samples: usize, measured_first_nm: f64, measured_last_nm: f64,
+        } => "{wavelengths} wavelengths from {first_nm} to {last_nm} nm as requested: averages over their bands of the \
+              piecewise linear spectrum through {samples} samples from {measured_first_nm} to {measured_last_nm} nm";
+        Skipped WavelengthsOutside { wavelengths: usize } =>
+            "{wavelengths} requested wavelengths are outside the measured range and masked";
+    }
+}
+
+/// Returns the reason for a level, where `natural` is the one that fits the spacing of the samples.
+fn level_reason(level: u8, natural: u8, is_requested: bool) -> String {
+    if is_requested {
+        "as requested".to_owned()
+    } else if level < natural {
+        format!("level {natural} would fit the samples, but makes the tensor too large")
+    } else if level > natural {
+        format!("level {natural} would fit their spacing, but not represent what they say")
+    } else {
+        "the level whose mean cell size is nearest to the finer spacing".to_owned()
+    }
+}
+
+fn outside(is_zero: bool) -> &'static str {
+    if is_zero { "0, as the format's standard says" } else { "masked" }
+}

@@ -1,0 +1,66 @@
+//! Notes on surfaces: BRDFs, BTDFs and their angles.
+
+use super::Brief;
+
+wavelume_core::declare_notes! {
+    /// Notes on surfaces: BRDFs, BTDFs and their angles.
+    ScatteringNote {
+        Assumed LinearSrgb => "the channels are taken as linear sRGB";
+        Assumed ThreeValuesAsSrgb => "three values a row: taken as the channels of linear sRGB";
+        Assumed ReflectanceFactors => "reflectance factors, divided by π: a BRDF in 1/sr";
+        Assumed OutputNotStated => "#PARAM_OUT is not stated: values in 1/sr without the cosine, as asked";
+        Assumed CosineNotStated =>
+            "`cosine_included` is not stated, taken as false: the values do not hold |cos theta_o|";
+        Assumed CosineDivided { source: &'static str } =>
+            "values hold the cosine, as the {source} says: divided by |cos theta_o|";
+        Warning GrazingMasked { values: usize } => "{values} values at theta_o of 90 degrees hold a cosine of 0: masked";
+        Skipped RowsBelowHorizon { rows: usize } => "{rows} rows with a direction below the horizon";
+        Skipped ConfidenceLimits { rows: usize } => "confidence limits of {rows} rows";
+
+        // Azimuths.
+        Assumed IsotropicWithoutAzimuth => "no column phi_i: isotropic, phi_o is relative to the incoming azimuth";
+        Warning RepeatedAzimuthDiffers {
+            angles: String, first_degrees: Brief, last_degrees: Brief, difference_percent: f64,
+        } => "{angles}: values at {first_degrees}° and {last_degrees}° differ by up to {difference_percent:.2} %, averaged";
+        Assumed AzimuthsMirrored { angles: String } =>
+            "{angles}: isotropic, azimuths 0° to 180° taken as mirrored (else state the extent sector)";
+        Assumed AzimuthSector { angles: String, first_degrees: Brief, last_degrees: Brief } =>
+            "{angles}: azimuths {first_degrees}° to {last_degrees}° taken as all there is, the rest of the circle is masked";
+        Filled PolesFilled { samples: usize } =>
+            "{samples} samples at a pole, where all azimuths are one direction, from the others there";
+
+        // Analytic models.
+        Assumed WavelengthNotStated { wavelength_nm: f64 } => "no wavelength stated, taken as {wavelength_nm} nm";
+        Assumed CellsAveraged { incoming_points: usize, outgoing_points: usize } =>
+            "cells are averages over {incoming_points} × {outgoing_points} points";
+        Warning MoreLightThanArrives { albedo: f64, theta_degrees: f64, wavelength_nm: f64 } =>
+            "the model reflects {albedo:.3} of the light from theta {theta_degrees}° at {wavelength_nm} nm, more than arrives";
+
+        // MBSDF.
+        Assumed PolarAnglesEven => "polar angles at i · 90°/n from the normal, held from the last one to 90°";
+        Filled HorizonRowsRepeated => "the rows nearest to the horizon repeated at it, so that the sides do not mix";
+        Assumed SidesLinear => "each side is linear between its own angles, both lists are kept";
+
+        // MERL.
+        Assumed BigEndian => "big-endian numbers, expected little-endian; swapped";
+        Assumed WholeTurn { cells: usize } => "{cells} cells of phi_d are a whole turn";
+        Skipped NegativeMasked { values: usize, of: usize, lowest: f64 } =>
+            "{values} of {of} numbers are negative, down to {lowest}: masked";
+
+        // RGL.
+        Assumed TwoAzimuthsIsotropic => "two incident azimuths are an isotropic material, evaluated at azimuth 0";
+        Skipped RgbBesideSpectra => "the field `rgb` beside the spectra";
+        Skipped OtherFields { names: String } => "fields that say nothing about values: {names}";
+        Assumed ElevationsHeld { last_degrees: f64 } => "incident elevations from {last_degrees}° on are held to 90°";
+        Assumed HalfTurnSymmetry { first_degrees: f64, last_degrees: f64 } =>
+            "incident azimuths from {first_degrees}° to {last_degrees}°: the same when turned by 180°";
+        Assumed MirrorSymmetry { first_degrees: f64, last_degrees: f64 } =>
+            "incident azimuths from {first_degrees}° to {last_degrees}°: its own mirror image along x and along y";
+        Assumed AzimuthEndsHeld { first_degrees: f64, last_degrees: f64 } =>
+            "incident azimuths from {first_degrees}° to {last_degrees}°: held from the first and the last to the ends of the turn";
+        Warning MissingMasked { values: usize, of: usize } =>
+            "{values} of {of} numbers are missing (NaN); what would be interpolated from them is masked";
+        Warning NegativeKept { values: usize, of: usize, lowest: f32 } =>
+            "{values} of {of} numbers are negative, down to {lowest:e}; kept as they are";
+    }
+}

@@ -1,0 +1,21 @@
+//! Notes on text, lines and columns, and on the files of an archive.
+
+use super::Quoted;
+
+wavelume_core::declare_notes! {
+    /// Notes on text, lines and columns, and on the files of an archive.
+    TextNote {
+        Assumed DecodedAs { encoding: &'static str } => "text decoded as {encoding}";
+        Skipped LinesBeforeData { lines: usize } => "{lines} lines of text before the data";
+        Skipped LinesAfterEndMark { lines: usize } => "{lines} lines after the end mark of the data";
+        Skipped FiguresAroundData { lines: usize } =>
+            "{lines} lines of named figures around the data, kept as keywords";
+        Skipped BlankLastColumn => "the last column, which is blank throughout";
+        Skipped UnknownColumns { columns: usize, first_names: String } =>
+            "{columns} column(s) that are not known: {first_names}";
+        Warning ColumnsWithoutHeader { columns: usize } =>
+            "{columns} columns of values without a header, named 1 to {columns}";
+        Skipped OtherFileNamed { key: String } => "`{key}` names another file, which is not opened";
+        Assumed OnlyMeasurementOfArchive { member: Quoted } => "{member} is the only measurement of the archive";
+    }
+}

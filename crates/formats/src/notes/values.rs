@@ -1,0 +1,50 @@
+//! Notes on numbers, units and quantities of any format.
+
+use super::Brief;
+use crate::domain::Unit;
+
+wavelume_core::declare_notes! {
+    /// Notes on numbers, units and quantities of any format.
+    ValueNote {
+        Warning Negative { values: usize, lowest: f32 } =>
+            "{values} values are negative, down to {lowest}; kept as they are";
+        Warning NegativeOf { values: usize, of: usize, lowest: f32 } =>
+            "{values} of {of} values are negative, down to {lowest}; kept as they are";
+        Warning WithoutSample { missing: usize, of: usize, places: &'static str } =>
+            "{missing} of {of} {places} have no sample: masked";
+        Warning MeasuredRepeatedly { samples: usize } => "{samples} samples were measured more than once: averaged";
+        Assumed RoundedToFloat32 { element: &'static str } => "{element} values were rounded to float32";
+        Assumed AnglesRounded { stored_as: &'static str } => "angles in {stored_as} are rounded to 0.0001 degrees";
+        Warning QuantityAsAsked { asked: String, stated: String, source: &'static str } =>
+            "taken as {asked} as asked; the {source} says {stated}";
+        Assumed UnitNotStated { unit: Unit } => "no unit stated, taken as {unit}";
+        Warning UnitAsAsked { asked: Unit, stated: Unit, source: &'static str } =>
+            "unit taken as {asked} as asked; the {source} says {stated}";
+        Assumed WavelengthUnitNotStated => "`wavelength_unit` is not stated, taken as nm";
+        Warning WavelengthUnitAsAsked { asked: &'static str, stated: &'static str } =>
+            "wavelengths taken in {asked} as asked; the file says {stated}";
+        Warning ThetaLikelyInRadians { largest_degrees: Brief } =>
+            "theta up to {largest_degrees} degrees only: radians are said by `angle_unit: rad`";
+        Warning WavelengthsLikelyInMicrometres { largest_nm: Brief } =>
+            "wavelengths up to {largest_nm} nm only: micrometres are said by `wavelength_unit: um`";
+        Warning DirectionsRestated {
+            poles_percent: Option<f64>, seam_percent: Option<f64>, repeated_angles_percent: Option<f64>,
+            normal_incidence_percent: Option<f64>,
+        } => "values stated for one direction differ from their mean (rms): {parts}",
+            parts = parts(&[
+                ("poles", poles_percent),
+                ("seam", seam_percent),
+                ("angles listed twice", repeated_angles_percent),
+                ("azimuths at normal incidence", normal_incidence_percent),
+            ]);
+        Skipped ExtentsWithoutGrid => "extents and covers of angles: the directions make no grid";
+        Skipped UncertaintiesWithoutDirections =>
+            "the columns of sigma: uncertainties are used where there are directions";
+    }
+}
+
+/// Lists the percentages that are known, each with its name.
+fn parts(percentages: &[(&str, Option<f64>)]) -> String {
+    let known = percentages.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?)));
+    known.collect::<Vec<_>>().join(", ")
+}
