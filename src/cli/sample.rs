@@ -37,8 +37,8 @@ pub(crate) struct Args {
     /// Seed of the random numbers; equal seeds give equal directions on every machine
     #[arg(long, default_value_t = 0, conflicts_with = "directions")]
     seed: u64,
-    /// Subdivision level of the triangles from which directions are drawn; a lower one is coarser [default: the material's
-    /// own]
+    /// Subdivision level of the triangles from which directions are drawn; a lower one is coarser [default: the
+    /// material's own]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     level: Option<u8>,
     /// Zero-based entry on each leading index axis

@@ -300,7 +300,7 @@ impl DescribedAxis {
     }
 
     /// Adds the first and the last entry, in `unit`.
-    fn from_to(self, first: Option<f64>, last: Option<f64>, unit: &str) -> Self {
+    fn between(self, first: Option<f64>, last: Option<f64>, unit: &str) -> Self {
         Self { first, last, unit: Some(unit.to_owned()), ..self }
     }
 }
@@ -320,7 +320,7 @@ fn axis(axis: &Axis) -> DescribedAxis {
                 frame: Some(grid.frame()),
                 polar: Some(polar),
                 azimuths: Some(azimuths),
-                ..described.from_to(Some(first), Some(last), "degree")
+                ..described.between(Some(first), Some(last), "degree")
             }
         }
         Axis::Elevation(values) => angles(AxisKind::Elevation, values),
@@ -334,11 +334,11 @@ fn axis(axis: &Axis) -> DescribedAxis {
 
 fn wavelengths(grid: &WavelengthGrid) -> DescribedAxis {
     let (first, last) = grid.range();
-    DescribedAxis::new(AxisKind::Wavelength, grid.len()).from_to(Some(first), Some(last), "nm")
+    DescribedAxis::new(AxisKind::Wavelength, grid.len()).between(Some(first), Some(last), "nm")
 }
 
 fn angles(kind: AxisKind, values: &[f64]) -> DescribedAxis {
-    DescribedAxis::new(kind, values.len()).from_to(values.first().copied(), values.last().copied(), "degree")
+    DescribedAxis::new(kind, values.len()).between(values.first().copied(), values.last().copied(), "degree")
 }
 
 fn grid_axes(grid: &AngleGrid) -> Vec<DescribedAxis> {

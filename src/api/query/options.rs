@@ -70,7 +70,8 @@ pub(super) struct SampleOptions {
     /// NDJSON and f32 only: seed of the random numbers; equal seeds give equal directions on every machine; default 0.
     #[param(maximum = 18_446_744_073_709_551_615_usize)]
     pub(super) seed: Option<u64>,
-    /// NDJSON and f32 only: subdivision level of the triangles from which directions are drawn; default the material's own.
+    /// NDJSON and f32 only: subdivision level of the triangles from which directions are drawn; default the material's
+    /// own.
     #[param(maximum = 255)]
     pub(super) level: Option<u8>,
     /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.

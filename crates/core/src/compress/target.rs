@@ -148,10 +148,14 @@ impl Target {
 
     fn number(self) -> Option<f64> {
         match self {
-            Self::ErL1(number) | Self::ErL2(number) | Self::MaxRelativeError(number) => Some(number),
-            Self::MaxAbsoluteError(number) | Self::RelativeRmse(number) => Some(number),
+            Self::ErL1(number)
+            | Self::ErL2(number)
+            | Self::MaxRelativeError(number)
+            | Self::MaxAbsoluteError(number)
+            | Self::RelativeRmse(number)
+            | Self::Ratio(number)
+            | Self::Step(number) => Some(number),
             Self::DeltaE(DeltaE { at_most, .. }) => Some(at_most),
-            Self::Ratio(number) | Self::Step(number) => Some(number),
             Self::Bytes(_) | Self::Auto | Self::Lossless => None,
         }
     }

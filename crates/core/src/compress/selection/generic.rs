@@ -35,8 +35,8 @@ pub struct GenericTransform {
 struct Space {
     /// Norm of each generic coefficient over the axes transformed in this space.
     norms: Vec<f32>,
-    /// √(max − min) of the function that each coefficient stands for; empty for the last space, where a coefficient is a
-    /// number and no function of further axes.
+    /// √(max − min) of the function that each coefficient stands for; empty for the last space, where a coefficient is
+    /// a number and no function of further axes.
     spreads: Vec<f32>,
     /// Number of this space's coefficients that derive from one coefficient of the space before.
     length: usize,

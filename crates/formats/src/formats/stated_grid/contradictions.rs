@@ -70,8 +70,8 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Adds the values of one row to `to` as values stated for one direction: those of all columns, or only of the first
-    /// and the last one if `ends` is true.
+    /// Adds the values of one row to `to` as values stated for one direction: those of all columns, or only of the
+    /// first and the last one if `ends` is true.
     fn add(&self, block: &[f32], row: usize, ends: bool, to: &mut Repeated) {
         let row = &block[row * self.columns * self.inner..][..self.columns * self.inner];
         let step = if ends { (self.columns - 1) * self.inner } else { self.inner };
