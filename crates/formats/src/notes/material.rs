@@ -68,7 +68,8 @@ fn bands(wavelengths: Option<(f64, f64)>, channels: Option<(usize, usize)>) -> S
     }
 }
 
-/// Returns the likely reason for a material that is too dark. `reduced` is the percentage by which its lobe was reduced.
+/// Returns the likely reason for a material that is too dark. `reduced` is the percentage by which its narrow lobe was
+/// reduced.
 fn advice_for_less(reduced: Option<f64>) -> String {
     match reduced {
         Some(part) => format!(
