@@ -1,7 +1,7 @@
 //! The router: every route as a table of contents, the layers around it, and the description generated from it.
 
 use super::state::App;
-use super::{admit, color, description, export, jobs, known, layers, materials, measurements, preview, query, root};
+use super::{admit, description, layers};
 use axum::Router;
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -11,15 +11,15 @@ use utoipa_axum::router::OpenApiRouter;
 /// Every route, as a table of contents.
 fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(OpenApiBuilder::new().info(description::info()).build())
-        .merge(root::routes())
-        .merge(measurements::routes())
-        .merge(jobs::routes())
-        .merge(materials::routes())
-        .merge(query::routes())
-        .merge(color::routes())
-        .merge(preview::routes())
-        .merge(export::routes())
-        .merge(known::routes())
+        .merge(super::root::routes())
+        .merge(super::measurements::routes())
+        .merge(super::jobs::routes())
+        .merge(super::materials::routes())
+        .merge(super::query::routes())
+        .merge(super::color::routes())
+        .merge(super::preview::routes())
+        .merge(super::export::routes())
+        .merge(super::known::routes())
 }
 
 /// Builds the routes with the layers around them. Layers below run first.

@@ -19,8 +19,7 @@ pub(crate) struct Args {
     /// Material to export
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Format to write: rgl, merl, mbsdf, lm63, eulumdat, spd, csv, tabphase or npy
-    #[arg(long, value_parser = format)]
+    #[arg(long, value_parser = format, help = format_help())]
     format: ExportFormat,
     /// File to write; an existing one is replaced whole
     #[arg(short, long, value_name = "OUT")]
@@ -47,6 +46,11 @@ pub(crate) struct Args {
     /// Print what was written as one line of JSON
     #[arg(long)]
     json: bool,
+}
+
+fn format_help() -> String {
+    let names: Vec<&str> = ExportFormat::ALL.iter().map(|format| format.name()).collect();
+    format!("Format to write: {}", names.join(", "))
 }
 
 fn format(name: &str) -> Result<ExportFormat, String> {

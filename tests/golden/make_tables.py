@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes src/transform/tables/*.rs: one file a family, the low-pass filters of every basis on a line.
+"""Writes crates/core/src/transform/tables/*.rs: one file a family, the low-pass filters of every basis on a line.
 
     pip install PyWavelets==1.8.0 numpy
     python tests/golden/make_tables.py
@@ -15,7 +15,7 @@ import numpy as np
 import pywt
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-OUT = os.path.join(HERE, "..", "..", "src", "transform", "tables")
+OUT = os.path.join(HERE, "..", "..", "crates", "core", "src", "transform", "tables")
 MADE = "//! Machine-written by `tests/golden/make_tables.py`; edit there."
 PYWT = f"Digits: PyWavelets {pywt.__version__}, `pywt/_extensions/c/wavelets_coeffs.template.h`."
 

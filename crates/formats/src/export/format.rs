@@ -2,40 +2,51 @@
 
 use crate::domain::{UnknownName, named};
 
-/// The formats that are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum ExportFormat {
-    /// RGL tensor file: a BRDF, spectral or RGB, isotropic or not.
-    Rgl,
-    /// MERL table: an isotropic BRDF in RGB.
-    Merl,
-    /// MDL measured BSDF: isotropic, RGB or scalar.
-    Mbsdf,
-    /// IES LM-63-2002: a luminaire.
-    Lm63,
-    /// EULUMDAT: a luminaire in candela.
-    Eulumdat,
-    /// One spectrum in two columns.
-    Spd,
-    /// Spectra in columns.
-    Csv,
-    /// A phase function over the cosine.
-    Tabphase,
-    /// The samples as a `NumPy` array, beside a manifest of its axes.
-    Npy,
+/// Declares the formats that are written: each once, with its name, usual extension and media type.
+macro_rules! exports {
+    ($($(#[$doc:meta])+ $format:ident: $name:literal, $extension:literal, $media_type:literal;)+) => {
+        /// The formats that are written.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u8)]
+        pub enum ExportFormat {
+            $($(#[$doc])+ $format,)+
+        }
+        named!(ExportFormat, "export format", { $($format = $name),+ });
+
+        impl ExportFormat {
+            /// The usual file extension.
+            pub fn extension(self) -> &'static str {
+                match self { $(Self::$format => $extension),+ }
+            }
+
+            /// The media type of the bytes.
+            pub fn media_type(self) -> &'static str {
+                match self { $(Self::$format => $media_type),+ }
+            }
+        }
+    };
 }
-named!(ExportFormat, "export format", {
-    Rgl = "rgl",
-    Merl = "merl",
-    Mbsdf = "mbsdf",
-    Lm63 = "lm63",
-    Eulumdat = "eulumdat",
-    Spd = "spd",
-    Csv = "csv",
-    Tabphase = "tabphase",
-    Npy = "npy",
-});
+
+exports! {
+    /// RGL tensor file: a BRDF, spectral or RGB, isotropic or not.
+    Rgl: "rgl", "bsdf", "application/octet-stream";
+    /// MERL table: an isotropic BRDF in RGB.
+    Merl: "merl", "binary", "application/octet-stream";
+    /// MDL measured BSDF: isotropic, RGB or scalar.
+    Mbsdf: "mbsdf", "mbsdf", "application/octet-stream";
+    /// IES LM-63-2002: a luminaire.
+    Lm63: "lm63", "ies", "text/plain";
+    /// EULUMDAT: a luminaire in candela.
+    Eulumdat: "eulumdat", "ldt", "text/plain";
+    /// One spectrum in two columns.
+    Spd: "spd", "spd", "text/plain";
+    /// Spectra in columns.
+    Csv: "csv", "csv", "text/csv";
+    /// A phase function over the cosine.
+    Tabphase: "tabphase", "txt", "text/plain";
+    /// The samples as a `NumPy` array, beside a manifest of its axes.
+    Npy: "npy", "npy", "application/octet-stream";
+}
 
 impl ExportFormat {
     /// Returns the format called `name`. Names of the table of formats and common luminaire extensions are accepted,
@@ -45,30 +56,6 @@ impl ExportFormat {
             "lm-63" | "ies" => Ok(Self::Lm63),
             "ldt" => Ok(Self::Eulumdat),
             _ => name.parse(),
-        }
-    }
-
-    /// The usual file extension.
-    pub fn extension(self) -> &'static str {
-        match self {
-            Self::Rgl => "bsdf",
-            Self::Merl => "binary",
-            Self::Mbsdf => "mbsdf",
-            Self::Lm63 => "ies",
-            Self::Eulumdat => "ldt",
-            Self::Spd => "spd",
-            Self::Csv => "csv",
-            Self::Tabphase => "txt",
-            Self::Npy => "npy",
-        }
-    }
-
-    /// The media type of the bytes.
-    pub fn media_type(self) -> &'static str {
-        match self {
-            Self::Rgl | Self::Merl | Self::Mbsdf | Self::Npy => "application/octet-stream",
-            Self::Csv => "text/csv",
-            Self::Lm63 | Self::Eulumdat | Self::Spd | Self::Tabphase => "text/plain",
         }
     }
 }

@@ -5,26 +5,23 @@ use super::archive::about::ABOUT as ARCHIVES;
 use super::error::{FormatError, FormatErrorKind};
 use super::interpretation::Interpretation;
 use super::reader::{Format, HEAD_BYTES, Reader, Sample, refuse_idle_options};
-use super::{
-    alta, analytic, eulumdat, foreign, lm63, mbsdf, merl, npy, phase_table, radiometric_csv, rgl, spectral_table,
-    tabphase, text, tm27,
-};
+use super::{foreign, tabphase, text};
 
 /// Readers of single files, in the order of probing. A new format needs its module and a line here.
 const TABLE: &[Reader] = &[
-    npy::READER,
-    mbsdf::READER,
-    rgl::READER,
-    merl::READER,
-    lm63::READER,
-    eulumdat::READER,
-    radiometric_csv::READER,
-    radiometric_csv::arrow::READER,
-    tm27::READER,
-    alta::READER,
-    analytic::READER,
-    phase_table::READER,
-    spectral_table::READER,
+    super::npy::READER,
+    super::mbsdf::READER,
+    super::rgl::READER,
+    super::merl::READER,
+    super::lm63::READER,
+    super::eulumdat::READER,
+    super::radiometric_csv::READER,
+    super::radiometric_csv::arrow::READER,
+    super::tm27::READER,
+    super::alta::READER,
+    super::analytic::READER,
+    super::phase_table::READER,
+    super::spectral_table::READER,
 ];
 
 /// Confidence at which a probe takes precedence over the signatures of formats that are not read.

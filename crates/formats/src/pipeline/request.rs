@@ -27,7 +27,7 @@ impl Curve {
 
 named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 
-/// Declares the options of a request: each once, with its name, help text, JSON form and values.
+/// Declares the options of a request: each once, with its name, help text, JSON form, default and values.
 macro_rules! options {
     ($(#[$meta:meta])* pub struct Request {
         $(#[doc = $target:literal])+
@@ -35,7 +35,7 @@ macro_rules! options {
         $(
             $(#[doc = $help:literal])+
             $(#[serde($($serde:tt)+)])?
-            pub $name:ident: $type:ty = $values:expr,
+            pub $name:ident: $type:ty = $default:expr => $values:expr,
         )+
     }) => {
         $(#[$meta])*
@@ -56,6 +56,11 @@ macro_rules! options {
             )+];
             /// Help text of the target.
             pub const TARGET_HELP: &'static str = concat!($($target),+);
+
+            /// Creates a request for `target` with defaults for all other fields.
+            pub fn to(target: Target) -> Self {
+                Self { target, $($name: $default,)+ }
+            }
         }
     };
 }
@@ -86,7 +91,7 @@ options! {
         /// Directions of the tensor. `grid` keeps the grid of angles that the file states; it is the default if there
         /// is one and no level is given. `triangles` averages samples over triangles, as a subdivision level also does.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub domain: Option<DirectionDomain> = Values::Name {
+        pub domain: Option<DirectionDomain> = None => Values::Name {
             shown: "grid|triangles",
             names: || DirectionDomain::ALL.iter().map(|known| known.name()).collect(),
             default: None,
@@ -94,45 +99,45 @@ options! {
         /// Replaces each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
         /// directions. Errors are then measured against these means.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        pub reciprocal: bool = Values::Switch,
+        pub reciprocal: bool = false => Values::Switch,
         /// Subdivision level of the triangles of incoming directions.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub incoming_level: Option<u8> = LEVEL,
+        pub incoming_level: Option<u8> = None => LEVEL,
         /// Subdivision level of the triangles of outgoing directions.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub outgoing_level: Option<u8> = LEVEL,
+        pub outgoing_level: Option<u8> = None => LEVEL,
         /// Wavelengths to resample to: `START:STOP:STEP` in nm, both ends included.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub wavelengths: Option<String> = Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
+        pub wavelengths: Option<String> = None => Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
         /// Selection and coding of the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
         /// conventional (one threshold), generic (one threshold for each space) or adaptive.
         #[serde(default)]
-        pub policy: Policy = Values::Name {
+        pub policy: Policy = Policy::Rd => Values::Name {
             shown: "POLICY",
             names: || Policy::ALL.iter().map(|known| known.name()).collect(),
             default: Some("rd"),
         },
         /// Spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists.
         #[serde(default = "auto")]
-        pub basis: String = Values::Text { shown: "BASIS", default: Some("auto"), check: basis },
+        pub basis: String = auto() => Values::Text { shown: "BASIS", default: Some("auto"), check: basis },
         /// Relative floor, as a fraction of the largest sample: smaller samples leave the relative errors, and their
         /// absolute error is at most the floor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub floor: Option<f64> = Values::Number { shown: "F", limits: FLOOR },
+        pub floor: Option<f64> = None => Values::Number { shown: "F", limits: FLOOR },
         /// Upper bound on the relative error of the light (directional albedo, flux) of every direction and wavelength;
         /// needs policy rd.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub albedo_error: Option<f64> =
+        pub albedo_error: Option<f64> = None =>
             Values::Number { shown: "E", limits: ALBEDO_ERROR },
         /// Makes each incoming direction decodable without the others; needs policy rd. The material then has no
         /// coarser levels.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        pub random_access: bool = Values::Switch,
+        pub random_access: bool = false => Values::Switch,
         /// Interpolation between the directions of a grid of angles, written into the file. `cubic` interpolates
         /// logarithms, blended with enough straight lines to keep a luminaire's flux within 0.3 % of the zonal flux of
         /// its samples; `linear` draws straight lines.
         #[serde(default, skip_serializing_if = "Curve::is_default")]
-        pub interpolation: Curve = Values::Name {
+        pub interpolation: Curve = Curve::Cubic => Values::Name {
             shown: "cubic|linear",
             names: || Curve::ALL.iter().map(|known| known.name()).collect(),
             default: Some("cubic"),
@@ -140,10 +145,10 @@ options! {
         /// Fails if the material adds more to the noise of scattered samples than twice the promised error or half of
         /// the noise, or if its light differs from theirs; otherwise these are warnings.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-        pub strict: bool = Values::Switch,
+        pub strict: bool = false => Values::Switch,
         /// Writes the provenance (source, options, program) into the file, unless it is switched off.
         #[serde(default = "yes")]
-        pub metadata: bool = Values::SwitchOff,
+        pub metadata: bool = true => Values::SwitchOff,
     }
 }
 
@@ -179,26 +184,6 @@ impl Request {
     /// Creates a request for a relative error, er(L2), of at most `error`: 0.01 is 1 %.
     pub fn er_l2(error: f64) -> Self {
         Self::to(Target::ErL2(error))
-    }
-
-    /// Creates a request for `target` with defaults for all other fields.
-    pub fn to(target: Target) -> Self {
-        Self {
-            target,
-            policy: Policy::Rd,
-            basis: auto(),
-            floor: None,
-            albedo_error: None,
-            domain: None,
-            reciprocal: false,
-            incoming_level: None,
-            outgoing_level: None,
-            wavelengths: None,
-            metadata: true,
-            random_access: false,
-            interpolation: Curve::Cubic,
-            strict: false,
-        }
     }
 
     /// Checks every option against its declaration, before any measurement is read.
