@@ -108,7 +108,8 @@ options! {
         pub outgoing_level: Option<u8> = None => LEVEL,
         /// Wavelengths to resample to: `START:STOP:STEP` in nm, both ends included.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub wavelengths: Option<String> = None => Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
+        pub wavelengths: Option<String> = None =>
+            Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
         /// Selection and coding of the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
         /// conventional (one threshold), generic (one threshold for each space) or adaptive.
         #[serde(default)]
