@@ -128,7 +128,7 @@ fn target_argument(declared: &'static Declared) -> Arg {
     argument(declared)
         .value_name("E|auto")
         .value_parser(ValueParser::new(read))
-        .help(format!("{} [default: 0.01]. With `auto`: {auto}", help(declared)))
+        .help(format!("{} [default: 0.01]. `auto` stands for: {auto}", help(declared)))
 }
 
 /// Targets that have an option of their own.

@@ -147,7 +147,7 @@ options! {
         /// the noise, or if its light differs from theirs; otherwise these are warnings.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub strict: bool = false => Values::Switch,
-        /// Writes the provenance (source, options, program) into the file, unless it is switched off.
+        /// Provenance in the file: source, options and program. It is written unless this is switched off.
         #[serde(default = "yes")]
         pub metadata: bool = true => Values::SwitchOff,
     }
