@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 pub(crate) struct Args {
     #[command(flatten)]
     site: serve::Site,
-    /// Stop after the table
+    /// Stop once the table of results is printed, instead of serving until Ctrl-C
     #[arg(long, hide = true)]
     once: bool,
 }

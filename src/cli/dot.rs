@@ -8,10 +8,10 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A material
+    /// First material
     #[arg(value_name = "A.wlm")]
     a: PathBuf,
-    /// Another one on the same axes
+    /// Second material, on the same axes as the first
     #[arg(value_name = "B.wlm")]
     b: PathBuf,
     /// Taken for symmetry with the other commands: the answer is always JSON

@@ -13,7 +13,7 @@ pub(crate) struct Args {
     /// Print an array of JSON
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print one line of CSV for each figure
+    /// Print CSV, one line for each number of a table
     #[arg(long)]
     csv: bool,
 }

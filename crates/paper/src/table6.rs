@@ -42,7 +42,7 @@ enum Method {
     Effect { refits: usize },
 }
 
-/// Luminaire times illuminant, on its axes.
+/// Product of a luminaire and an illuminant: intensities by direction and wavelength.
 struct Light {
     axes: Vec<Axis>,
     samples: Vec<f32>,

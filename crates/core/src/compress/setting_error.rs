@@ -176,7 +176,7 @@ pub enum RandomAccessConflict {
     #[error("basis {0}")]
     Basis(String),
     /// Target whose corrections are coded for all samples together.
-    #[error("a target that bounds every sample, whose corrections are coded for the whole")]
+    #[error("a target that bounds every sample: its corrections are coded for all samples together")]
     EverySample,
     /// Axes without blocks.
     #[error("no incoming directions and no index in [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]

@@ -87,7 +87,7 @@ impl Arrived {
         turn_block(directions, &self.turns);
     }
 
-    /// Inverse of [`Arrived::turn`].
+    /// Rotates directions back to azimuth 0 of isotropic data; undoes [`Arrived::turn`].
     pub(super) fn turn_back(&self, directions: &mut Vectors) {
         let [cos, sin] = self.turns;
         turn_block(directions, &[cos, sin.map(|sin| -sin)]);

@@ -247,7 +247,7 @@ fn drawn(material: &Material, size: usize) -> Vec<[u8; 3]> {
     pixels
 }
 
-/// One of each kind.
+/// One material of each kind that previews draw differently, with its name.
 fn all() -> Vec<(&'static str, Material)> {
     let hemisphere = |level| triangles(Domain::Hemisphere, level);
     let sphere = |level| triangles(Domain::Sphere, level);

@@ -39,7 +39,7 @@ pub struct AxesRequest {
 const TARGET: f64 = 0.01;
 
 impl AxesRequest {
-    /// Returns the domain of sources with a grid.
+    /// Returns what the directions of a file with a grid of angles are projected onto: its grid, or triangles.
     pub(super) fn domain(&self) -> Result<DirectionDomain, ProjectionError> {
         let has_level = self.incoming_level.is_some() || self.outgoing_level.is_some();
         match (self.domain, has_level) {

@@ -89,7 +89,7 @@ impl Values {
         self.stride
     }
 
-    /// Number of places of incoming directions.
+    /// Number of entries of the incoming axis.
     pub(super) fn incoming(&self) -> usize {
         self.incoming
     }

@@ -22,7 +22,7 @@ pub struct Preparation {
 pub struct Prepared {
     /// Number of samples that were below 0.
     pub clamped: u64,
-    /// Least of those samples; 0 if there were none.
+    /// Least of the samples that were below 0; 0 if there were none.
     pub most_negative: f32,
     /// Number of integrals scaled to 1: one for each incoming entry and wavelength.
     pub normalised: u64,

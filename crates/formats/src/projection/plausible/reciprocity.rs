@@ -28,7 +28,7 @@ pub struct Reciprocity {
     pub difference: f64,
     /// Number of values compared with that of the exchanged pair of directions.
     pub values: u64,
-    /// True if the exchanged values are interpolated between samples, false if they are samples.
+    /// True if the values f(wo, wi) are interpolated between samples, false if they are samples of the file.
     pub is_interpolated: bool,
 }
 

@@ -16,7 +16,7 @@ pub(super) struct Template {
     pub(super) details: Vec<Distance>,
     /// Neighbours whose details in earlier planes are features.
     pub(super) others: [Distance; 3],
-    /// Neighbours whose errors count, with their weights.
+    /// Neighbours whose prediction errors are averaged to predict the spread of a node's, with their weights.
     pub(super) errors: Vec<(Distance, f32)>,
     is_long: bool,
 }

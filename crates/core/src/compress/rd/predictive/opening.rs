@@ -32,7 +32,8 @@ impl Opening {
     }
 }
 
-/// Encodes generators as one number; 0 without any.
+/// Encodes the generators of a symmetry group as one number, whose digits are their places in the list of all
+/// symmetries; 0 without any.
 pub(super) fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
     let known = Symmetry::of(shape.mesh().domain());
     let digits = generators.iter().rev().filter_map(|g| known.iter().position(|k| k == g));

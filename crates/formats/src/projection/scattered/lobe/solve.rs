@@ -306,7 +306,7 @@ impl Problem<'_> {
 pub(super) struct Predicted {
     /// Logarithm of the sum of base and lobe.
     pub(super) log: f64,
-    /// Logarithm of the base.
+    /// Logarithm of the base, the part of the surface's values without the lobe.
     pub(super) base: f64,
     /// Share of the lobe in that sum, 0 to 1.
     pub(super) share: f64,
