@@ -101,7 +101,7 @@ fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value> {
     }
 }
 
-/// Builds a request from the options among `names` that are stated, and a target.
+/// Builds a request for `target` from the stated options, of those that `takes` accepts.
 fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -> Result<Request, clap::Error> {
     let options = Request::OPTIONS.iter().filter(|declared| takes(declared));
     let options = options.filter_map(|declared| Some((declared.name.to_owned(), stated(matches, declared)?)));

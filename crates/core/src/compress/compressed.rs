@@ -1,9 +1,11 @@
 //! Result of a compression: the file, its errors, and the search that found it.
 
+use super::decode::{Decoded, decode};
 use super::effort::Effort;
 use super::light::LightReport;
 use super::noise::Noise;
 use super::summary::Summary;
+use crate::codec::CodecError;
 use crate::domain::Measurement;
 use crate::domain::colour::ColourReport;
 use serde::{Deserialize, Serialize};
@@ -13,9 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct Compressed {
     /// Bytes of the file.
     pub bytes: Vec<u8>,
-    /// Samples that the bytes decode to, on the axes of the measurement; [`decode`](super::decode) returns the same.
-    /// `None` once they are taken.
-    pub decoded: Option<Measurement>,
+    /// Samples that the bytes decode to, as long as they are at hand: see [`Compressed::take_decoded`].
+    pub(crate) decoded: Option<Measurement>,
     /// Summary of the file, with the errors of the decoded bytes in full precision (the header rounds them).
     pub summary: Summary,
     /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without
@@ -29,6 +30,23 @@ pub struct Compressed {
     pub noise: Option<Noise>,
     /// Number of trials that the search took.
     pub effort: Effort,
+}
+
+impl Compressed {
+    /// Takes the samples that the bytes decode to. They are those that the errors were measured on, or are decoded again
+    /// if they were freed or taken before; both are the same.
+    pub fn take_decoded(&mut self) -> Result<Decoded, CodecError> {
+        match self.decoded.take() {
+            Some(measurement) => Ok(Decoded { measurement, summary: self.summary.clone() }),
+            None => decode(&self.bytes),
+        }
+    }
+
+    /// Frees the decoded samples, which take as much memory as the measurement, before another file is made.
+    #[must_use]
+    pub fn without_samples(self) -> Self {
+        Self { decoded: None, ..self }
+    }
 }
 
 /// Spectral basis that competed.

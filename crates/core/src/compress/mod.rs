@@ -137,7 +137,7 @@ pub fn compress_numbers(
         Policy::Lossless => lossless::compress(measurement, numbers, settings, floor, progress)?,
     };
     progress.report(1.0);
-    compressed.colour = promise::colour(measurement, settings.target, compressed.decoded.as_ref())?;
+    compressed.colour = promise::colour(measurement, settings.target, &mut compressed)?;
     promise::keep(settings, floor, &compressed)?;
     compressed.noise = estimate_noise(measurement, floor);
     compressed.effort = tally.effort();

@@ -116,10 +116,13 @@ pub(crate) fn colours_of(measurement: &Measurement, target: DeltaE) -> Result<Sp
 pub(crate) fn colour(
     measurement: &Measurement,
     target: Target,
-    decoded: Option<&Measurement>,
+    compressed: &mut Compressed,
 ) -> Result<Option<ColourReport>, CompressError> {
-    let (Target::DeltaE(wanted), Some(decoded)) = (target, decoded) else { return Ok(None) };
-    Ok(Some(colours_of(measurement, wanted)?.differences(decoded.tensor.samples())))
+    let Target::DeltaE(wanted) = target else { return Ok(None) };
+    let decoded = compressed.take_decoded().map_err(UnreachableError::Colours)?.measurement;
+    let colours = colours_of(measurement, wanted)?.differences(decoded.tensor.samples());
+    compressed.decoded = Some(decoded);
+    Ok(Some(colours))
 }
 
 /// Rejects a file that misses its target, before it is returned to the caller.

@@ -70,7 +70,7 @@ pub(crate) fn compress(
             finish(parts, measurement, settings.metadata.as_deref())
         };
         match file() {
-            Ok(file) => found.push(file),
+            Ok(file) => found.push(file.without_samples()),
             // Another basis may reach the target.
             Err(CompressError::Unreachable(error)) => refused.push((0.0, error)),
             Err(other) => return Err(other),

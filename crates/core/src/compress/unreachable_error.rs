@@ -168,6 +168,9 @@ pub enum UnreachableError {
         /// The decoder's reason.
         reason: CodecError,
     },
+    /// File that does not decode, so that its colours cannot be checked.
+    #[error("delta_e: the file does not decode ({0}); use lossless")]
+    Colours(CodecError),
 }
 
 const KLT: &str = "klt";

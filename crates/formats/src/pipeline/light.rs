@@ -27,6 +27,7 @@ pub(super) fn compress(
     if !(is_off && is_free) {
         return Ok(compressed);
     }
+    let compressed = compressed.without_samples();
     let bounded = Settings { albedo_error: Some(LIGHT), ..settings.clone() };
     match compress::compress(measurement, &bounded, progress) {
         Ok(kept) if kept.bytes.len() as f64 <= (1.0 + COST) * compressed.bytes.len() as f64 => Ok(kept),

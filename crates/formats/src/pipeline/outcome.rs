@@ -12,7 +12,7 @@ use super::sample_light::{self, LightSums, Scanned, Untold};
 use super::source::Source;
 use super::sparse::has_lobes;
 use super::uncertainty::within_on_grid;
-use crate::compress::{self, Between, Decoded, Numbers, Settings, Summary, Target};
+use crate::compress::{self, Between, Numbers, Settings, Summary, Target};
 use crate::domain::{Axis, Progress, Silent};
 use crate::evaluate::{Material, interpolation_between, state_levels, straight_lines_for_flux};
 use crate::formats::{Acquisition, Note, Samples, not_wider};
@@ -154,10 +154,7 @@ fn compressed(
     }
     // Frees the measurement: evaluation needs the memory.
     drop((measurement, numbers));
-    let decoded = match compressed.decoded.take() {
-        Some(measurement) => Decoded { measurement, summary: compressed.summary.clone() },
-        None => compress::decode(&compressed.bytes).map_err(|error| PipelineError::Opened(error.into()))?,
-    };
+    let decoded = compressed.take_decoded().map_err(|error| PipelineError::Opened(error.into()))?;
     let samples = decoded.measurement.tensor.len();
     let within_2u = within_on_grid(acquisition, request, &decoded.measurement.tensor);
     let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));

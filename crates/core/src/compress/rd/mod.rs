@@ -71,7 +71,7 @@ pub(crate) fn compress(
         _ if has_negative => with(below, Negative::Weighed),
         failed => failed,
     };
-    let clipped = attempt(Below::Clipped);
+    let clipped = attempt(Below::Clipped).map(Compressed::without_samples);
     let dark = attempt(Below::Zero);
     let (Ok(first), Ok(second)) = (&clipped, &dark) else { return clipped.or(dark) };
     let by_size = matches!(settings.target, Target::Bytes(_) | Target::Ratio(_) | Target::Auto);
