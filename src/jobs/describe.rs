@@ -145,7 +145,7 @@ pub(crate) struct Extent {
     /// True if the file states uncertainties of its values.
     #[serde(default)]
     pub stated_uncertainties: bool,
-    /// Value of directions outside the extent.
+    /// Value that stands for directions outside the measured range: 0, or none.
     pub outside: OutsideValue,
     /// Number of missing values.
     #[serde(default)]

@@ -33,8 +33,8 @@ pub struct Compressed {
 }
 
 impl Compressed {
-    /// Takes the samples that the bytes decode to. They are those that the errors were measured on, or are decoded again
-    /// if they were freed or taken before; both are the same.
+    /// Takes the samples that the bytes decode to. They are those that the errors were measured on, or are decoded
+    /// again if they were freed or taken before; both are the same.
     pub fn take_decoded(&mut self) -> Result<Decoded, CodecError> {
         match self.decoded.take() {
             Some(measurement) => Ok(Decoded { measurement, summary: self.summary.clone() }),

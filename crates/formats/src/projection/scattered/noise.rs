@@ -10,8 +10,8 @@
 //! in pairs.
 //!
 //! Samples that form a lobe only together with other incidences are not rejected either
-//! ([`together`](super::together)). Those of several incidences that stand about one likely centre are, but suggest
-//! a lobe that the scan does not resolve ([`centred`](super::centred)).
+//! ([`together`](super::together)). A few outliers of several incidences about one likely centre are
+//! rejected; the report tells them as a lobe that the scan may not resolve ([`centred`](super::centred)).
 
 use super::cells::{Fitted, Scratch};
 use super::centred::unresolved;
