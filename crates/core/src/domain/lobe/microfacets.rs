@@ -1,5 +1,5 @@
-//! Masking and projection by the microfacets of a surface: the factor G of a lobe that depends on the half vector. A lobe
-//! about a direction has none.
+//! Masking and projection by the microfacets of a surface: the factor G of a lobe that depends on the half vector. A
+//! lobe about a direction has none.
 
 /// Ratio of the roughness α of a GGX surface to the half-width of its lobe in slopes of half vectors: (1 + tan²/α²)² is
 /// 2 at tan = 0.6436 α.
