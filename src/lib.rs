@@ -32,7 +32,7 @@ pub mod store;
 use wavelume_core::numeric;
 
 #[doc(hidden)]
-pub use jobs::{Archive, CatalogError, Fault, FsckReport, SweepReport};
+pub use jobs::{Archive, CatalogError, Check, Database, Fault, FsckReport, Place, Site, SweepReport};
 pub use wavelume_core::{algebra, compress, domain, evaluate, transform};
 pub use wavelume_formats::{export, formats, pipeline, preview, projection};
 pub use wavelume_paper as paper;

@@ -13,6 +13,7 @@ fn main() -> ExitCode {
             let _ = writeln!(std::io::stderr(), "wavelume: internal error{place}: {message}");
         }));
     }
+    wavelume::store::provide_tls();
     match std::panic::catch_unwind(run).unwrap_or(Err(Failure::Bug)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -2,12 +2,12 @@
 
 use super::problem::{Kind, Problem};
 use super::state::App;
-use crate::store::{Digest, StoreExt, WHOLE};
+use crate::jobs::BlobError;
+use crate::store::{Digest, WHOLE};
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::Response;
 use std::ops::Range;
-use std::sync::Arc;
 
 /// The media type of a material.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
@@ -21,10 +21,11 @@ pub(crate) async fn respond_named(
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    if app.engine.archive.store.size(digest).await?.is_none() {
-        return Err(Problem::missing(digest));
-    }
-    respond(app, digest, media_type, file_name, method, headers).await
+    let answer = answer(app, digest, media_type, file_name, method, headers).await;
+    answer.map_err(|refused| match refused {
+        Refused::Blob(error) => Problem::of_named(digest, error),
+        Refused::Request(problem) => problem,
+    })
 }
 
 /// Answers with the blob `digest`, or with the byte range, the headers alone or the 304 that the request asks for.
@@ -36,16 +37,40 @@ pub(crate) async fn respond(
     method: &Method,
     headers: &HeaderMap,
 ) -> Result<Response, Problem> {
-    let store = Arc::clone(&app.engine.archive.store);
-    let size = store.size(digest).await?.ok_or(crate::store::StoreError::NotFound(digest))?;
+    let answer = answer(app, digest, media_type, file_name, method, headers).await;
+    answer.map_err(|refused| match refused {
+        Refused::Blob(error) => error.into(),
+        Refused::Request(problem) => problem,
+    })
+}
+
+/// Reason why stored bytes are not the answer.
+enum Refused {
+    /// They cannot be read.
+    Blob(BlobError),
+    /// The request asks for something that they do not have.
+    Request(Problem),
+}
+
+async fn answer(
+    app: &App,
+    digest: Digest,
+    media_type: &'static str,
+    file_name: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Result<Response, Refused> {
+    let archive = &app.engine.archive;
+    let (blob, size) = archive.blob(digest).await.map_err(Refused::Blob)?;
     let labels = Labels::new(digest, media_type, file_name);
-    let asked = labels.asked(headers, size)?;
+    let asked = labels.asked(headers, size).map_err(Refused::Request)?;
     let body = match &asked {
         Some((_, range)) if method != Method::HEAD => {
             if size <= WHOLE {
-                Body::from(store.get(digest).await?.slice(range.start as usize..range.end as usize))
+                let bytes = archive.get(digest).await.map_err(Refused::Blob)?;
+                Body::from(bytes.slice(range.start as usize..range.end as usize))
             } else {
-                Body::from_stream(store.stream(digest, range.clone(), size))
+                Body::from_stream(archive.stream(blob, range.clone(), size))
             }
         }
         _ => Body::empty(),

@@ -1,9 +1,9 @@
 //! In-memory cache of small material files, by digest.
 
 use super::problem::Problem;
-use crate::store::{Digest, Store, StoreExt};
+use crate::jobs::Archive;
+use crate::store::Digest;
 use bytes::Bytes;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Size in bytes of the largest file that is cached.
@@ -27,15 +27,17 @@ impl Contents {
 
     /// Returns the verified bytes of a file that the catalog knows; `None` if it is too large to cache. Concurrent
     /// requests share one read.
-    pub(crate) async fn get(&self, store: &Arc<dyn Store>, digest: Digest) -> Result<Option<Bytes>, Problem> {
+    pub(crate) async fn get(&self, archive: &Archive, digest: Digest) -> Result<Option<Bytes>, Problem> {
         if let Some(bytes) = self.files.get(&digest).await {
             return Ok(Some(bytes));
         }
-        let size = store.size(digest).await?.ok_or_else(|| Problem::missing(digest))?;
+        let (_, size) = archive.blob(digest).await.map_err(|error| Problem::of_named(digest, error))?;
         if size > SMALL {
             return Ok(None);
         }
-        let read = self.files.try_get_with(digest, async { Ok::<_, Problem>(store.get(digest).await?) });
+        let read = self.files.try_get_with(digest, async {
+            archive.get(digest).await.map_err(|error| Problem::of_named(digest, error))
+        });
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }
 

@@ -148,7 +148,7 @@ async fn get_material_content(
 ) -> Result<Response, Problem> {
     let name = known(&app, id).await?;
     let name = format!("{}.wlm", name.as_deref().unwrap_or(&id.to_string()[..15]));
-    if let Some(bytes) = app.contents.get(&app.engine.archive.store, id).await? {
+    if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
         return content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers);
     }
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await

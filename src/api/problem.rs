@@ -6,7 +6,7 @@ use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
 use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
-use crate::jobs::{Code, IngestError, JobProblem, MathsError, OpenError};
+use crate::jobs::{BlobError, Code, IngestError, JobProblem, MathsError, OpenError};
 use crate::preview::PreviewError;
 use crate::store::{Digest, StoreError};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -138,6 +138,14 @@ impl Problem {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }
 
+    /// Builds the problem of bytes that a catalog row names and that cannot be read: missing ones are damage.
+    pub(crate) fn of_named(digest: Digest, error: BlobError) -> Self {
+        match error {
+            BlobError::Store(StoreError::NotFound(_)) => Self::missing(digest),
+            other => other.into(),
+        }
+    }
+
     pub(crate) fn body(&self) -> ProblemBody {
         ProblemBody {
             kind: format!("urn:wavelume:problem:{}", self.kind.code()),
@@ -181,11 +189,23 @@ impl From<StoreError> for Problem {
 impl From<CatalogError> for Problem {
     fn from(error: CatalogError) -> Self {
         match error {
-            CatalogError::Sql(_) => Self::inside(Kind::Unavailable, &error, "the catalog did not answer"),
-            CatalogError::Locked => Self::inside(Kind::Unavailable, &error, "another program has locked the catalog"),
-            CatalogError::Migrate(_) | CatalogError::Unusable { .. } | CatalogError::Row { .. } => {
-                Self::internal(&error)
+            CatalogError::Sql(_) | CatalogError::Unreachable { .. } => {
+                Self::inside(Kind::Unavailable, &error, "the catalog did not answer")
             }
+            CatalogError::Locked => Self::inside(Kind::Unavailable, &error, "another program has locked the catalog"),
+            CatalogError::Migrate(_)
+            | CatalogError::Schema(_)
+            | CatalogError::Unusable { .. }
+            | CatalogError::Row { .. } => Self::internal(&error),
+        }
+    }
+}
+
+impl From<BlobError> for Problem {
+    fn from(error: BlobError) -> Self {
+        match error {
+            BlobError::Store(error) => error.into(),
+            BlobError::Catalog(error) => error.into(),
         }
     }
 }
@@ -247,11 +267,11 @@ impl From<ExportError> for Problem {
 impl From<&OpenError> for Problem {
     fn from(error: &OpenError) -> Self {
         match error {
-            OpenError::Store(StoreError::NotFound(digest)) => Self::missing(*digest),
-            OpenError::Store(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
+            OpenError::Blob(BlobError::Store(StoreError::NotFound(digest))) => Self::missing(*digest),
+            OpenError::Blob(BlobError::Store(StoreError::Corrupt { .. } | StoreError::Range { .. })) => {
                 Self::inside(Kind::Corrupt, error, "the stored bytes are not those of their digest")
             }
-            OpenError::Store(_) => Self::inside(Kind::Unavailable, error, "the store did not answer"),
+            OpenError::Blob(_) => Self::inside(Kind::Unavailable, error, "the store or the catalog did not answer"),
             OpenError::Maths(error) => error.clone().into(),
             OpenError::Evaluate(error) => error.clone().into(),
         }

@@ -75,9 +75,10 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
 )]
 async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
-    for (state, count) in app.engine.archive.catalog.job_counts().await? {
-        metrics::gauge!("wavelume_jobs", "state" => state.name()).set(count as f64);
-    }
+    let jobs = app.engine.archive.catalog.job_counts().await?;
+    metrics::gauge!("wavelume_jobs", "state" => "queued").set(jobs.queued as f64);
+    metrics::gauge!("wavelume_jobs", "state" => "running").set(jobs.running as f64);
+    metrics::gauge!("wavelume_oldest_waiting_seconds").set(jobs.oldest_ms as f64 / 1000.0);
     metrics::gauge!("wavelume_uploads_running").set(app.held.uploads.taken() as f64);
     metrics::gauge!("wavelume_streams_running").set(app.held.streams.taken() as f64);
     for (kind, taken) in app.held.kinds().map(Places::figure) {

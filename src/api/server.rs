@@ -127,7 +127,8 @@ impl Server {
             metrics: metrics(),
             openapi: json.into(),
         };
-        tracing::info!(%address, data = %engine.archive.data.display(), workers, "serving");
+        let (database, store) = engine.archive.places();
+        tracing::info!(%address, %database, %store, workers, "serving");
         let working = tokio::spawn({
             let (engine, stopping) = (Arc::clone(&engine), stopping.clone());
             async move { run_workers(&engine, workers, &stopping).await }

@@ -1,23 +1,24 @@
-//! The catalog's database: opened, brought up to date, and written in one transaction at a time.
+//! The catalog's database: opened, and written in transactions that are repeated where that is safe.
 
-use super::dialect::{CLOCK, PRAGMAS};
+use super::dialect::Dialect;
 use super::error::CatalogError;
-use super::file::{check, is_hopeless, unusable, url};
+use super::file::{self, check};
 use super::lock::Readiness;
-use super::schema;
-use sqlx::any::{AnyPoolOptions, install_default_drivers};
-use sqlx::migrate::MigrateError;
-use sqlx::{Any, AnyPool, Executor, Row, Transaction};
-use std::path::Path;
+use super::place::Database;
+use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
+use sqlx::{Any, AnyConnection, AnyPool, ConnectOptions, Connection, Executor, Row, SqlStr, Transaction};
+use std::str::FromStr;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tokio::sync::{Mutex, OwnedMutexGuard};
 
 /// The catalog; cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
-    /// Turn of a writer of this process: waiting here is fair, SQLite's busy handler is not.
+    pub(super) place: Database,
+    pub(super) dialect: Dialect,
+    /// Turn of a writer of this process on SQLite: waiting here is fair, SQLite's busy handler is not.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
 }
@@ -25,57 +26,53 @@ pub(crate) struct Catalog {
 /// A write transaction, which changes nothing unless it is committed.
 pub(super) struct Write {
     pub(super) transaction: Transaction<'static, Any>,
+    pub(super) dialect: Dialect,
     /// Start time by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
-    _turn: OwnedMutexGuard<()>,
+    _turn: Option<OwnedMutexGuard<()>>,
 }
 
-impl Catalog {
-    /// Opens the SQLite catalog in `file`, makes it if it is missing, and brings its schema up to date.
-    #[cfg(test)]
-    pub(crate) async fn open(file: &Path) -> Result<Self, CatalogError> {
-        Ok(Self::migrate(file).await?.0)
-    }
+/// Number of times that an operation is tried in all before a passing fault of the database is passed on. Raising it
+/// survives longer restarts of the database, and answers later when it stays away.
+const TRIES: u32 = 5;
 
-    /// Opens the catalog, brings its schema up to date and returns the number of migrations applied.
-    pub(crate) async fn migrate(file: &Path) -> Result<(Self, usize), CatalogError> {
+/// Pause before the second try; it doubles with each further one.
+const PAUSE: Duration = Duration::from_millis(20);
+
+impl Catalog {
+    /// Connects to the database without looking at its schema. At most `connections` are held at once.
+    pub(super) async fn connect(place: &Database, connections: u32) -> Result<Self, CatalogError> {
         install_default_drivers();
-        let url = url(file)?;
-        check(file, &url).await?;
+        let dialect = place.dialect();
+        let url = match place {
+            Database::File(file) => {
+                let url = file::url(file)?;
+                check(file, &url).await?;
+                url
+            }
+            Database::Server(url) => {
+                // Without a pool, whose retries would hide a fault for long.
+                let reached = AnyConnection::connect(url).await;
+                reached.map_err(|error| unreachable_server(place, &error))?.close().await?;
+                url.clone()
+            }
+        };
+        let options = AnyConnectOptions::from_str(&url)?.disable_statement_logging();
         let pool = AnyPoolOptions::new()
-            .max_connections(8)
+            .max_connections(connections)
             .acquire_timeout(Duration::from_secs(30))
-            .after_connect(|connection, _| {
+            .after_connect(move |connection, _| {
                 Box::pin(async move {
-                    for pragma in PRAGMAS {
-                        connection.execute(pragma).await?;
+                    for statement in dialect.prepare() {
+                        connection.execute(*statement).await?;
                     }
                     Ok(())
                 })
             })
-            .connect(&url)
+            .connect_with(options)
             .await?;
-        let catalog = Self { pool, turn: Arc::default(), readiness: Arc::new(Readiness::new(url)) };
-        let before = catalog.applied().await;
-        // Two processes may start at once; the second finds the tables of the first and tries again.
-        let migrations = schema::migrator();
-        let (mut tries, start) = (0, Instant::now());
-        while let Err(error) = migrations.run(&catalog.pool).await {
-            tries += 1;
-            let last = tries == 10;
-            match error {
-                MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _)
-                    if last || is_hopeless(&error, start) =>
-                {
-                    return Err(unusable(file, error));
-                }
-                MigrateError::Execute(_) | MigrateError::ExecuteMigration(..) => {}
-                other => return Err(other.into()),
-            }
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-        let after = catalog.applied().await;
-        Ok((catalog, after.saturating_sub(before)))
+        let readiness = Arc::new(Readiness::new(url));
+        Ok(Self { pool, place: place.clone(), dialect, turn: Arc::default(), readiness })
     }
 
     /// Closes all connections.
@@ -83,22 +80,67 @@ impl Catalog {
         self.pool.close().await;
     }
 
-    async fn applied(&self) -> usize {
-        // Before the first migration the table is missing: none were applied.
-        let count = sqlx::query("SELECT COUNT(*) FROM _sqlx_migrations").fetch_one(&self.pool).await;
-        count.and_then(|row| row.try_get::<i64, _>(0)).map_or(0, |count| count.max(0) as usize)
+    /// Returns the database behind the catalog.
+    pub(crate) fn dialect(&self) -> Dialect {
+        self.dialect
     }
 
+    /// Writes a statement for the database; see [`Dialect::sql`].
+    pub(super) fn sql(&self, text: &'static str) -> SqlStr {
+        self.dialect.sql(text)
+    }
+
+    /// Waits for this process's turn to write, which only SQLite needs. A statement that writes outside a transaction
+    /// takes it too.
+    pub(super) async fn turn(&self) -> Option<OwnedMutexGuard<()>> {
+        match self.dialect {
+            Dialect::Sqlite => Some(Arc::clone(&self.turn).lock_owned().await),
+            Dialect::Postgres => None,
+        }
+    }
+
+    /// Begins a write transaction.
     pub(super) async fn write(&self) -> Result<Write, CatalogError> {
-        let turn = Arc::clone(&self.turn).lock_owned().await;
-        let mut transaction = self.pool.begin_with("BEGIN IMMEDIATE").await?;
+        let turn = self.turn().await;
+        let mut transaction = self.pool.begin_with(self.dialect.begin()).await?;
         self.readiness.wrote();
-        let now = sqlx::query(CLOCK).fetch_one(&mut *transaction).await?.try_get(0)?;
-        Ok(Write { transaction, now, _turn: turn })
+        let now = sqlx::query(self.sql("SELECT {now}")).fetch_one(&mut *transaction).await?.try_get(0)?;
+        Ok(Write { transaction, dialect: self.dialect, now, _turn: turn })
+    }
+
+    /// Runs a whole operation, and again after a short pause if another transaction was in its way or its connection
+    /// broke. Its argument is true for a repetition: the try before may have been committed although its answer was
+    /// lost.
+    pub(super) async fn repeat<T, F>(&self, operation: impl Fn(bool) -> F) -> Result<T, CatalogError>
+    where
+        F: Future<Output = Result<T, CatalogError>>,
+    {
+        let mut pause = PAUSE;
+        for tried in 1.. {
+            match operation(tried > 1).await {
+                Err(CatalogError::Sql(error)) if tried < TRIES && self.dialect.is_passing(&error) => {
+                    tracing::debug!(%error, tried, "an operation of the catalog is repeated");
+                    // Two that were in each other's way must not meet again.
+                    let jitter = uuid::Uuid::now_v7().as_bytes()[15] % 16;
+                    tokio::time::sleep(pause + Duration::from_millis(u64::from(jitter))).await;
+                    pause *= 2;
+                }
+                done => return done,
+            }
+        }
+        Err(CatalogError::Locked)
     }
 }
 
+fn unreachable_server(place: &Database, error: &sqlx::Error) -> CatalogError {
+    CatalogError::Unreachable { place: place.to_string(), reason: error.to_string() }
+}
+
 impl Write {
+    pub(super) fn sql(&self, text: &'static str) -> SqlStr {
+        self.dialect.sql(text)
+    }
+
     pub(super) async fn commit(self) -> Result<(), CatalogError> {
         Ok(self.transaction.commit().await?)
     }
@@ -106,26 +148,14 @@ impl Write {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::catalog::testing;
 
     #[tokio::test]
-    async fn the_schema_is_applied_once_even_by_two_at_a_time() {
-        let directory = tempfile::tempdir().unwrap();
-        let file = directory.path().join("catalog.sqlite");
-        let (first, second) = tokio::join!(Catalog::migrate(&file), Catalog::migrate(&file));
-        let (first, second) = (first.unwrap(), second.unwrap());
-        assert!(first.1 + second.1 >= 1);
-        assert_eq!(Catalog::migrate(&file).await.unwrap().1, 0);
-        first.0.ping().await.unwrap();
-        second.0.ping().await.unwrap();
-    }
-
-    #[tokio::test]
     async fn the_clock_is_in_milliseconds_of_the_epoch() {
-        let (catalog, _directory) = testing::catalog().await;
-        let now = catalog.write().await.unwrap().now;
-        let here = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_millis() as i64;
-        assert!((now - here).abs() < 60_000, "{now} {here}");
+        for (catalog, _guard) in testing::catalogs().await {
+            let now = catalog.write().await.unwrap().now;
+            let here = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_millis() as i64;
+            assert!((now - here).abs() < 60_000, "{now} {here}");
+        }
     }
 }

@@ -1,18 +1,121 @@
-//! SQL that differs between databases, as SQLite takes it.
+//! The two databases: their URLs, the settings of their connections, and the SQL in which they differ.
 
-/// Query for the current time in ms of the Unix epoch by the database's own clock, which workers on several hosts
-/// share.
-pub(super) const CLOCK: &str = "SELECT CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)";
+use super::result_code::{BUSY, primary};
+use sqlx::{AssertSqlSafe, SqlSafeStr, SqlStr};
 
-/// Clause that skips rows which another worker is claiming; empty for SQLite, which has one writer at a time.
-pub(super) const SKIP_LOCKED: &str = "";
+/// Database behind the catalog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Dialect {
+    /// A file with one writer at a time.
+    Sqlite,
+    /// A server for many processes.
+    Postgres,
+}
 
-/// Statements that make a connection wait for locks, and its commits durable. The wait comes first, because the switch
-/// to WAL itself needs the lock.
-pub(super) const PRAGMAS: [&str; 3] =
-    ["PRAGMA busy_timeout = 20000", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = FULL"];
+/// Statements that make a connection to SQLite wait for locks, check foreign keys, and make its commits durable. The
+/// wait comes first, because the switch to WAL itself needs the lock.
+pub(super) const PRAGMAS: [&str; 4] = [
+    "PRAGMA busy_timeout = 20000",
+    "PRAGMA journal_mode = WAL",
+    "PRAGMA synchronous = FULL",
+    "PRAGMA foreign_keys = ON",
+];
 
-/// Returns a query for the texts in a parameter that holds a JSON array: `Any` has no array type.
-pub(super) fn each(parameter: &str) -> String {
-    format!("SELECT value FROM json_each({parameter})")
+/// Settings of a connection to PostgreSQL. Short statements gain nothing from the compiler, and tables without
+/// statistics would otherwise be sorted whole for one row; the limits keep a stuck client from holding others up.
+const SETTINGS: [&str; 1] =
+    ["SET jit = off; SET random_page_cost = 1.1; SET enable_sort = off; SET statement_timeout = '30s'; \
+     SET lock_timeout = '10s'; SET idle_in_transaction_session_timeout = '30s'; SET client_min_messages = warning"];
+
+impl Dialect {
+    /// Statements that prepare each new connection.
+    pub(super) fn prepare(self) -> &'static [&'static str] {
+        match self {
+            Self::Sqlite => &PRAGMAS,
+            Self::Postgres => &SETTINGS,
+        }
+    }
+
+    /// Statement that begins a write transaction.
+    pub(super) fn begin(self) -> &'static str {
+        match self {
+            Self::Sqlite => "BEGIN IMMEDIATE",
+            Self::Postgres => "BEGIN",
+        }
+    }
+
+    /// Writes `text` for this database. Marks in it: `{now}` is the time in ms of the Unix epoch by the database's own
+    /// clock, which workers on several hosts share; `{lock}` locks the rows of a query until the end of the
+    /// transaction; `{skip}` does so but leaves out rows that another transaction has locked; `{greater}` is the
+    /// function that returns the greater of two numbers; `{each $n}` is a query for the texts in parameter n, a JSON
+    /// array.
+    pub(super) fn sql(self, text: &'static str) -> SqlStr {
+        if !text.contains('{') {
+            return text.into_sql_str();
+        }
+        let mut out = String::with_capacity(text.len() + 128);
+        let mut rest = text;
+        while let Some((before, after)) = rest.split_once('{') {
+            let (mark, after) = after.split_once('}').unwrap_or((after, ""));
+            out.push_str(before);
+            match (self, mark) {
+                (Self::Sqlite, "now") => {
+                    out.push_str("CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)");
+                }
+                (Self::Postgres, "now") => out.push_str("CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)"),
+                (Self::Postgres, "lock") => out.push_str(" FOR UPDATE"),
+                (Self::Postgres, "skip") => out.push_str(" FOR UPDATE SKIP LOCKED"),
+                (Self::Sqlite, "greater") => out.push_str("MAX"),
+                (Self::Postgres, "greater") => out.push_str("GREATEST"),
+                (_, mark) => {
+                    if let Some(parameter) = mark.strip_prefix("each ") {
+                        let (before, after) = match self {
+                            Self::Sqlite => ("SELECT value FROM json_each(", ")"),
+                            Self::Postgres => ("SELECT value FROM json_array_elements_text(CAST(", " AS json))"),
+                        };
+                        out.extend([before, parameter, after]);
+                    }
+                }
+            }
+            rest = after;
+        }
+        out.push_str(rest);
+        AssertSqlSafe(out).into_sql_str()
+    }
+
+    /// Returns true if the same operation may succeed when it is tried again at once: another transaction was in the
+    /// way, or the connection broke.
+    pub(super) fn is_passing(self, error: &sqlx::Error) -> bool {
+        match error {
+            sqlx::Error::Io(_) | sqlx::Error::WorkerCrashed => true,
+            sqlx::Error::Database(database) => match self {
+                Self::Sqlite => primary(error) == Some(BUSY),
+                // Serialisation failures, deadlocks, connections lost or refused, a server that stops or starts.
+                Self::Postgres => database.code().is_some_and(|code| {
+                    matches!(&*code, "40001" | "40P01" | "57P01" | "57P02" | "57P03" | "55P03")
+                        || code.starts_with("08")
+                }),
+            },
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_are_written_for_each_database() {
+        let text = "SELECT {greater}(a, {now}) FROM t WHERE id IN ({each $2}){skip}";
+        assert_eq!(
+            Dialect::Postgres.sql(text).as_str(),
+            "SELECT GREATEST(a, CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)) FROM t WHERE id IN \
+             (SELECT value FROM json_array_elements_text(CAST($2 AS json))) FOR UPDATE SKIP LOCKED"
+        );
+        let sqlite = Dialect::Sqlite.sql(text);
+        let sqlite = sqlite.as_str();
+        assert!(sqlite.ends_with("id IN (SELECT value FROM json_each($2))") && sqlite.contains("MAX(a, CAST(ROUND("));
+        assert_eq!(Dialect::Sqlite.sql("SELECT 1").as_str(), "SELECT 1");
+    }
 }

@@ -79,19 +79,19 @@ pub(super) fn unusable(file: &Path, error: sqlx::Error) -> CatalogError {
 
 #[cfg(test)]
 mod tests {
-    use crate::catalog::{Catalog, CatalogError};
+    use crate::catalog::{Catalog, CatalogError, Database};
 
     #[tokio::test]
     async fn a_file_that_is_no_database_is_named_with_what_to_do() {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("catalog.sqlite");
         std::fs::write(&file, "notes of last week\n".repeat(300)).unwrap();
-        let error = Catalog::open(&file).await.unwrap_err();
+        let error = Catalog::migrate(&Database::File(file.clone()), false).await.unwrap_err();
         let text = error.to_string();
         assert!(matches!(error, CatalogError::Unusable { .. }), "{text}");
         assert!(text.contains("catalog.sqlite") && text.contains("restore it from a backup"), "{text}");
         let inside = file.join("below a file");
-        let text = Catalog::open(&inside).await.unwrap_err().to_string();
+        let text = Catalog::migrate(&Database::File(inside), false).await.unwrap_err().to_string();
         assert!(text.contains("below a file") && text.contains("cannot be opened"), "{text}");
     }
 }

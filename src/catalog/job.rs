@@ -1,5 +1,6 @@
 //! A job in the catalog: its states, its row, and the outcomes that clients and workers get.
 
+use super::blobs::Claim;
 use super::materials::NewMaterial;
 use crate::store::Digest;
 use std::fmt;
@@ -32,6 +33,8 @@ pub(crate) struct NewJob {
     pub frame: String,
     /// Measurement that the job reads, if any.
     pub measurement: Option<Digest>,
+    /// Share of the queue whose turn the job takes: jobs of different shares are started in turn.
+    pub share: String,
     /// Idempotency key of the client, and the digest of the request that came with it.
     pub idempotency: Option<(String, Digest)>,
 }
@@ -47,7 +50,7 @@ pub(crate) struct JobRow {
     pub state: JobState,
     /// Progress from 0 to 1.
     pub progress: f64,
-    /// Number of attempts started.
+    /// Number of attempts started, without those whose worker vanished.
     pub attempts: u32,
     /// Material that the job made.
     pub material: Option<Digest>,
@@ -85,7 +88,7 @@ pub(crate) struct Claimed {
     pub frame: String,
     /// The fencing epoch that every later write must name.
     pub epoch: i64,
-    /// Number of attempts started, this one included.
+    /// Number of attempts started, this one included, without those whose worker vanished.
     pub attempts: u32,
 }
 
@@ -103,10 +106,10 @@ pub(crate) enum Beat {
 /// End of a worker's attempt.
 #[derive(Clone, Debug)]
 pub(crate) enum Ended {
-    /// Success with a material, published and pinned under this holder.
-    Material(Box<NewMaterial>, String),
-    /// Success with the bytes of a report, published and pinned under this holder.
-    Report(Digest, String),
+    /// Success with a material, and the claim under which its file was published.
+    Material(Box<NewMaterial>, Claim),
+    /// Success with a report, and the claim under which its bytes were published.
+    Report(Claim),
     /// Permanent failure: a problem (JSON) that another attempt would have too.
     Failed(String),
     /// Transient failure with a problem (JSON): retried after the delay, unless attempts are used up.
@@ -131,9 +134,8 @@ pub(crate) enum Ending {
     Now(JobState),
     /// Another worker owned the job already; nothing was written.
     Lost,
-    /// The pin of the result has expired, so a sweep may have removed its bytes; nothing was written. Publish them
-    /// again.
-    Unpinned,
+    /// The claim on the bytes of the result holds no longer; nothing was written. Publish them again.
+    Unpublished,
 }
 
 impl JobState {

@@ -9,23 +9,32 @@ use std::time::Duration;
 const LEASE: Duration = Duration::from_mins(1);
 
 fn job(id: &str) -> NewJob {
-    NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement: Some(Digest::of(b"lamp")), idempotency: None }
+    NewJob {
+        id: id.to_owned(),
+        frame: "00".to_owned(),
+        measurement: Some(Digest::of(b"lamp")),
+        share: "somebody".to_owned(),
+        idempotency: None,
+    }
 }
 
-async fn with_lamp() -> (Catalog, tempfile::TempDir) {
-    let (catalog, directory) = testing::catalog().await;
-    add(&catalog, &measurement("lamp")).await;
-    (catalog, directory)
+/// Catalogs on both databases, each with one lamp.
+async fn with_lamp() -> Vec<(Catalog, testing::Guard)> {
+    let catalogs = testing::catalogs().await;
+    for (catalog, _) in &catalogs {
+        add(catalog, &measurement("lamp")).await;
+    }
+    catalogs
 }
 
 async fn claim(catalog: &Catalog, worker: &str, lease: Duration) -> Option<Claimed> {
     catalog.claim(worker, lease, &[]).await.unwrap()
 }
 
-/// Builds the end of an attempt that made this material, published and pinned.
+/// Builds the end of an attempt that made and published this material.
 async fn made(catalog: &Catalog, material: Box<NewMaterial>) -> Ended {
-    catalog.pin(material.id, "holder", LEASE).await.unwrap();
-    Ended::Material(material, "holder".to_owned())
+    let claim = testing::publish(catalog, material.id, material.bytes).await;
+    Ended::Material(material, claim)
 }
 
 async fn state_of(catalog: &Catalog, id: &str) -> JobState {
@@ -47,152 +56,196 @@ fn material(name: &str) -> Box<NewMaterial> {
 
 #[tokio::test]
 async fn the_same_key_and_body_are_the_same_job() {
-    let (catalog, _directory) = with_lamp().await;
-    let keyed =
-        |id: &str, body: &str| NewJob { idempotency: Some(("key".to_owned(), Digest::of(body.as_bytes()))), ..job(id) };
-    assert!(matches!(catalog.enqueue(&keyed("1", "a"), 9).await.unwrap(), Enqueued::New(_)));
-    let Enqueued::Known(known) = catalog.enqueue(&keyed("2", "a"), 9).await.unwrap() else { panic!() };
-    assert_eq!(known.id, "1");
-    assert!(matches!(catalog.enqueue(&keyed("3", "b"), 9).await.unwrap(), Enqueued::KeyTaken));
+    for (catalog, _guard) in with_lamp().await {
+        let keyed = |id: &str, body: &str| NewJob {
+            idempotency: Some(("key".to_owned(), Digest::of(body.as_bytes()))),
+            ..job(id)
+        };
+        assert!(matches!(catalog.enqueue(&keyed("1", "a"), 9).await.unwrap(), Enqueued::New(_)));
+        let Enqueued::Known(known) = catalog.enqueue(&keyed("2", "a"), 9).await.unwrap() else { panic!() };
+        assert_eq!(known.id, "1");
+        assert!(matches!(catalog.enqueue(&keyed("3", "b"), 9).await.unwrap(), Enqueued::KeyTaken));
+    }
 }
 
 #[tokio::test]
 async fn a_full_queue_and_an_unknown_measurement_are_refused() {
-    let (catalog, _directory) = with_lamp().await;
-    assert!(matches!(catalog.enqueue(&job("1"), 1).await.unwrap(), Enqueued::New(_)));
-    assert!(matches!(catalog.enqueue(&job("2"), 1).await.unwrap(), Enqueued::Full));
-    let lost = NewJob { measurement: Some(Digest::of(b"?")), ..job("3") };
-    assert!(matches!(catalog.enqueue(&lost, 9).await.unwrap(), Enqueued::NoMeasurement));
+    for (catalog, _guard) in with_lamp().await {
+        assert!(matches!(catalog.enqueue(&job("1"), 1).await.unwrap(), Enqueued::New(_)));
+        assert!(matches!(catalog.enqueue(&job("2"), 1).await.unwrap(), Enqueued::Full));
+        let lost = NewJob { measurement: Some(Digest::of(b"?")), ..job("3") };
+        assert!(matches!(catalog.enqueue(&lost, 9).await.unwrap(), Enqueued::NoMeasurement));
+    }
 }
 
 #[tokio::test]
 async fn a_late_worker_changes_nothing() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    let late = claim(&catalog, "slow", Duration::ZERO).await.unwrap();
-    assert!(claim(&catalog, "other", LEASE).await.is_none(), "claimed once");
-    assert_eq!(catalog.reap(&[], 3, "{}").await.unwrap(), ["1"]);
-    let current = claim(&catalog, "other", LEASE).await.unwrap();
-    assert!(current.epoch > late.epoch && current.attempts == 2);
-    assert_eq!(catalog.beat(&late, 0.5, LEASE).await.unwrap(), Beat::Lost);
-    let ended = made(&catalog, material("late")).await;
-    assert_eq!(catalog.end(&late, &ended).await.unwrap(), Ending::Lost);
-    assert!(catalog.material(Digest::of(b"late")).await.unwrap().is_none());
-    let ended = made(&catalog, material("good")).await;
-    assert_eq!(catalog.end(&current, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
-    assert_eq!(catalog.job("1").await.unwrap().unwrap().material, Some(Digest::of(b"good")));
-    assert_eq!(catalog.end(&current, &ended).await.unwrap(), Ending::Lost, "ended once");
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let late = claim(&catalog, "slow", Duration::ZERO).await.unwrap();
+        assert!(claim(&catalog, "other", LEASE).await.is_none(), "claimed once");
+        assert_eq!(catalog.reap(&[], true, 3, "{}").await.unwrap(), ["1"]);
+        let current = claim(&catalog, "other", LEASE).await.unwrap();
+        assert!(current.epoch > late.epoch && current.attempts == 1);
+        assert_eq!(catalog.beat(&late, 0.5, LEASE).await.unwrap(), Beat::Lost);
+        let ended = made(&catalog, material("late")).await;
+        assert_eq!(catalog.end(&late, &ended).await.unwrap(), Ending::Lost);
+        assert!(catalog.material(Digest::of(b"late")).await.unwrap().is_none());
+        let ended = made(&catalog, material("good")).await;
+        assert_eq!(catalog.end(&current, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
+        assert_eq!(catalog.job("1").await.unwrap().unwrap().material, Some(Digest::of(b"good")));
+        assert_eq!(catalog.end(&current, &ended).await.unwrap(), Ending::Lost, "ended once");
+    }
 }
 
 #[tokio::test]
 async fn attempts_run_out() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    let again = Ended::Retry { problem: "{}".to_owned(), delay: Duration::ZERO, attempts: 2 };
-    let first = claim(&catalog, "w", LEASE).await.unwrap();
-    assert_eq!(catalog.end(&first, &again).await.unwrap(), Ending::Now(JobState::Queued));
-    let second = claim(&catalog, "w", LEASE).await.unwrap();
-    assert_eq!(catalog.end(&second, &again).await.unwrap(), Ending::Now(JobState::Dead));
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let again = Ended::Retry { problem: "{}".to_owned(), delay: Duration::ZERO, attempts: 2 };
+        let first = claim(&catalog, "w", LEASE).await.unwrap();
+        assert_eq!(catalog.end(&first, &again).await.unwrap(), Ending::Now(JobState::Queued));
+        let second = claim(&catalog, "w", LEASE).await.unwrap();
+        assert_eq!(catalog.end(&second, &again).await.unwrap(), Ending::Now(JobState::Dead));
 
-    catalog.enqueue(&job("2"), 9).await.unwrap();
-    claim(&catalog, "gone", LEASE).await.unwrap();
-    assert!(catalog.reap(&["another".to_owned()], 1, "{}").await.unwrap().is_empty());
-    assert_eq!(catalog.reap(&["gone".to_owned()], 1, "{\"why\":1}").await.unwrap(), ["2"]);
-    let dead = catalog.job("2").await.unwrap().unwrap();
-    assert_eq!((dead.state, dead.problem.as_deref()), (JobState::Dead, Some("{\"why\":1}")));
+        catalog.enqueue(&job("2"), 9).await.unwrap();
+        claim(&catalog, "gone", LEASE).await.unwrap();
+        assert!(catalog.reap(&["another".to_owned()], true, 1, "{}").await.unwrap().is_empty());
+        assert_eq!(catalog.reap(&["gone".to_owned()], false, 1, "{\"why\":1}").await.unwrap(), ["2"]);
+        let dead = catalog.job("2").await.unwrap().unwrap();
+        assert_eq!((dead.state, dead.problem.as_deref()), (JobState::Dead, Some("{\"why\":1}")));
+    }
 }
 
 #[tokio::test]
 async fn a_delay_is_waited_for_and_a_released_attempt_does_not_count() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    catalog.end(&claimed, &Ended::Released).await.unwrap();
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    assert_eq!(claimed.attempts, 1);
-    let later = Ended::Retry { problem: "{}".to_owned(), delay: LEASE, attempts: 9 };
-    catalog.end(&claimed, &later).await.unwrap();
-    assert!(claim(&catalog, "w", LEASE).await.is_none());
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        catalog.end(&claimed, &Ended::Released).await.unwrap();
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        assert_eq!(claimed.attempts, 1);
+        let later = Ended::Retry { problem: "{}".to_owned(), delay: LEASE, attempts: 9 };
+        catalog.end(&claimed, &later).await.unwrap();
+        assert!(claim(&catalog, "w", LEASE).await.is_none());
+    }
 }
 
 #[tokio::test]
 async fn what_a_worker_leaves_to_others_is_taken_by_them() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    catalog.enqueue(&job("2"), 9).await.unwrap();
-    let but = ["1".to_owned()];
-    assert_eq!(catalog.claim("old", LEASE, &but).await.unwrap().unwrap().id, "2");
-    assert!(catalog.claim("old", LEASE, &but).await.unwrap().is_none());
-    assert_eq!(claim(&catalog, "new", LEASE).await.unwrap().id, "1");
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        catalog.enqueue(&job("2"), 9).await.unwrap();
+        let but = ["1".to_owned()];
+        assert_eq!(catalog.claim("old", LEASE, &but).await.unwrap().unwrap().id, "2");
+        assert!(catalog.claim("old", LEASE, &but).await.unwrap().is_none());
+        assert_eq!(claim(&catalog, "new", LEASE).await.unwrap().id, "1");
+    }
 }
 
 #[tokio::test]
-async fn an_end_is_refused_once_the_pin_of_its_result_has_run_out() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    let report = Digest::of(b"report");
-    for ended in [Ended::Material(material("m"), "holder".to_owned()), Ended::Report(report, "holder".to_owned())] {
-        catalog.pin(Digest::of(b"m"), "holder", Duration::ZERO).await.unwrap();
-        catalog.pin(report, "holder", Duration::ZERO).await.unwrap();
-        assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Unpinned);
-        assert_eq!(catalog.unless_named(Digest::of(b"m"), || ()).await.unwrap(), Some(()), "nothing was named");
+async fn an_end_is_refused_once_the_claim_on_its_result_has_run_out() {
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        let late = testing::publish(&catalog, Digest::of(b"m"), 10).await;
+        testing::expire_intents(&catalog).await;
+        let unknown = Claim::Known(Digest::of(b"m"));
+        for claim in [late, unknown] {
+            for ended in [Ended::Material(material("m"), claim.clone()), Ended::Report(claim.clone())] {
+                assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Unpublished, "{ended:?}");
+                assert_eq!(catalog.namer(Digest::of(b"m")).await.unwrap(), None, "nothing was named");
+            }
+        }
+        let mut ended = Ended::Material(material("m"), Claim::Known(Digest::of(b"m")));
+        ended.reclaim(testing::publish(&catalog, Digest::of(b"m"), 10).await);
+        assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
     }
-    let ended = made(&catalog, material("m")).await;
-    assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
 }
 
 #[tokio::test]
 async fn cancelling_ends_queued_jobs_at_once_and_running_ones_by_their_worker() {
-    let (catalog, _directory) = with_lamp().await;
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    assert_eq!(catalog.cancel("1").await.unwrap().unwrap().state, JobState::Cancelled);
-    catalog.enqueue(&job("2"), 9).await.unwrap();
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    assert_eq!(catalog.cancel("2").await.unwrap().unwrap().state, JobState::Running);
-    assert_eq!(catalog.beat(&claimed, 0.1, LEASE).await.unwrap(), Beat::Cancel);
-    catalog.end(&claimed, &Ended::Released).await.unwrap();
-    assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
-    assert!(catalog.cancel("3").await.unwrap().is_none());
+    for (catalog, _guard) in with_lamp().await {
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        assert_eq!(catalog.cancel("1").await.unwrap().unwrap().state, JobState::Cancelled);
+        catalog.enqueue(&job("2"), 9).await.unwrap();
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        assert_eq!(catalog.cancel("2").await.unwrap().unwrap().state, JobState::Running);
+        assert_eq!(catalog.beat(&claimed, 0.1, LEASE).await.unwrap(), Beat::Cancel);
+        catalog.end(&claimed, &Ended::Released).await.unwrap();
+        assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
+        assert!(catalog.cancel("3").await.unwrap().is_none());
+    }
 }
 
 #[tokio::test]
-async fn a_report_is_named_by_its_job() {
-    let (catalog, _directory) = testing::catalog().await;
-    let report = Digest::of(b"report");
-    catalog.enqueue(&NewJob { measurement: None, ..job("1") }, 9).await.unwrap();
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    catalog.pin(report, "holder", LEASE).await.unwrap();
-    assert_eq!(catalog.namer(report).await.unwrap(), None);
-    let ended = Ended::Report(report, "holder".to_owned());
-    assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
-    let row = catalog.job("1").await.unwrap().unwrap();
-    assert_eq!((row.measurement, row.material, row.report), (None, None, Some(report)));
-    assert_eq!(catalog.namer(report).await.unwrap(), Some(Namer::Report));
-    assert_eq!(catalog.named().await.unwrap().get(&report).map(String::as_str), Some("job 1"));
-    assert_eq!(catalog.unless_named(report, || ()).await.unwrap(), None, "the pin is gone, the row is not");
+async fn a_report_is_named_by_its_job_until_that_is_forgotten() {
+    for (catalog, _guard) in with_lamp().await {
+        let report = Digest::of(b"report");
+        catalog.enqueue(&NewJob { measurement: None, ..job("1") }, 9).await.unwrap();
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        let ended = Ended::Report(testing::publish(&catalog, report, 6).await);
+        assert_eq!(catalog.namer(report).await.unwrap(), None);
+        assert_eq!(catalog.end(&claimed, &ended).await.unwrap(), Ending::Now(JobState::Succeeded));
+        let row = catalog.job("1").await.unwrap().unwrap();
+        assert_eq!((row.measurement, row.material, row.report), (None, None, Some(report)));
+        assert_eq!(catalog.namer(report).await.unwrap(), Some(Namer::Report));
+        assert_eq!(catalog.named_by(report).await.unwrap().as_deref(), Some("job 1"));
+        let long = Retention { succeeded: LEASE, failed: LEASE, keys: LEASE };
+        assert_eq!(catalog.forget(&long).await.unwrap(), 0);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+        let short = Retention { succeeded: Duration::ZERO, ..long };
+        assert_eq!(catalog.forget(&short).await.unwrap(), 1);
+        assert!(catalog.job("1").await.unwrap().is_none());
+        assert_eq!(catalog.doom_unnamed(report, LEASE).await.unwrap(), Doom::Doomed(6));
+    }
+}
+
+#[tokio::test]
+async fn shares_of_the_queue_take_turns() {
+    for (catalog, _guard) in with_lamp().await {
+        for number in 0..20 {
+            catalog.enqueue(&job(&format!("flood {number:02}")), 99).await.unwrap();
+        }
+        let mut order = Vec::new();
+        for _ in 0..2 {
+            order.push(claim(&catalog, "w", LEASE).await.unwrap());
+        }
+        for number in 0..3 {
+            let other = NewJob { share: "another".to_owned(), ..job(&format!("other {number}")) };
+            catalog.enqueue(&other, 99).await.unwrap();
+        }
+        for _ in 0..7 {
+            order.push(claim(&catalog, "w", LEASE).await.unwrap());
+        }
+        let ids: Vec<&str> = order.iter().map(|job| job.id.as_str()).collect();
+        let place = |id: &str| ids.iter().position(|found| *found == id).unwrap();
+        assert_eq!(ids[..2], ["flood 00", "flood 01"]);
+        assert_eq!(place("other 0"), 2, "the newcomer is next: {ids:?}");
+        assert!(place("other 1") <= 4 && place("other 2") <= 6, "and then they alternate: {ids:?}");
+    }
 }
 
 #[tokio::test]
 async fn measurements_stay_while_work_or_materials_stand_on_them() {
-    let (catalog, _directory) = with_lamp().await;
-    let lamp = Digest::of(b"lamp");
-    catalog.enqueue(&job("1"), 9).await.unwrap();
-    assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
-    let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-    let ended = made(&catalog, material("m")).await;
-    catalog.end(&claimed, &ended).await.unwrap();
-    assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
-    let listed = |filter: MaterialFilter| {
-        let catalog = catalog.clone();
-        async move { catalog.materials(&filter, None, 9).await.unwrap().items.len() }
-    };
-    assert_eq!(listed(MaterialFilter { tag: Some("office".to_owned()), ..MaterialFilter::default() }).await, 1);
-    assert_eq!(listed(MaterialFilter { tag: Some("home".to_owned()), ..MaterialFilter::default() }).await, 0);
-    assert_eq!(listed(MaterialFilter { measurement: Some(lamp), ..MaterialFilter::default() }).await, 1);
-    assert_eq!(listed(MaterialFilter { q: Some("OFF".to_owned()), ..MaterialFilter::default() }).await, 1);
-    assert_eq!(catalog.named().await.unwrap().len(), 2);
-    assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Done);
-    assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Absent);
-    assert_eq!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::Done);
+    for (catalog, _guard) in with_lamp().await {
+        let lamp = Digest::of(b"lamp");
+        catalog.enqueue(&job("1"), 9).await.unwrap();
+        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
+        let claimed = claim(&catalog, "w", LEASE).await.unwrap();
+        let ended = made(&catalog, material("m")).await;
+        catalog.end(&claimed, &ended).await.unwrap();
+        assert!(matches!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::InUse(_)));
+        let listed = |filter: MaterialFilter| {
+            let catalog = catalog.clone();
+            async move { catalog.materials(&filter, None, 9).await.unwrap().items.len() }
+        };
+        assert_eq!(listed(MaterialFilter { tag: Some("office".to_owned()), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(listed(MaterialFilter { tag: Some("home".to_owned()), ..MaterialFilter::default() }).await, 0);
+        assert_eq!(listed(MaterialFilter { measurement: Some(lamp), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(listed(MaterialFilter { q: Some("OFF".to_owned()), ..MaterialFilter::default() }).await, 1);
+        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Done);
+        assert_eq!(catalog.delete_material(Digest::of(b"m")).await.unwrap(), Deleted::Absent);
+        assert_eq!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::Done);
+    }
 }

@@ -1,5 +1,6 @@
 //! Rows of materials: manifests, the measurements they were made of, and tags.
 
+use super::blobs::unname;
 use super::database::{Catalog, Write};
 use super::error::CatalogError;
 use super::measurements::Deleted;
@@ -9,6 +10,7 @@ use crate::store::Digest;
 use serde_json::{Map, Value, json};
 use sqlx::Row;
 use sqlx::any::AnyRow;
+use std::collections::HashMap;
 
 /// A material to store.
 #[derive(Clone, Debug)]
@@ -70,19 +72,17 @@ macro_rules! columns {
 impl Catalog {
     /// Returns one material.
     pub(crate) async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
-        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE id = $1"))
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE tenant = 'default' AND id = $1"))
             .bind(id.to_string())
             .fetch_optional(&self.pool)
             .await?;
-        match row {
-            Some(row) => Ok(Some(self.read_material(&row).await?)),
-            None => Ok(None),
-        }
+        let rows: Vec<AnyRow> = row.into_iter().collect();
+        Ok(self.read_materials(&rows).await?.pop())
     }
 
     /// Returns the name of a material, if there is such a material. Checked before any cached answer about it.
     pub(crate) async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
-        let row = sqlx::query("SELECT name FROM materials WHERE id = $1")
+        let row = sqlx::query("SELECT name FROM materials WHERE tenant = 'default' AND id = $1")
             .bind(id.to_string())
             .fetch_optional(&self.pool)
             .await?;
@@ -100,10 +100,12 @@ impl Catalog {
         let rows = sqlx::query(concat!(
             "SELECT ",
             columns!(),
-            " FROM materials WHERE (created_at < $1 OR (created_at = $1 AND id < $2)) \
+            " FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2) \
              AND ($3 IS NULL OR quantity = $3) \
-             AND ($4 IS NULL OR EXISTS (SELECT 1 FROM material_sources s WHERE s.material = id AND s.measurement = $4)) \
-             AND ($5 IS NULL OR EXISTS (SELECT 1 FROM material_tags t WHERE t.material = id AND t.tag = $5)) \
+             AND ($4 IS NULL OR EXISTS (SELECT 1 FROM material_sources s \
+                  WHERE s.tenant = m.tenant AND s.material = m.id AND s.measurement = $4)) \
+             AND ($5 IS NULL OR EXISTS (SELECT 1 FROM material_tags t \
+                  WHERE t.tenant = m.tenant AND t.material = m.id AND t.tag = $5)) \
              AND ($6 IS NULL OR search LIKE $6 ESCAPE '\\') ORDER BY created_at DESC, id DESC LIMIT $7"
         ))
         .bind(after.created_at)
@@ -115,53 +117,72 @@ impl Catalog {
         .bind(limit as i64 + 1)
         .fetch_all(&self.pool)
         .await?;
-        let mut materials = Vec::with_capacity(rows.len());
-        for row in &rows {
-            materials.push(self.read_material(row).await?);
-        }
+        let materials = self.read_materials(&rows).await?;
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 
     /// Deletes a material; nothing depends on one.
     pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
-        let mut write = self.write().await?;
-        let id = id.to_string();
-        for statement in
-            ["DELETE FROM material_tags WHERE material = $1", "DELETE FROM material_sources WHERE material = $1"]
-        {
-            sqlx::query(statement).bind(id.clone()).execute(&mut *write.transaction).await?;
-        }
-        let gone = sqlx::query("DELETE FROM materials WHERE id = $1").bind(id).execute(&mut *write.transaction).await?;
-        write.commit().await?;
-        Ok(if gone.rows_affected() == 1 { Deleted::Done } else { Deleted::Absent })
+        self.repeat(|again| async move {
+            let mut write = self.write().await?;
+            let gone = sqlx::query("DELETE FROM materials WHERE tenant = 'default' AND id = $1")
+                .bind(id.to_string())
+                .execute(&mut *write.transaction)
+                .await?;
+            if gone.rows_affected() == 0 {
+                // A repeated deletion has found its own work.
+                return Ok(if again { Deleted::Done } else { Deleted::Absent });
+            }
+            unname(&mut write, id.to_string()).await?;
+            write.commit().await?;
+            Ok(Deleted::Done)
+        })
+        .await
     }
 
-    async fn read_material(&self, row: &AnyRow) -> Result<MaterialRow, CatalogError> {
-        let id: String = row.try_get("id")?;
-        let digest = |text: &str| {
-            text.parse::<Digest>().map_err(|e| CatalogError::Row {
-                table: "materials",
-                id: id.clone(),
-                reason: e.to_string(),
-            })
-        };
-        let tags = sqlx::query("SELECT tag FROM material_tags WHERE material = $1 ORDER BY tag")
-            .bind(id.clone())
-            .fetch_all(&self.pool)
-            .await?;
-        let sources = sqlx::query("SELECT measurement FROM material_sources WHERE material = $1 ORDER BY measurement")
-            .bind(id.clone())
-            .fetch_all(&self.pool)
-            .await?;
-        Ok(MaterialRow {
-            id: digest(&id)?,
-            name: row.try_get("name")?,
-            tags: tags.iter().map(|row| row.try_get(0)).collect::<Result<_, _>>()?,
-            measurements: sources.iter().map(|row| digest(row.try_get::<&str, _>(0)?)).collect::<Result<_, _>>()?,
-            document: row.try_get("document")?,
-            created_ms: row.try_get("created_at")?,
-        })
+    /// Reads rows of materials with their tags and sources, in two more queries however many there are.
+    async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
+        let mut materials = Vec::with_capacity(rows.len());
+        for row in rows {
+            let id: String = row.try_get("id")?;
+            materials.push(MaterialRow {
+                id: digest(&id, &id)?,
+                name: row.try_get("name")?,
+                tags: Vec::new(),
+                measurements: Vec::new(),
+                document: row.try_get("document")?,
+                created_ms: row.try_get("created_at")?,
+            });
+        }
+        let ids = json!(materials.iter().map(|material| material.id.to_string()).collect::<Vec<_>>()).to_string();
+        let at: HashMap<Digest, usize> = materials.iter().enumerate().map(|(at, material)| (material.id, at)).collect();
+        let tags = self.sql(
+            "SELECT material, tag FROM material_tags WHERE tenant = 'default' AND material IN ({each $1}) \
+             ORDER BY material, tag",
+        );
+        for row in sqlx::query(tags).bind(ids.clone()).fetch_all(&self.pool).await? {
+            let id: String = row.try_get(0)?;
+            if let Some(&at) = at.get(&digest(&id, &id)?) {
+                materials[at].tags.push(row.try_get(1)?);
+            }
+        }
+        let sources = self.sql(
+            "SELECT material, measurement FROM material_sources WHERE tenant = 'default' AND material IN ({each $1}) \
+             ORDER BY material, measurement",
+        );
+        for row in sqlx::query(sources).bind(ids).fetch_all(&self.pool).await? {
+            let (id, source): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+            if let Some(&at) = at.get(&digest(&id, &id)?) {
+                materials[at].measurements.push(digest(&id, &source)?);
+            }
+        }
+        Ok(materials)
     }
+}
+
+fn digest(material: &str, text: &str) -> Result<Digest, CatalogError> {
+    let fault = |reason: String| CatalogError::Row { table: "materials", id: material.to_owned(), reason };
+    text.parse().map_err(|error: crate::store::NotADigest| fault(error.to_string()))
 }
 
 /// Upper bound on the names, and on the licences, that a material keeps; the oldest go first. Raising it lengthens
@@ -172,44 +193,55 @@ const MOST_NAMES: usize = 32;
 ///
 /// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays that of the first job. Name
 /// and licence are the latest given. All names, licences, tags and sources accumulate and stay searchable.
+///
+/// Its blob must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
-    let known = sqlx::query("SELECT name, document, created_at FROM materials WHERE id = $1")
-        .bind(id.clone())
-        .fetch_optional(&mut *write.transaction)
-        .await?;
-    let (mut document, mut name, created_at) = match &known {
-        Some(row) => {
-            let text: String = row.try_get("document")?;
-            let document = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
-                table: "materials",
-                id: id.clone(),
-                reason: e.to_string(),
-            })?;
-            (document, row.try_get("name")?, row.try_get("created_at")?)
-        }
-        None => (new.document.clone(), None, write.now),
-    };
-    let names = added(&mut document, "names", name.take(), new.name.clone());
-    name = names.last().cloned();
+    // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
+    sqlx::query(
+        "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
+         VALUES ('default', $1, $2, $3, $4, NULL, '', $5, $6) ON CONFLICT (tenant, id) DO NOTHING",
+    )
+    .bind(id.clone())
+    .bind(new.payload.to_string())
+    .bind(new.quantity.name().to_owned())
+    .bind(new.bytes as i64)
+    .bind(Value::Object(new.document.clone()).to_string())
+    .bind(write.now)
+    .execute(&mut *write.transaction)
+    .await?;
+    let known = write.sql("SELECT name, document FROM materials WHERE tenant = 'default' AND id = $1{lock}");
+    let row = sqlx::query(known).bind(id.clone()).fetch_one(&mut *write.transaction).await?;
+    let text: String = row.try_get("document")?;
+    let mut document: Map<String, Value> = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
+        table: "materials",
+        id: id.clone(),
+        reason: e.to_string(),
+    })?;
+    let names = added(&mut document, "names", row.try_get("name")?, new.name.clone());
+    let name = names.last().cloned();
     let licence = document.get("licence").and_then(Value::as_str).map(str::to_owned);
     let given = new.document.get("licence").and_then(Value::as_str).map(str::to_owned);
     let licences = added(&mut document, "licences", licence, given);
     document.insert("licence".to_owned(), json!(licences.last()));
 
-    sqlx::query("INSERT INTO material_sources (material, measurement) VALUES ($1, $2) ON CONFLICT DO NOTHING")
+    sqlx::query(
+        "INSERT INTO material_sources (tenant, material, measurement) VALUES ('default', $1, $2) ON CONFLICT DO NOTHING",
+    )
+    .bind(id.clone())
+    .bind(new.measurement.to_string())
+    .execute(&mut *write.transaction)
+    .await?;
+    for tag in &new.tags {
+        sqlx::query(
+            "INSERT INTO material_tags (tenant, material, tag) VALUES ('default', $1, $2) ON CONFLICT DO NOTHING",
+        )
         .bind(id.clone())
-        .bind(new.measurement.to_string())
+        .bind(tag.clone())
         .execute(&mut *write.transaction)
         .await?;
-    for tag in &new.tags {
-        sqlx::query("INSERT INTO material_tags (material, tag) VALUES ($1, $2) ON CONFLICT DO NOTHING")
-            .bind(id.clone())
-            .bind(tag.clone())
-            .execute(&mut *write.transaction)
-            .await?;
     }
-    let tags = sqlx::query("SELECT tag FROM material_tags WHERE material = $1 ORDER BY tag")
+    let tags = sqlx::query("SELECT tag FROM material_tags WHERE tenant = 'default' AND material = $1 ORDER BY tag")
         .bind(id.clone())
         .fetch_all(&mut *write.transaction)
         .await?;
@@ -217,21 +249,13 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     for row in &tags {
         words.push(row.try_get(0)?);
     }
-    sqlx::query(
-        "INSERT INTO materials (id, payload, quantity, bytes, name, search, document, created_at) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT (id) DO UPDATE SET name = excluded.name, \
-         search = excluded.search, document = excluded.document",
-    )
-    .bind(id)
-    .bind(new.payload.to_string())
-    .bind(new.quantity.name().to_owned())
-    .bind(new.bytes as i64)
-    .bind(name)
-    .bind(words.join("\n").to_lowercase())
-    .bind(Value::Object(document).to_string())
-    .bind(created_at)
-    .execute(&mut *write.transaction)
-    .await?;
+    sqlx::query("UPDATE materials SET name = $2, search = $3, document = $4 WHERE tenant = 'default' AND id = $1")
+        .bind(id)
+        .bind(name)
+        .bind(words.join("\n").to_lowercase())
+        .bind(Value::Object(document).to_string())
+        .execute(&mut *write.transaction)
+        .await?;
     Ok(())
 }
 
@@ -255,6 +279,7 @@ fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalog::blobs::take;
     use crate::catalog::testing;
 
     fn material(name: Option<&str>, licence: Option<&str>, tags: &[&str]) -> NewMaterial {
@@ -272,7 +297,10 @@ mod tests {
     }
 
     async fn remember(catalog: &Catalog, new: &NewMaterial) -> (MaterialRow, Value) {
+        testing::add(catalog, &testing::measurement("lamp")).await;
+        let claim = testing::publish(catalog, new.id, new.bytes).await;
         let mut write = catalog.write().await.unwrap();
+        assert!(take(&mut write, &claim).await.unwrap());
         insert(&mut write, new).await.unwrap();
         write.commit().await.unwrap();
         let row = catalog.material(new.id).await.unwrap().unwrap();
@@ -282,45 +310,47 @@ mod tests {
 
     #[tokio::test]
     async fn a_second_job_with_equal_bytes_adds_what_it_says() {
-        let (catalog, _directory) = testing::catalog().await;
-        let (first, _) = remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &["clay"])).await;
-        let (second, document) = remember(&catalog, &material(Some("Büste"), Some("CC-BY-4.0"), &["Museum"])).await;
-        assert_eq!((second.created_ms, second.id), (first.created_ms, first.id));
-        assert_eq!((second.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
-        assert_eq!(document["names"], json!(["Vase", "Büste"]));
-        assert_eq!(document["licences"], json!(["CC0-1.0", "CC-BY-4.0"]));
-        assert_eq!(second.tags, ["Museum", "clay"]);
-        let found = async |q: &str| {
-            let filter = MaterialFilter { q: Some(q.to_owned()), ..MaterialFilter::default() };
-            catalog.materials(&filter, None, 9).await.unwrap().items.len()
-        };
-        for q in ["vase", "BÜSTE", "clay", "museum"] {
-            assert_eq!(found(q).await, 1, "{q}");
+        for (catalog, _guard) in testing::catalogs().await {
+            let (first, _) = remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &["clay"])).await;
+            let (second, document) = remember(&catalog, &material(Some("Büste"), Some("CC-BY-4.0"), &["Museum"])).await;
+            assert_eq!((second.created_ms, second.id), (first.created_ms, first.id));
+            assert_eq!((second.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
+            assert_eq!(document["names"], json!(["Vase", "Büste"]));
+            assert_eq!(document["licences"], json!(["CC0-1.0", "CC-BY-4.0"]));
+            assert_eq!(second.tags, ["Museum", "clay"]);
+            let found = async |q: &str| {
+                let filter = MaterialFilter { q: Some(q.to_owned()), ..MaterialFilter::default() };
+                catalog.materials(&filter, None, 9).await.unwrap().items.len()
+            };
+            for q in ["vase", "BÜSTE", "clay", "museum"] {
+                assert_eq!(found(q).await, 1, "{q}");
+            }
+            // A job that says nothing changes nothing; one that repeats an earlier name makes it the last again.
+            let (third, document) = remember(&catalog, &material(None, None, &[])).await;
+            assert_eq!((third.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
+            let (fourth, document) = remember(&catalog, &material(Some("Vase"), None, &[])).await;
+            assert_eq!((fourth.name.as_deref(), &document["names"]), (Some("Vase"), &json!(["Büste", "Vase"])));
+            assert_eq!(catalog.material_name(first.id).await.unwrap(), Some(Some("Vase".to_owned())));
+            assert_eq!(catalog.material_name(Digest::of(b"other")).await.unwrap(), None);
         }
-        // A job that says nothing changes nothing; one that repeats an earlier name makes it the last again.
-        let (third, document) = remember(&catalog, &material(None, None, &[])).await;
-        assert_eq!((third.name.as_deref(), &document["licence"]), (Some("Büste"), &json!("CC-BY-4.0")));
-        let (fourth, document) = remember(&catalog, &material(Some("Vase"), None, &[])).await;
-        assert_eq!((fourth.name.as_deref(), &document["names"]), (Some("Vase"), &json!(["Büste", "Vase"])));
-        assert_eq!(catalog.material_name(first.id).await.unwrap(), Some(Some("Vase".to_owned())));
-        assert_eq!(catalog.material_name(Digest::of(b"other")).await.unwrap(), None);
     }
 
     #[tokio::test]
     async fn a_row_of_before_keeps_its_name_and_lists_are_bounded() {
-        let (catalog, _directory) = testing::catalog().await;
-        remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &[])).await;
-        let old = r#"{"licence":"CC0-1.0","format":"ies"}"#;
-        let update = sqlx::query("UPDATE materials SET document = $1").bind(old).execute(&catalog.pool);
-        update.await.unwrap();
-        let (_, document) = remember(&catalog, &material(Some("Bust"), None, &[])).await;
-        assert_eq!((&document["names"], &document["licences"]), (&json!(["Vase", "Bust"]), &json!(["CC0-1.0"])));
-        for i in 0..2 * MOST_NAMES {
-            remember(&catalog, &material(Some(&format!("name {i}")), None, &[])).await;
+        for (catalog, _guard) in testing::catalogs().await {
+            remember(&catalog, &material(Some("Vase"), Some("CC0-1.0"), &[])).await;
+            let old = r#"{"licence":"CC0-1.0","format":"ies"}"#;
+            let update = sqlx::query("UPDATE materials SET document = $1").bind(old).execute(&catalog.pool);
+            update.await.unwrap();
+            let (_, document) = remember(&catalog, &material(Some("Bust"), None, &[])).await;
+            assert_eq!((&document["names"], &document["licences"]), (&json!(["Vase", "Bust"]), &json!(["CC0-1.0"])));
+            for i in 0..2 * MOST_NAMES {
+                remember(&catalog, &material(Some(&format!("name {i}")), None, &[])).await;
+            }
+            let row = catalog.material(Digest::of(b"file")).await.unwrap().unwrap();
+            let document: Value = serde_json::from_str(&row.document).unwrap();
+            assert_eq!(document["names"].as_array().unwrap().len(), MOST_NAMES);
+            assert_eq!(row.name.as_deref(), Some("name 63"));
         }
-        let row = catalog.material(Digest::of(b"file")).await.unwrap().unwrap();
-        let document: Value = serde_json::from_str(&row.document).unwrap();
-        assert_eq!(document["names"].as_array().unwrap().len(), MOST_NAMES);
-        assert_eq!(row.name.as_deref(), Some("name 63"));
     }
 }

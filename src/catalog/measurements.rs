@@ -1,9 +1,9 @@
 //! Rows of measurements: uploads and their descriptions.
 
+use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
-use super::error::CatalogError;
+use super::error::{CatalogError, breaks_reference};
 use super::page::{Cursor, Page, pattern};
-use super::pins::unpin;
 use crate::domain::Quantity;
 use crate::store::Digest;
 use sqlx::Row;
@@ -69,8 +69,8 @@ pub(crate) enum Added {
     Row(MeasurementRow, bool),
     /// The spectrum that it depends on was deleted meanwhile; nothing was written.
     NoSpectrum,
-    /// The pin has expired, so a sweep may have removed the content; nothing was written. Publish the content again.
-    Unpinned,
+    /// The claim on the content holds no longer; nothing was written. Publish the content again.
+    Unpublished,
 }
 
 /// Outcome of a deletion.
@@ -91,14 +91,25 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Stores a measurement whose content is published and pinned by `pin_holder`, and ends the pin.
-    pub(crate) async fn add_measurement(&self, new: &NewMeasurement, pin_holder: &str) -> Result<Added, CatalogError> {
+    /// Stores a measurement whose content was published under `claim`.
+    pub(crate) async fn add_measurement(&self, new: &NewMeasurement, claim: &Claim) -> Result<Added, CatalogError> {
+        self.repeat(|_| async {
+            match self.try_add(new, claim).await {
+                // The content was deleted since it was looked up; or the spectrum, which the next try finds out.
+                Err(CatalogError::Sql(error)) if breaks_reference(&error) => Ok(Added::Unpublished),
+                added => added,
+            }
+        })
+        .await
+    }
+
+    async fn try_add(&self, new: &NewMeasurement, claim: &Claim) -> Result<Added, CatalogError> {
         let mut write = self.write().await?;
-        if !unpin(&mut write, new.content, pin_holder).await? {
-            return Ok(Added::Unpinned);
+        if !take(&mut write, claim).await? {
+            return Ok(Added::Unpublished);
         }
         if let Some(spectrum) = new.spectrum {
-            let there = sqlx::query("SELECT 1 FROM measurements WHERE id = $1")
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = 'default' AND id = $1")
                 .bind(spectrum.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
@@ -114,8 +125,8 @@ impl Catalog {
             .to_lowercase();
         let inserted = sqlx::query(
             "INSERT INTO measurements \
-             (id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
-             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (id) DO NOTHING",
+             (tenant, id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
+             VALUES ('default', $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (tenant, id) DO NOTHING",
         )
         .bind(new.id.to_string())
         .bind(new.content.to_string())
@@ -131,10 +142,11 @@ impl Catalog {
         .execute(&mut *write.transaction)
         .await?
         .rows_affected();
-        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
-            .bind(new.id.to_string())
-            .fetch_one(&mut *write.transaction)
-            .await?;
+        let row =
+            sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
+                .bind(new.id.to_string())
+                .fetch_one(&mut *write.transaction)
+                .await?;
         let row = read(&row)?;
         write.commit().await?;
         Ok(Added::Row(row, inserted == 1))
@@ -142,7 +154,7 @@ impl Catalog {
 
     /// Returns one measurement.
     pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
-        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE id = $1"))
+        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
             .bind(id.to_string())
             .fetch_optional(&self.pool)
             .await?
@@ -161,7 +173,7 @@ impl Catalog {
         let rows = sqlx::query(concat!(
             "SELECT ",
             columns!(),
-            " FROM measurements WHERE (created_at < $1 OR (created_at = $1 AND id < $2)) \
+            " FROM measurements WHERE tenant = 'default' AND (created_at, id) < ($1, $2) \
              AND ($3 IS NULL OR quantity = $3) AND ($4 IS NULL OR format = $4) \
              AND ($5 IS NULL OR search LIKE $5 ESCAPE '\\') ORDER BY created_at DESC, id DESC LIMIT $6"
         ))
@@ -179,12 +191,26 @@ impl Catalog {
 
     /// Deletes a measurement, unless a material, another measurement or an unfinished job depends on it.
     pub(crate) async fn delete_measurement(&self, id: Digest) -> Result<Deleted, CatalogError> {
+        self.repeat(|again| async move {
+            // A row that begins to depend on it between the look and the deletion is seen by the second look.
+            for _ in 0..3 {
+                match self.try_delete(id, again).await {
+                    Err(CatalogError::Sql(error)) if breaks_reference(&error) => {}
+                    deleted => return deleted,
+                }
+            }
+            Ok(Deleted::InUse(format!("another row has just begun to depend on measurement {id}")))
+        })
+        .await
+    }
+
+    async fn try_delete(&self, id: Digest, again: bool) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
         let id = id.to_string();
         let used = sqlx::query(
-            "SELECT 'material ' || material FROM material_sources WHERE measurement = $1 \
-             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE spectrum = $1 \
-             UNION ALL SELECT 'job ' || id FROM jobs WHERE measurement = $1 AND state IN ('queued', 'running') LIMIT 1",
+            "SELECT 'material ' || material FROM material_sources WHERE tenant = 'default' AND measurement = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = 'default' AND spectrum = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = 'default' AND needs = $1 LIMIT 1",
         )
         .bind(id.clone())
         .fetch_optional(&mut *write.transaction)
@@ -193,10 +219,15 @@ impl Catalog {
             let by: String = row.try_get(0)?;
             return Ok(Deleted::InUse(format!("{by} depends on measurement {id}")));
         }
-        let gone =
-            sqlx::query("DELETE FROM measurements WHERE id = $1").bind(id).execute(&mut *write.transaction).await?;
+        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = 'default' AND id = $1 RETURNING content")
+            .bind(id)
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        // A repeated deletion has found its own work.
+        let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
+        unname(&mut write, row.try_get(0)?).await?;
         write.commit().await?;
-        Ok(if gone.rows_affected() == 1 { Deleted::Done } else { Deleted::Absent })
+        Ok(Deleted::Done)
     }
 }
 
@@ -227,50 +258,53 @@ mod tests {
 
     #[tokio::test]
     async fn the_same_measurement_is_known_the_second_time() {
-        let (catalog, _directory) = testing::catalog().await;
-        let (row, fresh) = add(&catalog, &measurement("lamp")).await;
-        assert!(fresh && row.bytes == 4 && row.name.as_deref() == Some("lamp"));
-        assert!(!add(&catalog, &measurement("lamp")).await.1);
-        assert_eq!(catalog.measurement(row.id).await.unwrap().unwrap().content, row.content);
-        assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Done);
-        assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Absent);
+        for (catalog, _guard) in testing::catalogs().await {
+            let (row, fresh) = add(&catalog, &measurement("lamp")).await;
+            assert!(fresh && row.bytes == 4 && row.name.as_deref() == Some("lamp"));
+            assert!(!add(&catalog, &measurement("lamp")).await.1);
+            assert_eq!(catalog.measurement(row.id).await.unwrap().unwrap().content, row.content);
+            assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Done);
+            assert_eq!(catalog.delete_measurement(row.id).await.unwrap(), Deleted::Absent);
+        }
     }
 
     #[tokio::test]
     async fn pages_cover_the_list_without_repetition() {
-        let (catalog, _directory) = testing::catalog().await;
-        for i in 0..7 {
-            add(&catalog, &measurement(&format!("lamp {i} 50%"))).await;
-        }
-        let (mut seen, mut cursor) = (Vec::new(), None);
-        loop {
-            let page = catalog.measurements(&MeasurementFilter::default(), cursor, 3).await.unwrap();
-            seen.extend(page.items.into_iter().map(|row| row.id));
-            cursor = page.next;
-            if cursor.is_none() {
-                break;
+        for (catalog, _guard) in testing::catalogs().await {
+            for i in 0..7 {
+                add(&catalog, &measurement(&format!("lamp {i} 50%"))).await;
             }
+            let (mut seen, mut cursor) = (Vec::new(), None);
+            loop {
+                let page = catalog.measurements(&MeasurementFilter::default(), cursor, 3).await.unwrap();
+                seen.extend(page.items.into_iter().map(|row| row.id));
+                cursor = page.next;
+                if cursor.is_none() {
+                    break;
+                }
+            }
+            assert_eq!(seen.len(), 7);
+            seen.sort();
+            seen.dedup();
+            assert_eq!(seen.len(), 7);
+            for (q, expected) in [("LAMP 3", 1), ("50%", 7), ("%lamp", 0), ("5_%", 0)] {
+                let filter = MeasurementFilter { q: Some(q.to_owned()), ..MeasurementFilter::default() };
+                assert_eq!(catalog.measurements(&filter, None, 9).await.unwrap().items.len(), expected, "{q}");
+            }
+            let brdfs = MeasurementFilter { quantity: Some(Quantity::Brdf), ..MeasurementFilter::default() };
+            assert!(catalog.measurements(&brdfs, None, 9).await.unwrap().items.is_empty());
         }
-        assert_eq!(seen.len(), 7);
-        seen.sort();
-        seen.dedup();
-        assert_eq!(seen.len(), 7);
-        for (q, expected) in [("LAMP 3", 1), ("50%", 7), ("%lamp", 0), ("5_%", 0)] {
-            let filter = MeasurementFilter { q: Some(q.to_owned()), ..MeasurementFilter::default() };
-            assert_eq!(catalog.measurements(&filter, None, 9).await.unwrap().items.len(), expected, "{q}");
-        }
-        let brdfs = MeasurementFilter { quantity: Some(Quantity::Brdf), ..MeasurementFilter::default() };
-        assert!(catalog.measurements(&brdfs, None, 9).await.unwrap().items.is_empty());
     }
 
     #[tokio::test]
     async fn a_spectrum_in_use_stays() {
-        let (catalog, _directory) = testing::catalog().await;
-        let (spectrum, _) = add(&catalog, &measurement("spd")).await;
-        add(&catalog, &NewMeasurement { spectrum: Some(spectrum.id), ..measurement("lamp") }).await;
-        assert!(matches!(catalog.delete_measurement(spectrum.id).await.unwrap(), Deleted::InUse(_)));
-        let orphan = NewMeasurement { spectrum: Some(Digest::of(b"gone")), ..measurement("other") };
-        catalog.pin(orphan.content, "test", std::time::Duration::from_mins(1)).await.unwrap();
-        assert!(matches!(catalog.add_measurement(&orphan, "test").await.unwrap(), Added::NoSpectrum));
+        for (catalog, _guard) in testing::catalogs().await {
+            let (spectrum, _) = add(&catalog, &measurement("spd")).await;
+            add(&catalog, &NewMeasurement { spectrum: Some(spectrum.id), ..measurement("lamp") }).await;
+            assert!(matches!(catalog.delete_measurement(spectrum.id).await.unwrap(), Deleted::InUse(_)));
+            let orphan = NewMeasurement { spectrum: Some(Digest::of(b"gone")), ..measurement("other") };
+            let claim = testing::publish(&catalog, orphan.content, 5).await;
+            assert!(matches!(catalog.add_measurement(&orphan, &claim).await.unwrap(), Added::NoSpectrum));
+        }
     }
 }

@@ -1,12 +1,15 @@
-//! Catalog of measurements, materials and jobs by digest: SQL and its migrations.
+//! Catalog of measurements, materials, jobs and stored bytes: SQL and its migrations.
 //!
-//! The same queries serve SQLite and PostgreSQL: `$n` placeholders, three column types, and two fragments that differ
-//! (the clock, and the row locks while a job is claimed). Writes on SQLite begin with `BEGIN IMMEDIATE`, so that a
-//! transaction never has to give up because it read before it wrote.
+//! The same statements serve SQLite and PostgreSQL: `$n` placeholders, three column types, and a few marks that each
+//! database writes in its own way ([`dialect`]). What must stay true while many processes write is said by foreign keys
+//! and by updates that name the state in which they find a row. Writes on SQLite begin with `BEGIN IMMEDIATE`, so that
+//! a transaction never has to give up because it read before it wrote.
 
+mod blobs;
 mod database;
 mod dialect;
 mod error;
+mod facts;
 mod file;
 mod job;
 #[cfg(test)]
@@ -15,33 +18,68 @@ mod jobs;
 mod lock;
 mod materials;
 mod measurements;
+mod migrate;
 mod page;
-mod pins;
+mod place;
+mod queue;
 mod ready;
 mod result_code;
+mod retention;
 mod schema;
 
-pub(crate) use database::Catalog;
 pub use error::CatalogError;
+pub use place::Database;
+
+pub(crate) use blobs::{Blob, Claim, Doom, Namer};
+pub(crate) use database::Catalog;
+pub(crate) use dialect::Dialect;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
-pub(crate) use pins::Namer;
+pub(crate) use retention::Retention;
 
 #[cfg(test)]
 pub(crate) mod testing {
+    //! Catalogs for tests, on both databases, and rows to fill them with.
+
     use super::*;
     use crate::domain::Quantity;
-    use crate::store::Digest;
-    use sqlx::Row;
+    use crate::store::{Digest, Object};
+    use sqlx::{AnyConnection, Connection, Executor, Row};
     use std::time::Duration;
 
-    /// A catalog in a directory with an awkward name.
-    pub(crate) async fn catalog() -> (Catalog, tempfile::TempDir) {
+    /// Keeps the files of a test for as long as the test runs.
+    pub(crate) type Guard = Option<tempfile::TempDir>;
+
+    /// Empty places for a catalog: a file in a directory with an awkward name, and a schema of its own in PostgreSQL.
+    pub(crate) async fn places() -> Vec<(Database, Guard)> {
         let directory = tempfile::Builder::new().prefix("odd name %?#").tempdir().unwrap();
-        let catalog = Catalog::open(&directory.path().join("catalog.sqlite")).await.unwrap();
-        (catalog, directory)
+        let file = Database::File(directory.path().join("catalog.sqlite"));
+        vec![(file, Some(directory)), (server().await, None)]
+    }
+
+    /// A new schema in the PostgreSQL server of the tests.
+    pub(crate) async fn server() -> Database {
+        let url = std::env::var("WAVELUME_TEST_DATABASE").expect(
+            "WAVELUME_TEST_DATABASE is not set: run the tests as `tests/servers cargo test …`, which starts PostgreSQL",
+        );
+        sqlx::any::install_default_drivers();
+        let schema = format!("t{}", uuid::Uuid::now_v7().simple());
+        let mut connection = AnyConnection::connect(&url).await.unwrap();
+        connection.execute(sqlx::AssertSqlSafe(format!("CREATE SCHEMA {schema}"))).await.unwrap();
+        connection.close().await.unwrap();
+        let mark = if url.contains('?') { '&' } else { '?' };
+        Database::Server(format!("{url}{mark}options[search_path]={schema}"))
+    }
+
+    /// Catalogs on both databases, up to date and empty.
+    pub(crate) async fn catalogs() -> Vec<(Catalog, Guard)> {
+        let mut catalogs = Vec::new();
+        for (place, guard) in places().await {
+            catalogs.push((Catalog::migrate(&place, false).await.unwrap().0, guard));
+        }
+        catalogs
     }
 
     /// A lamp whose content is `text`.
@@ -59,18 +97,25 @@ pub(crate) mod testing {
         }
     }
 
-    /// Pins and adds a measurement, as an upload does.
+    /// Announces an object of these bytes, as a publisher does before it writes them.
+    pub(crate) async fn publish(catalog: &Catalog, digest: Digest, bytes: u64) -> Claim {
+        let object = Object::fresh(digest);
+        catalog.intend(&object, bytes, Duration::from_mins(1)).await.unwrap();
+        Claim::Written(object, bytes)
+    }
+
+    /// Publishes and adds a measurement, as an upload does.
     pub(crate) async fn add(catalog: &Catalog, new: &NewMeasurement) -> (MeasurementRow, bool) {
-        catalog.pin(new.content, "test", Duration::from_mins(1)).await.unwrap();
-        match catalog.add_measurement(new, "test").await.unwrap() {
+        let claim = publish(catalog, new.content, new.bytes).await;
+        match catalog.add_measurement(new, &claim).await.unwrap() {
             Added::Row(row, fresh) => (row, fresh),
             other => panic!("{other:?}"),
         }
     }
 
-    /// Expires every pin now.
-    pub(crate) async fn expire_pins(catalog: &Catalog) {
-        sqlx::query("UPDATE pins SET expires_at = 0").execute(&catalog.pool).await.unwrap();
+    /// Lets every announcement expire now.
+    pub(crate) async fn expire_intents(catalog: &Catalog) {
+        sqlx::query("UPDATE intents SET expires_at = 0").execute(&catalog.pool).await.unwrap();
     }
 
     /// Number of rows of a table.

@@ -1,15 +1,29 @@
-//! The migrations of `migrations/`, embedded in the order in which they are applied.
+//! The migrations of `migrations/`, embedded in the order in which they are applied, and the schemas that this version
+//! can work with.
 
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
 /// File names and texts of all migrations; the name's number is the version that the database records.
-const FILES: [(&str, &str); 1] = [("0001_catalog", include_str!("../../migrations/0001_catalog.sql"))];
+const FILES: [(&str, &str); 2] = [
+    ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
+    ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
+];
+
+/// Version of the schema that this program works with: the number of the last migration.
+pub(super) const VERSION: i64 = FILES.len() as i64;
+
+/// The migration that makes the tables of the first version anew.
+pub(super) const REBUILD: i64 = 2;
 
 /// Builds the migrator of [`FILES`]. Listing them here, instead of sqlx's `migrate!`, keeps a second SQLite and half of
-/// tokio out of the build: the macro would compile both for the host.
+/// tokio out of the build: the macro would compile both for the host. Migrations that a newer program has applied are
+/// left alone.
 pub(super) fn migrator() -> Migrator {
-    Migrator::with_migrations(FILES.iter().filter_map(|(name, text)| migration(name, text)).collect())
+    let mut migrator =
+        Migrator::with_migrations(FILES.iter().filter_map(|(name, text)| migration(name, text)).collect());
+    migrator.set_ignore_missing(true);
+    migrator
 }
 
 fn migration(name: &'static str, text: &'static str) -> Option<Migration> {
@@ -17,6 +31,13 @@ fn migration(name: &'static str, text: &'static str) -> Option<Migration> {
     let version = number.parse().ok()?;
     Some(Migration::new(version, description.into(), MigrationType::Simple, text.into_sql_str(), false))
 }
+
+/// Settings of tables that are written often, for PostgreSQL only: room for updates in place, and early cleaning.
+pub(super) const TUNING: [&str; 3] = [
+    "ALTER TABLE jobs SET (fillfactor = 70, autovacuum_vacuum_scale_factor = 0.01, autovacuum_analyze_scale_factor = 0.01)",
+    "ALTER TABLE intents SET (autovacuum_vacuum_scale_factor = 0.01)",
+    "ALTER TABLE doomed SET (autovacuum_vacuum_scale_factor = 0.01)",
+];
 
 #[cfg(test)]
 mod tests {
@@ -34,6 +55,6 @@ mod tests {
         assert_eq!(names, FILES.map(|(name, _)| name.to_owned()));
         let migrator = migrator();
         let versions: Vec<i64> = migrator.iter().map(|migration| migration.version).collect();
-        assert_eq!(versions, (1..=FILES.len() as i64).collect::<Vec<_>>());
+        assert_eq!(versions, (1..=VERSION).collect::<Vec<_>>());
     }
 }

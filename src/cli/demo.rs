@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    site: serve::Site,
+    site: serve::Place,
     /// Stop once the table of results is printed, instead of serving until Ctrl-C
     #[arg(long, hide = true)]
     once: bool,

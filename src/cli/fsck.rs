@@ -1,31 +1,50 @@
-//! `wavelume fsck`: recomputes every digest of a data directory and looks for every blob that a row names.
+//! `wavelume fsck`: computes the digest of all stored bytes, and compares rows and stored objects with each other.
 
 use super::failure::Failure;
 use super::output::{count, print, print_json};
 use super::runtime::block_on;
-use super::serve::DataArgs;
-use crate::jobs::{Archive, Fault};
-use std::path::Path;
+use super::site::SiteArgs;
+use crate::jobs::{Archive, Check, Fault};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    data: DataArgs,
+    site: SiteArgs,
+    /// Part of the blobs whose digest is computed, from 0 to 1; all of them are looked for
+    #[arg(long, value_name = "PART", default_value_t = 1.0, value_parser = part)]
+    sample: f64,
+    /// Hand objects and rows that nothing refers to over to the next `gc`. Damaged or missing bytes are noted in any
+    /// case, and replaced when the same bytes are uploaded again
+    #[arg(long)]
+    repair: bool,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
+fn part(text: &str) -> Result<f64, String> {
+    let part = text.parse().ok().filter(|part| (0.0..=1.0).contains(part));
+    part.ok_or_else(|| "expected a number from 0 to 1".to_owned())
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report = block_on(async { open_existing(&args.data.directory).await?.check().await.map_err(Failure::failed) })?;
+    let check = Check { sample: args.sample, repair: args.repair };
+    let report = block_on(async {
+        let archive = look_after(&args.site).await?;
+        archive.check_within(check).await.map_err(Failure::failed)
+    })?;
     if args.json {
         print_json(&report)?;
     } else {
         let mut lines =
             vec![format!("checked {} blobs, {} bytes\n", count(report.checked_blobs), count(report.checked_bytes))];
         lines.extend(report.faults.iter().map(|fault| match fault {
-            Fault::Corrupt { digest } => format!("corrupt  {digest}\n"),
-            Fault::Missing { digest, named_by } => format!("missing  {digest}, named by {named_by}\n"),
+            Fault::Corrupt { digest } => format!("corrupt        {digest}\n"),
+            Fault::Missing { digest, named_by } => format!("missing        {digest}, named by {named_by}\n"),
+            Fault::OrphanObject { object, bytes } => {
+                format!("orphan object  {object}, {} bytes, unknown to the catalog\n", count(*bytes))
+            }
+            Fault::OrphanRow { digest } => format!("orphan row     {digest}, named by no row\n"),
         }));
         print(&lines.concat())?;
     }
@@ -36,10 +55,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Opens an existing data directory. A missing one is refused, because it is most likely a typing mistake.
-pub(crate) async fn open_existing(directory: &Path) -> Result<Archive, Failure> {
-    if !directory.is_dir() {
-        return Err(Failure::failed("no such data directory").about(directory));
+/// Opens an existing archive. A missing data directory is refused, because it is most likely a typing mistake.
+pub(crate) async fn look_after(site: &SiteArgs) -> Result<Archive, Failure> {
+    let site = site.site();
+    if site.database.is_none() && !site.data.is_dir() {
+        return Err(Failure::failed("no such data directory").about(&site.data));
     }
-    Archive::open(directory).await.map_err(Failure::failed)
+    Archive::look_after(&site).await.map_err(Failure::failed)
 }

@@ -1,30 +1,43 @@
-//! `wavelume gc`: removes unreferenced blobs and stale staging files of a data directory.
+//! `wavelume gc`: removes bytes that no row names, old jobs and abandoned staging files.
 
 use super::failure::Failure;
-use super::fsck::open_existing;
+use super::fsck::look_after;
 use super::output::{count, print, print_json};
 use super::runtime::block_on;
-use super::serve::DataArgs;
+use super::site::SiteArgs;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    data: DataArgs,
+    site: SiteArgs,
+    /// Remove bytes that nothing names at once, without their time of grace; a client that is reading them gets an
+    /// error
+    #[arg(long)]
+    now: bool,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report = block_on(async { open_existing(&args.data.directory).await?.sweep().await.map_err(Failure::failed) })?;
+    let report = block_on(async {
+        let archive = look_after(&args.site).await?;
+        let swept = if args.now { archive.sweep_now().await } else { archive.sweep().await };
+        swept.map_err(Failure::failed)
+    })?;
     if args.json {
         return print_json(&report);
     }
     print(&format!(
-        "removed {} blobs ({} bytes) and {} staging files, kept {} blobs\n",
+        "removed  {} blobs ({} bytes), {} staging files, {} old jobs\n\
+         waiting  {} blobs ({} bytes) that nothing names, until their grace is over; --now removes them\n\
+         kept     {} blobs\n",
         count(report.removed_blobs),
         count(report.removed_bytes),
         count(report.removed_staging),
+        count(report.forgotten_jobs),
+        count(report.waiting_blobs),
+        count(report.waiting_bytes),
         count(report.kept_blobs)
     ))
 }

@@ -1,20 +1,24 @@
-//! `wavelume migrate`: brings the catalog of a data directory up to date.
+//! `wavelume migrate`: brings the schema of the catalog up to date.
 
 use super::failure::Failure;
 use super::output::print;
 use super::runtime::block_on;
-use super::serve::DataArgs;
+use super::site::SiteArgs;
 use crate::jobs::Archive;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
-    data: DataArgs,
+    site: SiteArgs,
+    /// Migrate a PostgreSQL database that holds rows even where the migration has no way back. On SQLite a copy of the
+    /// catalog is kept instead
+    #[arg(long)]
+    i_have_a_backup: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let applied = block_on(async { Archive::migrate(&args.data.directory).await.map_err(Failure::failed) })?;
-    match applied {
+    let migrated = async { Archive::migrate(&args.site.site(), args.i_have_a_backup).await.map_err(Failure::failed) };
+    match block_on(migrated)? {
         0 => print("up to date\n"),
         1 => print("1 migration applied\n"),
         n => print(&format!("{n} migrations applied\n")),

@@ -35,6 +35,7 @@ mod runtime;
 mod sample;
 mod serve;
 mod settings;
+mod site;
 mod table;
 mod viewing;
 

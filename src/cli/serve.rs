@@ -4,17 +4,17 @@ use super::failure::Failure;
 use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::Settings;
+use super::site::SiteArgs;
 use crate::api::{ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
 use std::net::SocketAddr;
-use std::path::PathBuf;
 
 /// Options of the service, with every limit.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table")]
 pub(crate) struct Args {
     #[command(flatten)]
-    site: Site,
+    site: Place,
     #[command(flatten)]
     settings: Settings,
 }
@@ -22,9 +22,9 @@ pub(crate) struct Args {
 /// Data directory and address of a service.
 #[derive(Debug, clap::Args)]
 #[group(id = "service")]
-pub(crate) struct Site {
+pub(crate) struct Place {
     #[command(flatten)]
-    pub(crate) data: DataArgs,
+    pub(crate) data: SiteArgs,
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
@@ -43,20 +43,6 @@ pub(crate) struct Site {
     pub(crate) origins: Vec<String>,
 }
 
-/// The data directory.
-#[derive(Debug, clap::Args)]
-pub(crate) struct DataArgs {
-    /// Data directory; created if it is missing
-    #[arg(
-        long = "data",
-        value_name = "DIR",
-        default_value = "./wavelume-data",
-        env = "WAVELUME_DATA",
-        hide_env_values = true
-    )]
-    pub(crate) directory: PathBuf,
-}
-
 /// Default address that the service listens on and that `health` asks.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:8080";
 
@@ -71,10 +57,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
-impl Site {
+impl Place {
     /// The configuration of a service with the default limits.
     pub(crate) fn config(&self) -> ServeConfig {
         let mut config = ServeConfig::new(&self.data.directory, self.listen);
+        config.work.site = self.data.site();
         config.names.clone_from(&self.names);
         config.origins.clone_from(&self.origins);
         config

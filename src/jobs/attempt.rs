@@ -1,9 +1,10 @@
 //! Common parts of all attempts at jobs: their failures, and the publication of the bytes they made.
 
+use super::blobs::BlobError;
 use super::engine::Engine;
 use super::maths::MathsError;
 use super::problem::{Code, JobProblem};
-use super::publish::{PublishError, Published};
+use super::publish::Published;
 use crate::catalog::{CatalogError, Ended};
 use crate::store::StoreError;
 
@@ -72,11 +73,11 @@ impl From<StoreError> for Failure {
     }
 }
 
-impl From<PublishError> for Failure {
-    fn from(error: PublishError) -> Self {
+impl From<BlobError> for Failure {
+    fn from(error: BlobError) -> Self {
         match error {
-            PublishError::Store(error) => error.into(),
-            PublishError::Catalog(error) => error.into(),
+            BlobError::Store(error) => error.into(),
+            BlobError::Catalog(error) => error.into(),
         }
     }
 }

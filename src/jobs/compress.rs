@@ -13,7 +13,6 @@ use super::request::CompressRequest;
 use crate::catalog::{Ended, NewMaterial};
 use crate::compress::CompressError;
 use crate::pipeline::{self, Input, Outcome, PipelineError, Report};
-use crate::store::StoreExt;
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -26,7 +25,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
         Failure::Final(JobProblem::new(Code::UnreadableMeasurement, detail))
     })?;
     let options = kept_options(&row.document)?;
-    let bytes = engine.archive.store.get(row.content).await?;
+    let bytes = engine.archive.get(row.content).await?;
     let spectrum = match options.spectrum {
         Some(id) => Some(engine.spectrum(id).await?),
         None => None,
@@ -87,7 +86,7 @@ async fn end(
         measurement: request.measurement,
         document,
     };
-    let ended = Ended::Material(Box::new(material), published.holder().to_owned());
+    let ended = Ended::Material(Box::new(material), published.claim().clone());
     Ok(Made { ended, published })
 }
 

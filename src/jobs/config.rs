@@ -1,5 +1,6 @@
 //! Sizes, times and numbers of places of a service or worker, each declared once with its default and its unit.
 
+use super::site::Site;
 use super::unit::{Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -7,8 +8,8 @@ use std::time::Duration;
 /// Data directory, and the share of the machine to use.
 #[derive(Clone, Debug)]
 pub struct WorkConfig {
-    /// The data directory: blobs, staging files, the catalog.
-    pub data: PathBuf,
+    /// Data directory, catalog and store.
+    pub site: Site,
     /// Threads of each pool that computes; 0 = one per core.
     pub threads: usize,
     /// Jobs that this process runs at the same time; 0 leaves them to other processes.
@@ -20,7 +21,7 @@ pub struct WorkConfig {
 impl WorkConfig {
     /// Builds a configuration with defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self { data: data.into(), threads: 0, workers: 1, limits: Limits::default() }
+        Self { site: Site::new(data), threads: 0, workers: 1, limits: Limits::default() }
     }
 }
 
@@ -111,14 +112,27 @@ limits! {
     "Work" {
         /// Jobs that may wait in the queue; further ones get 429.
         queued_jobs: u64 = 10_000, Count >= 0;
-        /// Attempts at a job whose worker vanished or whose disk failed, before the job is dead.
+        /// Attempts at a job whose disk, store or database failed, before the job is dead.
         attempts: u32 = 5, Count >= 1;
+        /// Attempts at a job whose worker vanished, before the job is dead: it may be the job that ends its worker.
+        lost: u32 = 5, Count >= 1;
         /// Lease: time without a sign of life after which a job is taken back from its worker.
         lease: Duration = Duration::from_secs(30), Time >= 1000;
         /// Pause after the first failed attempt; it doubles with each further one.
         backoff: Duration = Duration::from_secs(2), Time >= 0;
         /// Age at which a staging file counts as abandoned and is removed.
         stale: Duration = Duration::from_hours(1), Time >= 1000;
+    }
+    "Keeping" {
+        /// Time for which bytes that no row names any more stay in the store. At least the time for which a backup or a
+        /// signed address may still refer to them.
+        grace: Duration = Duration::from_hours(24), Time >= 0;
+        /// Age at which a job that has succeeded or was cancelled is forgotten, with its report; its material stays.
+        keep_succeeded: Duration = Duration::from_hours(30 * 24), Time >= 0;
+        /// Age at which a job that has failed is forgotten.
+        keep_failed: Duration = Duration::from_hours(90 * 24), Time >= 0;
+        /// Time between two looks for bytes and rows to remove.
+        sweep: Duration = Duration::from_hours(1), Time >= 1000;
     }
     "Connections" {
         /// Connections held at once, over all addresses; fewer where the limit on descriptors is lower.

@@ -1,17 +1,19 @@
 //! An opened archive with its threads: state shared by the workers and the HTTP handlers of one process.
 
 use super::archive::{Archive, ArchiveError};
+use super::blobs::BlobError;
 use super::config::{Limits, WorkConfig};
 use super::frame::Frame;
 use super::hub::Hub;
 use super::maths::{Maths, MathsError};
 use super::presence::Presence;
 use super::request::JobRequest;
+use super::turns::CLIENT;
 use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, NewJob};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
-use crate::store::{Digest, StoreError, StoreExt};
+use crate::store::Digest;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -38,9 +40,9 @@ pub(crate) struct Engine {
 /// Reason why a material was not opened.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum OpenError {
-    /// The store of blobs failed.
+    /// The bytes could not be read.
     #[error(transparent)]
-    Store(#[from] StoreError),
+    Blob(#[from] BlobError),
     /// The computation failed.
     #[error(transparent)]
     Maths(#[from] MathsError),
@@ -55,7 +57,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 impl Engine {
     /// Opens the data directory and starts the threads. No job runs yet.
     pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
-        let archive = Archive::open(&config.data).await?;
+        let archive = Archive::serve(&config.site).await?;
         let limits = config.limits.clone();
         let presence = Presence::enter(&archive.data.join("workers"))
             .map_err(|source| ArchiveError::Directory { directory: archive.data.clone(), source })?;
@@ -96,7 +98,8 @@ impl Engine {
         newer.push(job.to_owned());
     }
 
-    /// Queues a job. `idempotency` is the client's key and the digest of its request.
+    /// Queues a job, as one of the running task's client. `idempotency` is the client's key and the digest of its
+    /// request.
     pub(crate) async fn enqueue(
         &self,
         request: &JobRequest,
@@ -111,7 +114,8 @@ impl Engine {
             JobRequest::Paper(request) => Frame::Paper { tables: request.numbers().map_err(refused)? },
         };
         let frame = frame.encode().map_err(|e| refused(e.to_string()))?;
-        let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), idempotency };
+        let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
+        let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
             self.hub.queued();
@@ -144,7 +148,7 @@ impl Engine {
     /// deletions.
     pub(crate) async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
         let opened = self.opened.entry(id).or_try_insert_with(async move {
-            let bytes = self.archive.store.get(id).await?;
+            let bytes = self.archive.get(id).await?;
             let material = self.queries.run(move || Material::open(&bytes)).await??;
             metrics::counter!("wavelume_materials_opened_total").increment(1);
             Ok(Arc::new(material))
@@ -166,13 +170,13 @@ impl Engine {
 
     /// Decodes a material to all its samples, without caching them.
     pub(crate) async fn decoded(&self, id: Digest) -> Result<Measurement, OpenError> {
-        let bytes = self.archive.store.get(id).await?;
+        let bytes = self.archive.get(id).await?;
         Ok(self.queries.run(move || decode(&bytes).and_then(Decoded::whole)).await?.map_err(EvaluateError::from)?)
     }
 
     /// Returns the bytes of a material.
     pub(crate) async fn bytes(&self, id: Digest) -> Result<bytes::Bytes, OpenError> {
-        Ok(self.archive.store.get(id).await?)
+        Ok(self.archive.get(id).await?)
     }
 
     /// Evicts the opened form of a deleted material.
@@ -195,9 +199,7 @@ mod tests {
         let tensor = Tensor::new(vec![Axis::Wavelength(grid)], vec![0.5; 8]).unwrap();
         let measurement = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Average, tensor).unwrap();
         let bytes = compress(&measurement, &Settings::default(), &Silent).unwrap().bytes;
-        let staged = engine.archive.staging.stage(&bytes).unwrap();
-        engine.archive.store.publish(&staged).await.unwrap();
-        let id = Digest::of(&bytes);
+        let id = crate::jobs::publish::tests::stored(&engine.archive, &bytes).await;
 
         let opened = futures::future::join_all((0..16).map(|_| engine.material(id))).await;
         let first = opened[0].as_ref().unwrap();

@@ -1,16 +1,16 @@
-//! From a staged upload to a measurement: parsed before it is kept, pinned before it is published, published before a
-//! row names it.
+//! From a staged upload to a measurement: parsed before it is kept, published before a row names it.
 
+use super::blobs::BlobError;
 use super::describe::{Understood, describe, describe_needy};
 use super::engine::Engine;
 use super::maths::MathsError;
 use super::options::Options;
-use super::publish::{PublishError, Published};
+use super::publish::Published;
 use crate::catalog::{Added, CatalogError, MeasurementRow, NewMeasurement};
 use crate::domain::Quantity;
 use crate::formats::{FormatError, FormatErrorKind};
 use crate::pipeline::{self, Input, PipelineError};
-use crate::store::{Digest, Staged, StoreError, StoreExt};
+use crate::store::{Digest, Staged, StoreError};
 use std::sync::Arc;
 
 /// Statements of a client about the bytes that it uploads.
@@ -104,11 +104,11 @@ fn first_of(skipped: &[(String, String)]) -> String {
     reasons.join("; ")
 }
 
-impl From<PublishError> for IngestError {
-    fn from(error: PublishError) -> Self {
+impl From<BlobError> for IngestError {
+    fn from(error: BlobError) -> Self {
         match error {
-            PublishError::Store(error) => error.into(),
-            PublishError::Catalog(error) => error.into(),
+            BlobError::Store(error) => error.into(),
+            BlobError::Catalog(error) => error.into(),
         }
     }
 }
@@ -124,7 +124,7 @@ impl Engine {
         let content = staged.digest();
         let id = upload.options.identity(content);
         let bytes = staged.bytes();
-        // A known measurement was parsed when it came; its bytes are published again, which heals a damaged blob.
+        // A known measurement was parsed when it came; its bytes are published again if they are missing or damaged.
         let (staged, summary) = match self.archive.catalog.measurement(id).await? {
             Some(known) => (staged, Summary::of_known(&known)?),
             None => self.understand(staged, &upload.options).await?,
@@ -142,10 +142,10 @@ impl Engine {
             document: summary.document,
         };
         loop {
-            match self.archive.catalog.add_measurement(&new, published.holder()).await? {
+            match self.archive.catalog.add_measurement(&new, published.claim()).await? {
                 Added::Row(row, new) => return Ok((row, new)),
                 Added::NoSpectrum => return Err(SpectrumError::Deleted.into()),
-                Added::Unpinned => published = published.again(&self.archive).await?,
+                Added::Unpublished => published = published.again(&self.archive).await?,
             }
         }
     }
@@ -184,7 +184,7 @@ impl Engine {
         if row.content != id {
             return Err(SpectrumError::WithOptions { id }.into());
         }
-        Ok(self.archive.store.get(row.content).await?)
+        Ok(self.archive.get(row.content).await?)
     }
 }
 

@@ -2,12 +2,14 @@
 
 mod archive;
 mod attempt;
+mod blobs;
 mod compress;
 mod config;
 mod describe;
 mod document;
 mod engine;
 mod frame;
+mod fsck;
 mod hub;
 mod ingest;
 mod maths;
@@ -17,16 +19,23 @@ mod presence;
 mod problem;
 mod publish;
 mod request;
+mod site;
+mod sweep;
 mod text;
 mod turns;
 mod unit;
 mod unpack;
 mod worker;
 
-pub use crate::catalog::CatalogError;
-pub use archive::{Archive, ArchiveError, Fault, FsckReport, SweepReport};
+pub use crate::catalog::{CatalogError, Database};
+pub use crate::store::Place;
+pub use archive::{Archive, ArchiveError};
 pub use config::{Limits, WorkConfig};
+pub use fsck::{Check, Fault, FsckReport};
+pub use site::Site;
+pub use sweep::SweepReport;
 
+pub(crate) use blobs::BlobError;
 pub(crate) use config::{SETTINGS, Setting};
 pub(crate) use describe::Understood;
 pub(crate) use document::Manifest;

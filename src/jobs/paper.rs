@@ -16,7 +16,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Con
     let mut bytes = serde_json::to_vec(&tables).map_err(|e| last(Code::Internal, e))?;
     bytes.push(b'\n');
     let published = publish(engine, bytes).await?;
-    let ended = Ended::Report(published.digest(), published.holder().to_owned());
+    let ended = Ended::Report(published.claim().clone());
     Ok(Made { ended, published })
 }
 

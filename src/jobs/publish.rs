@@ -1,43 +1,37 @@
-//! Bytes published and pinned until a row names them, and published again if the pin expires first.
+//! Bytes published until a row names them, and published again if that takes too long.
 
 use super::archive::Archive;
-use crate::catalog::CatalogError;
-use crate::store::{Digest, Staged, StoreError};
+use super::blobs::BlobError;
+use crate::catalog::Claim;
+use crate::store::{Digest, Object, Staged, StoreError};
 use std::io;
 use std::time::Duration;
+use tokio::time::{MissedTickBehavior, interval_at};
 
-/// Minutes between publishing a blob and naming it after which a sweep may remove it. Raising it keeps what a killed
-/// process published for longer; a process that stood still for longer publishes again.
-const PIN: Duration = Duration::from_mins(10);
+/// Time between the announcement of an object and the row that names it, after which the object is doomed. Raising it
+/// keeps what a killed process has written for longer; a process that stood still for longer publishes again.
+const INTENT: Duration = Duration::from_hours(1);
+
+/// Interval at which the announcement of an object that is being written is prolonged.
+const PROLONG: Duration = Duration::from_mins(10);
 
 /// Times that the same bytes are published before their upload or attempt fails. Raising it only helps a process that
-/// keeps standing still for longer than [`PIN`] each time.
+/// keeps standing still for longer than [`INTENT`] each time.
 const TIMES: u32 = 3;
 
-/// Bytes in the store, pinned under `holder`. Their staged file stays open until a row names them.
+/// Bytes in the store, with the claim under which a row may name them. Their staged file stays open until then.
 #[derive(Debug)]
 pub(crate) struct Published {
     staged: Staged,
-    holder: String,
+    claim: Claim,
     times: u32,
 }
 
-/// Failure to publish.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum PublishError {
-    /// The store of blobs failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The pin could not be written.
-    #[error(transparent)]
-    Catalog(#[from] CatalogError),
-}
-
 impl Published {
-    /// Pins and publishes staged bytes.
-    pub(super) async fn new(archive: &Archive, staged: Staged) -> Result<Self, PublishError> {
-        let holder = uuid::Uuid::now_v7().simple().to_string();
-        Self { staged, holder, times: 0 }.publish(archive).await
+    /// Publishes staged bytes, unless the store has them already.
+    pub(super) async fn new(archive: &Archive, staged: Staged) -> Result<Self, BlobError> {
+        let claim = publish(archive, &staged).await?;
+        Ok(Self { staged, claim, times: 1 })
     }
 
     /// Digest of the bytes.
@@ -45,31 +39,54 @@ impl Published {
         self.staged.digest()
     }
 
-    /// Holder of the pin; the same after [`Self::again`].
-    pub(super) fn holder(&self) -> &str {
-        &self.holder
+    /// The claim under which a row may name the bytes.
+    pub(super) fn claim(&self) -> &Claim {
+        &self.claim
     }
 
-    /// Publishes the bytes again: the catalog refused to name them because their pin had run out, and a sweep may have
-    /// removed them.
-    pub(super) async fn again(self, archive: &Archive) -> Result<Self, PublishError> {
+    /// Publishes the bytes again: the catalog refused to name them, because their object may have been removed.
+    pub(super) async fn again(self, archive: &Archive) -> Result<Self, BlobError> {
         let digest = self.digest();
         if self.times >= TIMES {
-            let message = format!("{digest} was published {TIMES} times and its pin ran out before it was named");
+            let message = format!("{digest} was published {TIMES} times and its claim ran out before it was named");
             return Err(StoreError::Io(io::Error::new(io::ErrorKind::TimedOut, message)).into());
         }
-        tracing::warn!(%digest, "the pin ran out before the bytes were named; they are published again");
+        tracing::warn!(%digest, "the claim on published bytes ran out before a row named them; they are published again");
         let (staging, staged) = (archive.staging.clone(), self.staged);
         let staged = tokio::task::spawn_blocking(move || staging.stage_again(&staged)).await;
         let staged = staged.map_err(|error| StoreError::Io(error.into()))??;
-        Self { staged, ..self }.publish(archive).await
+        let claim = publish(archive, &staged).await?;
+        Ok(Self { staged, claim, times: self.times + 1 })
     }
+}
 
-    async fn publish(mut self, archive: &Archive) -> Result<Self, PublishError> {
-        self.times += 1;
-        archive.catalog.pin(self.staged.digest(), &self.holder, PIN).await?;
-        archive.store.publish(&self.staged).await?;
-        Ok(self)
+async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError> {
+    let (digest, bytes) = (staged.digest(), staged.bytes());
+    if let Some(known) = archive.catalog.blob(digest).await?
+        && !known.suspect
+    {
+        // What an upload repeats is looked after: bytes that are missing or cut short are replaced.
+        if archive.store.size(&known.object).await? == Some(bytes) {
+            return Ok(Claim::Known(digest));
+        }
+        tracing::error!(object = %known.object, "stored bytes are missing or damaged, and are replaced");
+        archive.catalog.suspect(&known.object).await?;
+    }
+    let object = Object::fresh(digest);
+    archive.catalog.intend(&object, bytes, INTENT).await?;
+    let writing = archive.store.publish(staged, &object);
+    tokio::pin!(writing);
+    let mut ticks = interval_at(tokio::time::Instant::now() + PROLONG, PROLONG);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            written = &mut writing => {
+                written?;
+                return Ok(Claim::Written(object.clone(), bytes));
+            }
+            // Whether the announcement has run out shows when the row is written.
+            _ = ticks.tick() => drop(archive.catalog.prolong(&object, INTENT).await?),
+        }
     }
 }
 
@@ -78,15 +95,24 @@ pub(super) mod tests {
     use super::*;
     use crate::catalog::{Added, Deleted, NewMeasurement, testing};
     use crate::jobs::{Engine, IngestError, Options, Upload, WorkConfig};
-    use crate::store::{Retired, Store, StoreExt};
+    use crate::store::Store;
     use bytes::Bytes;
     use futures::future::BoxFuture;
-    use futures::stream::BoxStream;
+    use futures::stream::{BoxStream, StreamExt};
     use std::ops::Range;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// A store whose first `times` publications outlast their pin, while another process sweeps.
+    /// Stores bytes and names them by a measurement, as an upload does. Returns their digest.
+    pub(crate) async fn stored(archive: &Archive, bytes: &[u8]) -> Digest {
+        let published = Published::new(archive, archive.staging.stage(bytes).unwrap()).await.unwrap();
+        let new = NewMeasurement { id: Digest::of(bytes), content: Digest::of(bytes), ..testing::measurement("bytes") };
+        let added = archive.catalog.add_measurement(&new, published.claim()).await.unwrap();
+        assert!(matches!(added, Added::Row(..)), "{added:?}");
+        new.id
+    }
+
+    /// A store whose first `times` publications outlast their announcement, while another process sweeps.
     #[derive(Debug)]
     pub(crate) struct Late {
         archive: Archive,
@@ -107,37 +133,41 @@ pub(super) mod tests {
     }
 
     impl Store for Late {
-        fn publish<'a>(&'a self, staged: &'a Staged) -> BoxFuture<'a, Result<(), StoreError>> {
+        fn publish<'a>(&'a self, staged: &'a Staged, object: &'a Object) -> BoxFuture<'a, Result<(), StoreError>> {
             Box::pin(async move {
-                self.archive.store.publish(staged).await?;
+                self.archive.store.publish(staged, object).await?;
                 let late = self.times.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |times| times.checked_sub(1));
                 if late.is_ok() {
-                    testing::expire_pins(&self.archive.catalog).await;
-                    let swept = self.archive.sweep().await.unwrap();
-                    assert_eq!(swept.removed_blobs, 1);
+                    testing::expire_intents(&self.archive.catalog).await;
+                    self.archive.catalog.doom_expired(9, Duration::ZERO).await.unwrap();
+                    assert_eq!(self.archive.sweep_now().await.unwrap().removed_blobs, 1);
                 }
                 Ok(())
             })
         }
 
-        fn size(&self, digest: Digest) -> BoxFuture<'_, Result<Option<u64>, StoreError>> {
-            self.archive.store.size(digest)
+        fn size<'a>(&'a self, object: &'a Object) -> BoxFuture<'a, Result<Option<u64>, StoreError>> {
+            self.archive.store.size(object)
         }
 
-        fn read(&self, digest: Digest, range: Range<u64>) -> BoxFuture<'_, Result<Bytes, StoreError>> {
-            self.archive.store.read(digest, range)
+        fn read<'a>(&'a self, object: &'a Object, range: Range<u64>) -> BoxFuture<'a, Result<Bytes, StoreError>> {
+            self.archive.store.read(object, range)
         }
 
-        fn list(&self) -> BoxStream<'_, Result<(Digest, u64), StoreError>> {
-            self.archive.store.list()
+        fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>> {
+            self.archive.store.list(folder)
         }
 
-        fn retire(&self, digest: Digest) -> Result<Option<Retired>, StoreError> {
-            self.archive.store.retire(digest)
+        fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>> {
+            self.archive.store.remove(objects)
         }
 
-        fn discard(&self, retired: Retired) -> BoxFuture<'_, Result<(), StoreError>> {
-            self.archive.store.discard(retired)
+        fn note<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Option<String>, StoreError>> {
+            self.archive.store.note(name)
+        }
+
+        fn set_note<'a>(&'a self, name: &'a str, text: String) -> BoxFuture<'a, Result<(), StoreError>> {
+            self.archive.store.set_note(name, text)
         }
     }
 
@@ -149,12 +179,12 @@ pub(super) mod tests {
     }
 
     #[tokio::test]
-    async fn an_upload_whose_pin_ran_out_is_published_again_before_it_is_accepted() {
+    async fn an_upload_whose_claim_ran_out_is_published_again_before_it_is_accepted() {
         let (engine, _, _data) = Late::engine(2).await;
         let staged = engine.archive.staging.stage(SPECTRUM).unwrap();
         let (row, new) = engine.ingest(staged, upload()).await.unwrap();
         assert!(new);
-        assert_eq!(engine.archive.store.get(row.content).await.unwrap(), SPECTRUM);
+        assert_eq!(engine.archive.get(row.content).await.unwrap(), SPECTRUM);
         assert_eq!(engine.archive.check().await.unwrap().faults, []);
     }
 
@@ -165,7 +195,37 @@ pub(super) mod tests {
         let error = engine.ingest(staged, upload()).await.unwrap_err();
         assert!(matches!(error, IngestError::Store(StoreError::Io(_))), "{error}");
         assert!(error.to_string().contains("published 3 times"), "{error}");
-        assert!(engine.archive.catalog.named().await.unwrap().is_empty());
+        assert_eq!(engine.archive.catalog.namer(Digest::of(SPECTRUM)).await.unwrap(), None);
+    }
+
+    #[tokio::test]
+    async fn bytes_that_are_stored_are_not_written_again_unless_they_are_damaged() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let digest = stored(&archive, b"the truth").await;
+        let publish = async || {
+            let staged = archive.staging.stage(b"the truth").unwrap();
+            Published::new(&archive, staged).await.unwrap().claim().clone()
+        };
+        assert_eq!(publish().await, Claim::Known(digest));
+        let object = archive.catalog.blob(digest).await.unwrap().unwrap().object;
+        let file = data.path().join(object.to_string());
+        // Cut short, which an upload sees; changed in place, which a reader sees; missing.
+        for damage in [Some("the"), Some("the lie!!"), None] {
+            let object = archive.catalog.blob(digest).await.unwrap().unwrap().object;
+            let file = data.path().join(object.to_string());
+            match damage {
+                Some(text) => std::fs::write(&file, text).unwrap(),
+                None => std::fs::remove_file(&file).unwrap(),
+            }
+            assert!(archive.get(digest).await.is_err(), "{damage:?}");
+            stored(&archive, b"the truth").await;
+            assert!(matches!(publish().await, Claim::Known(_)));
+            assert_eq!(archive.get(digest).await.unwrap(), b"the truth".as_slice(), "{damage:?}");
+        }
+        assert!(!file.exists() || file.metadata().unwrap().len() == 3, "an object is never written again");
+        archive.sweep_now().await.unwrap();
+        assert_eq!(archive.check().await.unwrap().faults, []);
     }
 
     /// Publishes, names, reads and deletes one of three contents that others use too, over and over.
@@ -178,12 +238,12 @@ pub(super) mod tests {
             let new = NewMeasurement { id, ..testing::measurement(&content) };
             let mut published = Published::new(&archive, staged).await.unwrap();
             if round % 4 == 1 {
-                testing::expire_pins(&archive.catalog).await;
+                testing::expire_intents(&archive.catalog).await;
             }
             let row = loop {
-                match archive.catalog.add_measurement(&new, published.holder()).await.unwrap() {
+                match archive.catalog.add_measurement(&new, published.claim()).await.unwrap() {
                     Added::Row(row, true) => break Some(row),
-                    Added::Unpinned => late += 1,
+                    Added::Unpublished => late += 1,
                     other => panic!("{other:?}"),
                 }
                 match published.again(&archive).await {
@@ -193,7 +253,7 @@ pub(super) mod tests {
             };
             let Some(row) = row else { continue };
             named += 1;
-            let found = archive.store.get(row.content).await;
+            let found = archive.get(row.content).await;
             assert_eq!(found.expect("a row names what a sweep took"), content.as_bytes());
             assert_eq!(archive.catalog.delete_measurement(row.id).await.unwrap(), Deleted::Done);
         }
@@ -202,28 +262,40 @@ pub(super) mod tests {
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
     async fn publishers_of_the_same_bytes_and_sweeps_of_two_processes_lose_nothing() {
-        let data = tempfile::tempdir().unwrap();
-        let archives = [Archive::open(data.path()).await.unwrap(), Archive::open(data.path()).await.unwrap()];
-        let done = tokio_util::sync::CancellationToken::new();
-        let sweeps = archives.clone().map(|archive| {
-            let done = done.clone();
-            tokio::spawn(async move {
-                let mut removed = 0;
-                while !done.is_cancelled() {
-                    removed += archive.sweep().await.unwrap().removed_blobs;
+        for (site, _guard) in crate::jobs::site::tests::sites().await {
+            let first = Archive::serve(&site).await.unwrap();
+            let archives = [first, Archive::serve(&site).await.unwrap()];
+            let done = tokio_util::sync::CancellationToken::new();
+            let sweeps = archives.clone().map(|archive| {
+                let done = done.clone();
+                tokio::spawn(async move {
+                    let mut removed = 0;
+                    while !done.is_cancelled() {
+                        removed += archive.sweep_now().await.unwrap().removed_blobs;
+                    }
+                    removed
+                })
+            });
+            let publishers =
+                (0..4).map(|number| tokio::spawn(publisher(archives[number as usize % 2].clone(), number)));
+            let counts = futures::future::try_join_all(publishers).await.unwrap();
+            done.cancel();
+            let removed = futures::future::try_join_all(sweeps).await.unwrap().iter().sum::<u64>();
+            let (named, late) = counts.iter().fold((0, 0), |sum, count| (sum.0 + count.0, sum.1 + count.1));
+            testing::expire_intents(&archives[0].catalog).await;
+            archives[0].catalog.doom_expired(999, Duration::ZERO).await.unwrap();
+            let left = archives[0].sweep_now().await.unwrap();
+            let removed = removed + left.removed_blobs;
+            assert!(named > 20 && late > 0 && removed > 0, "{named} named, {late} late, {removed} removed");
+            let faults = archives[0].check().await.unwrap().faults;
+            assert_eq!((left.kept_blobs, left.waiting_blobs, faults), (0, 0, vec![]));
+            let mut objects = Vec::new();
+            for first in 0..=u8::MAX {
+                for folder in Object::folders(first) {
+                    objects.extend(archives[0].store.list(&folder).collect::<Vec<_>>().await);
                 }
-                removed
-            })
-        });
-        let publishers = (0..4).map(|number| tokio::spawn(publisher(archives[number as usize % 2].clone(), number)));
-        let counts = futures::future::try_join_all(publishers).await.unwrap();
-        done.cancel();
-        let removed = futures::future::try_join_all(sweeps).await.unwrap().iter().sum::<u64>();
-        let (named, late) = counts.iter().fold((0, 0), |sum, count| (sum.0 + count.0, sum.1 + count.1));
-        let left = archives[0].sweep().await.unwrap();
-        let removed = removed + left.removed_blobs;
-        assert!(named > 20 && late > 0 && removed > 0, "{named} named, {late} late, {removed} removed");
-        assert_eq!((left.kept_blobs, archives[0].check().await.unwrap().faults), (0, vec![]));
-        assert_eq!(std::fs::read_dir(data.path().join("staging")).unwrap().count(), 0);
+            }
+            assert!(objects.is_empty(), "{objects:?}");
+        }
     }
 }

@@ -18,9 +18,6 @@ use tokio_util::task::TaskTracker;
 /// Interval at which workers look for jobs that another process queued, and for dead workers. Raising it delays both.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Interval between sweeps of unreferenced blobs. Raising it keeps deleted bytes on the disk for longer.
-const SWEEP: Duration = Duration::from_hours(1);
-
 /// Upper bound on the interval at which a running job renews its lease and looks for a cancel by another process.
 /// Raising it delays such cancels.
 const BEAT: Duration = Duration::from_secs(1);
@@ -78,28 +75,29 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
     });
     let mut published = None;
     let ended = match guard(engine, job, &control, running, stop).await {
-        Guarded::Done(Ok(made)) => {
+        Ok(Ok(made)) => {
             published = Some(made.published);
             made.ended
         }
-        Guarded::Done(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
-        Guarded::Done(Err(Failure::Passing(detail))) => again(engine, job, detail),
-        Guarded::Done(Err(Failure::Newer(detail))) => {
+        Ok(Err(Failure::Final(problem))) => Ended::Failed(problem.to_json()),
+        Ok(Err(Failure::Passing(detail))) => again(engine, job, detail),
+        Ok(Err(Failure::Newer(detail))) => {
             engine.leave_to_newer(&job.id);
             metrics::counter!("wavelume_jobs_left_to_newer_total").increment(1);
             tracing::warn!(job = job.id, detail, "the job is of a newer version: left to a newer worker");
             Ended::Released
         }
-        Guarded::Done(Err(Failure::Stopped)) if stop.is_cancelled() => Ended::Released,
-        Guarded::Done(Err(Failure::Stopped)) => Ended::Cancelled,
-        Guarded::Drained => Ended::Released,
-        Guarded::Lost => {
+        Ok(Err(Failure::Stopped)) if stop.is_cancelled() => Ended::Released,
+        Ok(Err(Failure::Stopped)) => Ended::Cancelled,
+        Err(Unfinished::Drained) => Ended::Released,
+        Err(Unfinished::Lost) => {
             engine.hub.leave(&job.id);
+            metrics::counter!("wavelume_jobs_lost_total").increment(1);
             tracing::warn!(job = job.id, "the job is another worker's now");
             return;
         }
     };
-    let (ended, state) = end(engine, job, ended, published).await;
+    let (ended, state) = end(engine, job, ended, published, stop).await;
     engine.hub.leave(&job.id);
     let duration_ms = start.elapsed().as_millis() as u64;
     metrics::histogram!("wavelume_job_duration_seconds").record(start.elapsed().as_secs_f64());
@@ -117,8 +115,8 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
                 _ => tracing::info!(job = job.id, %state, attempts = job.attempts, duration_ms, reason, "job ended"),
             }
         }
-        // `end` handles an expired pin itself.
-        Ok(Ending::Lost | Ending::Unpinned) => {
+        // `end` handles a claim that ran out itself.
+        Ok(Ending::Lost | Ending::Unpublished) => {
             tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here");
         }
         Err(error) => tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not written"),
@@ -134,9 +132,11 @@ fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
     }
 }
 
-enum Guarded {
-    Done(Result<Made, Failure>),
+/// Reason why an attempt was given up before its work ended.
+enum Unfinished {
+    /// Another worker owns the job.
     Lost,
+    /// The worker stops, and its drain time is over.
     Drained,
 }
 
@@ -147,7 +147,7 @@ async fn guard(
     control: &Control,
     mut running: tokio::task::JoinHandle<Result<Made, Failure>>,
     stop: &CancellationToken,
-) -> Guarded {
+) -> Result<Result<Made, Failure>, Unfinished> {
     let mut beats = interval(BEAT.min(engine.limits.lease / 3));
     beats.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let drained = async {
@@ -158,7 +158,7 @@ async fn guard(
     loop {
         tokio::select! {
             done = &mut running => {
-                return Guarded::Done(done.unwrap_or_else(|panic| {
+                return Ok(done.unwrap_or_else(|panic| {
                     tracing::error!(job = job.id, %panic, "a job panicked");
                     Err(Failure::Final(JobProblem::new(Code::Internal, "the job failed; this is a bug of the service")))
                 }));
@@ -168,47 +168,53 @@ async fn guard(
                 Ok(Beat::Cancel) => control.stop(),
                 Ok(Beat::Lost) => {
                     control.stop();
-                    return Guarded::Lost;
+                    return Err(Unfinished::Lost);
                 }
                 // The lease is still valid for a while, so the work goes on.
                 Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
             },
             () = &mut drained => {
                 control.stop();
-                return Guarded::Drained;
+                return Err(Unfinished::Drained);
             }
         }
     }
 }
 
-/// Writes the end of an attempt and returns the end that was written. A busy database is tried a few times; bytes whose
-/// pin has expired are published again.
+/// Longest pause between two tries to write the end of an attempt. Raising it spares a database that is away.
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+
+/// Writes the end of an attempt and returns the end that was written. It is tried for as long as the database is away
+/// and the worker need not stop: a result must not be lost, and another worker's claim ends the tries. Bytes whose
+/// claim has run out are published again.
 async fn end(
     engine: &Engine,
     job: &Claimed,
     mut ended: Ended,
     mut published: Option<Published>,
+    stop: &CancellationToken,
 ) -> (Ended, Result<Ending, CatalogError>) {
     let mut pause = Duration::from_millis(100);
     loop {
         match engine.archive.catalog.end(job, &ended).await {
-            Ok(Ending::Unpinned) => {
+            Ok(Ending::Unpublished) => {
                 let detail = match published.take() {
                     Some(before) => match before.again(&engine.archive).await {
                         Ok(again) => {
+                            ended.reclaim(again.claim().clone());
                             published = Some(again);
                             continue;
                         }
                         Err(error) => error.to_string(),
                     },
-                    None => "the result was not pinned".to_owned(),
+                    None => "the result was not published".to_owned(),
                 };
                 ended = again(engine, job, detail);
             }
-            Err(CatalogError::Sql(error)) if pause < Duration::from_secs(3) => {
+            Err(CatalogError::Sql(error)) if !stop.is_cancelled() || pause < Duration::from_secs(1) => {
                 tracing::warn!(job = job.id, %error, "the end of a job is written again");
                 sleep(pause).await;
-                pause *= 2;
+                pause = LONGEST_PAUSE.min(2 * pause);
             }
             other => return (ended, other),
         }
@@ -219,24 +225,29 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
     let lost = JobProblem::new(Code::WorkerLost, "its worker vanished in every attempt").to_json();
     let mut ticks = interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    // Leases run out while the database is away. Their workers get a whole lease to renew them afterwards.
+    let mut answers_since = Instant::now();
     loop {
         tokio::select! {
             biased;
             () = stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        if let Err(error) = reap(&engine, &lost).await {
+        let expired = answers_since.elapsed() >= engine.limits.lease;
+        if let Err(error) = reap(&engine, expired, &lost).await {
             tracing::error!(%error, "jobs of lost workers were not taken back");
+            answers_since = Instant::now();
         }
     }
 }
 
-async fn reap(engine: &Arc<Engine>, lost: &str) -> Result<(), CatalogError> {
+/// Takes back the jobs of workers that are known to be gone, and, if `expired`, those whose lease has run out.
+async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;
     // Without the list of dead workers, their leases still expire.
     let gone = gone.ok().and_then(Result::ok).unwrap_or_default();
-    let reaped = engine.archive.catalog.reap(&gone, engine.limits.attempts, lost).await?;
+    let reaped = engine.archive.catalog.reap(&gone, expired, engine.limits.lost, lost).await?;
     engine.presence.forget(&gone);
     for job in &reaped {
         tracing::warn!(job, "job taken back from a lost worker");
@@ -247,7 +258,7 @@ async fn reap(engine: &Arc<Engine>, lost: &str) -> Result<(), CatalogError> {
 }
 
 async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
-    let mut ticks = interval(SWEEP);
+    let mut ticks = interval(engine.limits.sweep);
     loop {
         tokio::select! {
             biased;
@@ -255,13 +266,14 @@ async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
             _ = ticks.tick() => {}
         }
         let start = Instant::now();
-        let swept = engine.archive.sweep_stale(engine.limits.stale, &|| stop.is_cancelled()).await;
+        let swept = engine.archive.sweep_within(&engine.limits, &|| stop.is_cancelled()).await;
         let duration_ms = start.elapsed().as_millis() as u64;
         match swept {
-            Ok(report) if report.removed_blobs + report.removed_staging > 0 => tracing::info!(
+            Ok(report) if report.removed_blobs + report.removed_staging + report.forgotten_jobs > 0 => tracing::info!(
                 removed_blobs = report.removed_blobs,
                 removed_bytes = report.removed_bytes,
                 removed_staging = report.removed_staging,
+                forgotten_jobs = report.forgotten_jobs,
                 duration_ms,
                 "swept"
             ),
@@ -279,7 +291,6 @@ mod tests {
     use crate::compress::Target;
     use crate::jobs::JobRequest;
     use crate::jobs::request::CompressRequest;
-    use crate::store::StoreExt;
     use serde_json::json;
 
     /// Claims the only job and runs one attempt at it.
@@ -291,7 +302,13 @@ mod tests {
 
     async fn queue(engine: &Engine, frame: &str) -> String {
         let id = uuid::Uuid::now_v7().to_string();
-        let new = NewJob { id: id.clone(), frame: frame.to_owned(), measurement: None, idempotency: None };
+        let new = NewJob {
+            id: id.clone(),
+            frame: frame.to_owned(),
+            measurement: None,
+            share: String::new(),
+            idempotency: None,
+        };
         assert!(matches!(engine.archive.catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
         id
     }
@@ -323,7 +340,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_result_whose_pin_ran_out_is_published_again_before_the_job_succeeds() {
+    async fn a_result_whose_claim_ran_out_is_published_again_before_the_job_succeeds() {
         let (engine, times, _data) = Late::engine(0).await;
         let staged = engine.archive.staging.stage(SPECTRUM).unwrap();
         let (row, _) = engine.ingest(staged, upload()).await.unwrap();
@@ -338,9 +355,9 @@ mod tests {
             assert_eq!(job.state, expected, "{job:?}");
             assert_eq!(engine.archive.check().await.unwrap().faults, []);
             if let Some(material) = job.material {
-                engine.archive.store.get(material).await.unwrap();
+                engine.archive.get(material).await.unwrap();
                 engine.archive.catalog.delete_material(material).await.unwrap();
-                engine.archive.sweep().await.unwrap();
+                engine.archive.sweep_now().await.unwrap();
             }
         }
     }

@@ -3,7 +3,7 @@
 use super::digest::Digest;
 use super::error::StoreError;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
+use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -30,11 +30,6 @@ pub(crate) struct Staged {
     bytes: u64,
     path: TemporaryPath,
 }
-
-/// A blob that has lost its name and waits for its removal. Dropping it is safe: [`Staging::sweep`] removes the file as
-/// stale.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Retired(PathBuf);
 
 #[derive(Debug)]
 struct TemporaryPath(PathBuf);
@@ -82,16 +77,6 @@ impl Staging {
         }
     }
 
-    /// Moves `file` here under a unique name; `None` if it is absent. Blocking, for one rename.
-    pub(super) fn take_in(&self, file: &Path) -> Result<Option<Retired>, StoreError> {
-        let path = self.directory.join(format!("retired-{}", uuid::Uuid::now_v7().simple()));
-        match fs::rename(file, &path) {
-            Ok(()) => Ok(Some(Retired(path))),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(error.into()),
-        }
-    }
-
     /// Removes files last written more than `older_than` ago, and returns their number. Blocking.
     pub(crate) fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
         let now = SystemTime::now();
@@ -105,16 +90,6 @@ impl Staging {
             }
         }
         Ok(removed)
-    }
-}
-
-impl Retired {
-    /// Removes the file; one that is gone already is fine. Blocking.
-    pub(super) fn discard(self) -> io::Result<()> {
-        match fs::remove_file(self.0) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
-            _ => Ok(()),
-        }
     }
 }
 

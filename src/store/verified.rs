@@ -1,25 +1,44 @@
-//! Verified reading of blobs, in one piece or as a stream, from any store.
+//! Verified reading of objects, in one piece or as a stream, from any store.
 
 use super::digest::Digest;
 use super::error::StoreError;
 use super::interface::Store;
+use super::object::Object;
 use bytes::Bytes;
 use futures::stream::{BoxStream, StreamExt, TryStreamExt};
 use std::ops::Range;
+use std::sync::Arc;
 
-/// Size in bytes up to which a blob is read in one piece and verified before its first byte is passed on.
+/// Size in bytes up to which an object is read in one piece and verified before its first byte is passed on.
 pub const WHOLE: u64 = 8 << 20;
 
-/// Size in bytes of the pieces in which larger blobs are read.
+/// Size in bytes of the pieces in which larger objects are read.
 const PIECE: u64 = 4 << 20;
 
 /// Operations that every store supports by its contract.
 pub(crate) trait StoreExt: Store {
-    /// Returns all bytes of a blob, verified.
-    fn get(&self, digest: Digest) -> impl Future<Output = Result<Bytes, StoreError>> + Send {
+    /// Returns the size of an object, asking the store if it is not known.
+    fn size_of(&self, object: &Object, known: Option<u64>) -> impl Future<Output = Result<u64, StoreError>> + Send {
         async move {
-            let size = self.size(digest).await?.ok_or(StoreError::NotFound(digest))?;
-            let bytes = self.read(digest, 0..size).await?;
+            match known {
+                Some(size) => Ok(size),
+                None => self.size(object).await?.ok_or(StoreError::NotFound(object.digest())),
+            }
+        }
+    }
+
+    /// Returns all bytes of an object, verified. One request, if the size is known.
+    fn get(&self, object: &Object, size: Option<u64>) -> impl Future<Output = Result<Bytes, StoreError>> + Send {
+        async move {
+            let (digest, size) = (object.digest(), self.size_of(object, size).await?);
+            let bytes = match self.read(object, 0..size).await {
+                // It is shorter than it was when it was stored.
+                Err(StoreError::Range { .. }) => {
+                    let size = self.size(object).await?.ok_or(StoreError::NotFound(digest))?;
+                    self.read(object, 0..size).await?
+                }
+                read => read?,
+            };
             let check = bytes.clone();
             let found = if size > PIECE / 16 {
                 tokio::task::spawn_blocking(move || Digest::of(&check)).await.map_err(std::io::Error::other)?
@@ -30,11 +49,11 @@ pub(crate) trait StoreExt: Store {
         }
     }
 
-    /// Streams the bytes of `range` of a blob of `size` bytes. A whole blob is hashed on its way, and the stream ends
-    /// with [`StoreError::Corrupt`] on a mismatch; a part cannot be verified.
+    /// Streams the bytes of `range` of an object of `size` bytes. A whole object is hashed on its way, and the stream
+    /// ends with [`StoreError::Corrupt`] on a mismatch; a part cannot be verified.
     fn stream(
-        self: std::sync::Arc<Self>,
-        digest: Digest,
+        self: Arc<Self>,
+        object: Object,
         range: Range<u64>,
         size: u64,
     ) -> BoxStream<'static, Result<Bytes, StoreError>>
@@ -42,38 +61,38 @@ pub(crate) trait StoreExt: Store {
         Self: 'static,
     {
         let hasher = (range == (0..size)).then(blake3::Hasher::new);
-        let state = (self, range, hasher);
-        futures::stream::try_unfold(state, move |(store, left, mut hasher)| async move {
+        let state = (self, object, range, hasher);
+        futures::stream::try_unfold(state, move |(store, object, left, mut hasher)| async move {
             if left.is_empty() {
                 return Ok::<_, StoreError>(None);
             }
             let end = left.end.min(left.start + PIECE);
-            let piece = store.read(digest, left.start..end).await?;
+            let piece = store.read(&object, left.start..end).await?;
             if let Some(hasher) = &mut hasher {
                 hasher.update(&piece);
-                // The last piece of a corrupt blob is withheld, so that a reader never takes it for whole.
-                let found = Digest::from(hasher.finalize());
-                if end == left.end && found != digest {
-                    return Err(StoreError::Corrupt { stored: digest, found });
+                // The last piece of a corrupt object is withheld, so that a reader never takes it for whole.
+                let (stored, found) = (object.digest(), Digest::from(hasher.finalize()));
+                if end == left.end && found != stored {
+                    return Err(StoreError::Corrupt { stored, found });
                 }
             }
-            Ok(Some((piece, (store, end..left.end, hasher))))
+            Ok(Some((piece, (store, object, end..left.end, hasher))))
         })
         .boxed()
     }
 
-    /// Recomputes the digest of a blob of any size in bounded memory, and returns its size.
-    fn verify(self: std::sync::Arc<Self>, digest: Digest) -> impl Future<Output = Result<u64, StoreError>> + Send
+    /// Recomputes the digest of an object of any size in bounded memory, and returns its size.
+    fn verify(self: Arc<Self>, object: &Object) -> impl Future<Output = Result<u64, StoreError>> + Send
     where
         Self: 'static,
     {
         async move {
-            let size = self.size(digest).await?.ok_or(StoreError::NotFound(digest))?;
+            let size = self.size(object).await?.ok_or(StoreError::NotFound(object.digest()))?;
             if size <= WHOLE {
-                self.get(digest).await?;
+                self.get(object, Some(size)).await?;
                 return Ok(size);
             }
-            self.stream(digest, 0..size, size).try_for_each(|_| async { Ok(()) }).await?;
+            self.stream(object.clone(), 0..size, size).try_for_each(|_| async { Ok(()) }).await?;
             Ok(size)
         }
     }

@@ -2,7 +2,7 @@
 
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::oneshot;
@@ -23,8 +23,33 @@ pub(crate) fn config(data: &Path) -> ServeConfig {
     config
 }
 
+/// Returns the files in which a data directory holds the bytes of a digest, or of every digest that begins so.
+pub(crate) fn objects(data: &Path, digest: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![data.join("blobs")];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.file_name().unwrap().to_str().unwrap().starts_with(digest) {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// Returns the only file in which a data directory holds the bytes of a digest.
+pub(crate) fn object(data: &Path, digest: &str) -> PathBuf {
+    let found = objects(data, digest);
+    assert_eq!(found.len(), 1, "{found:?}");
+    found[0].clone()
+}
+
 impl Service {
     pub(crate) async fn start(config: ServeConfig) -> Self {
+        wavelume::store::provide_tls();
         let server = Server::bind(config).await.unwrap();
         let base = format!("http://{}", server.address());
         let (stop, stopped) = oneshot::channel();

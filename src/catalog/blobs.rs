@@ -1,0 +1,580 @@
+//! Rows about stored bytes: which object holds a digest, which objects are being written, and which are to be deleted.
+//!
+//! ```text
+//! (absent) ─ intent ─▶ being written ─ row in, intent out ─▶ live ─ row out, doomed ─▶ doomed ─ deleted, row out ─▶
+//! gone                           └ intent expired ─▶ doomed
+//! ```
+//!
+//! Each arrow is one transaction. An object's name never comes back, so that neither a late write nor a late deletion
+//! can touch bytes that are in use. Rows that name a digest refer to `blobs` by a foreign key: a digest cannot be
+//! doomed while a row names it, and a row cannot name a digest that was doomed before.
+
+use super::database::{Catalog, Write};
+use super::error::CatalogError;
+use crate::store::{Digest, Object};
+use sqlx::Row;
+use sqlx::any::AnyRow;
+use std::time::Duration;
+
+/// Stored bytes of a digest.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Blob {
+    /// Object that holds the bytes.
+    pub object: Object,
+    /// Number of bytes; `None` if it is not known yet.
+    pub bytes: Option<u64>,
+    /// True if the stored bytes were found missing or damaged.
+    pub suspect: bool,
+}
+
+/// Right of a publisher to name a digest.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Claim {
+    /// The digest was stored already when the publisher looked.
+    Known(Digest),
+    /// The publisher has written an object of this many bytes, under an intent.
+    Written(Object, u64),
+}
+
+/// Kind of row that refers to the bytes of a digest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Namer {
+    /// A material, whose file they are.
+    Material,
+    /// A job, whose report they are.
+    Report,
+    /// A measurement, whose content they are.
+    Measurement,
+}
+
+/// Outcome of looking at a digest that has lost a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Doom {
+    /// No row names it: its object, of so many bytes, is to be deleted.
+    Doomed(u64),
+    /// Another row names it.
+    Named,
+    /// It is stored no longer.
+    Gone,
+}
+
+/// Condition under which a digest is named; `$1` is the digest.
+macro_rules! named {
+    () => {
+        "SELECT 1 AS kind FROM materials WHERE tenant = 'default' AND id = $1 \
+         UNION ALL SELECT 2 FROM jobs WHERE tenant = 'default' AND report = $1 \
+         UNION ALL SELECT 3 FROM measurements WHERE tenant = 'default' AND content = $1"
+    };
+}
+
+impl Claim {
+    /// Returns the digest that may be named.
+    pub(crate) fn digest(&self) -> Digest {
+        match self {
+            Self::Known(digest) => *digest,
+            Self::Written(object, _) => object.digest(),
+        }
+    }
+}
+
+impl Catalog {
+    /// Returns the stored bytes of a digest.
+    pub(crate) async fn blob(&self, digest: Digest) -> Result<Option<Blob>, CatalogError> {
+        sqlx::query("SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1")
+            .bind(digest.to_string())
+            .fetch_optional(&self.pool)
+            .await?
+            .map(|row| read(&row))
+            .transpose()
+    }
+
+    /// Announces an object that is about to be written, for `time`. Its name must be fresh.
+    pub(crate) async fn intend(&self, object: &Object, bytes: u64, time: Duration) -> Result<(), CatalogError> {
+        self.repeat(|_| async {
+            let _turn = self.turn().await;
+            sqlx::query(self.sql(
+                "INSERT INTO intents (object, tenant, digest, bytes, expires_at) \
+                 VALUES ($1, 'default', $2, $3, {now} + $4) ON CONFLICT (object) DO NOTHING",
+            ))
+            .bind(object.to_string())
+            .bind(object.digest().to_string())
+            .bind(bytes as i64)
+            .bind(time.as_millis() as i64)
+            .execute(&self.pool)
+            .await?;
+            Ok(())
+        })
+        .await
+    }
+
+    /// Prolongs the announcement of an object. Returns false if it has expired: the object may be deleted and must not
+    /// be used. It is never announced anew, because it may be doomed already.
+    pub(crate) async fn prolong(&self, object: &Object, time: Duration) -> Result<bool, CatalogError> {
+        self.repeat(|_| async {
+            let _turn = self.turn().await;
+            let prolonged = sqlx::query(
+                self.sql("UPDATE intents SET expires_at = {now} + $2 WHERE object = $1 AND expires_at > {now}"),
+            )
+            .bind(object.to_string())
+            .bind(time.as_millis() as i64)
+            .execute(&self.pool)
+            .await?;
+            Ok(prolonged.rows_affected() == 1)
+        })
+        .await
+    }
+
+    /// Notes that the bytes of an object were found missing or damaged: the next upload of the same bytes replaces it.
+    pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {
+        self.mark(object, "UPDATE blobs SET suspect = 1 WHERE tenant = 'default' AND digest = $1 AND generation = $2")
+            .await
+    }
+
+    /// Notes that the digest of an object has just been computed from its bytes and was right.
+    pub(crate) async fn checked(&self, object: &Object, bytes: u64) -> Result<(), CatalogError> {
+        let _turn = self.turn().await;
+        sqlx::query(self.sql(
+            "UPDATE blobs SET suspect = 0, checked_at = {now}, bytes = $3 \
+             WHERE tenant = 'default' AND digest = $1 AND generation = $2",
+        ))
+        .bind(object.digest().to_string())
+        .bind(object.generation().to_owned())
+        .bind(bytes as i64)
+        .execute(&self.pool)
+        .await?;
+        Ok(())
+    }
+
+    async fn mark(&self, object: &Object, statement: &'static str) -> Result<(), CatalogError> {
+        let _turn = self.turn().await;
+        sqlx::query(statement)
+            .bind(object.digest().to_string())
+            .bind(object.generation().to_owned())
+            .execute(&self.pool)
+            .await?;
+        Ok(())
+    }
+
+    /// Returns the kind of row that names `digest`, if there is one. Bytes that no row names must not be served.
+    pub(crate) async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
+        let row = sqlx::query(concat!(named!(), " ORDER BY kind LIMIT 1"))
+            .bind(digest.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        let kind = row.map(|row| row.try_get::<i64, _>(0)).transpose()?;
+        Ok(kind.map(|kind| match kind {
+            1 => Namer::Material,
+            2 => Namer::Report,
+            _ => Namer::Measurement,
+        }))
+    }
+
+    /// Returns a description of a row that names `digest`, if there is one.
+    pub(crate) async fn named_by(&self, digest: Digest) -> Result<Option<String>, CatalogError> {
+        let row = sqlx::query(
+            "SELECT 'material ' || id FROM materials WHERE tenant = 'default' AND id = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = 'default' AND report = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = 'default' AND content = $1 LIMIT 1",
+        )
+        .bind(digest.to_string())
+        .fetch_optional(&self.pool)
+        .await?;
+        Ok(row.map(|row| row.try_get(0)).transpose()?)
+    }
+
+    /// Dooms the objects of at most `most` intents that have expired; they are deleted `later`, because a write may
+    /// still be under way. Returns their number.
+    pub(crate) async fn doom_expired(&self, most: u32, later: Duration) -> Result<u64, CatalogError> {
+        let mut write = self.write().await?;
+        let expired =
+            write.sql("SELECT object, bytes FROM intents WHERE expires_at <= $1 ORDER BY expires_at LIMIT $2{skip}");
+        let rows =
+            sqlx::query(expired).bind(write.now).bind(i64::from(most)).fetch_all(&mut *write.transaction).await?;
+        for row in &rows {
+            let (object, bytes): (String, i64) = (row.try_get(0)?, row.try_get(1)?);
+            doom(&mut write, object.clone(), bytes, later).await?;
+            sqlx::query("DELETE FROM intents WHERE object = $1").bind(object).execute(&mut *write.transaction).await?;
+        }
+        write.commit().await?;
+        Ok(rows.len() as u64)
+    }
+
+    /// Returns at most `most` digests that have lost a name.
+    pub(crate) async fn unnamed(&self, most: u32) -> Result<Vec<Digest>, CatalogError> {
+        let rows = sqlx::query(self.sql(
+            "SELECT digest FROM unnamed WHERE tenant = 'default' AND not_before <= {now} ORDER BY not_before LIMIT $1",
+        ))
+        .bind(i64::from(most))
+        .fetch_all(&self.pool)
+        .await?;
+        rows.iter().map(|row| digest("unnamed", row.try_get(0)?)).collect()
+    }
+
+    /// Dooms the object of a digest, unless a row names the digest. It is deleted after `grace`: who has just looked it
+    /// up may still read it.
+    pub(crate) async fn doom_unnamed(&self, digest: Digest, grace: Duration) -> Result<Doom, CatalogError> {
+        let mut write = self.write().await?;
+        let text = digest.to_string();
+        // The lock first: a row that names the digest is written before, and seen by the next statement, or after, and
+        // refused by its foreign key.
+        let row = sqlx::query(write.sql(
+            "SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1{lock}",
+        ))
+        .bind(text.clone())
+        .fetch_optional(&mut *write.transaction)
+        .await?;
+        let doomed = match row.map(|row| read(&row)).transpose()? {
+            None => Doom::Gone,
+            Some(blob) => {
+                let named =
+                    sqlx::query(named!()).bind(text.clone()).fetch_optional(&mut *write.transaction).await?.is_some();
+                if named {
+                    Doom::Named
+                } else {
+                    let bytes = blob.bytes.map_or(-1, |bytes| bytes as i64);
+                    sqlx::query("DELETE FROM blobs WHERE tenant = 'default' AND digest = $1")
+                        .bind(text.clone())
+                        .execute(&mut *write.transaction)
+                        .await?;
+                    doom(&mut write, blob.object.to_string(), bytes, grace).await?;
+                    Doom::Doomed(bytes.max(0) as u64)
+                }
+            }
+        };
+        sqlx::query("DELETE FROM unnamed WHERE tenant = 'default' AND digest = $1")
+            .bind(text)
+            .execute(&mut *write.transaction)
+            .await?;
+        write.commit().await?;
+        Ok(doomed)
+    }
+
+    /// Takes at most `most` objects that may be deleted now, with their sizes, for `time`: another process takes them
+    /// only afterwards.
+    pub(crate) async fn take_doomed(&self, most: u32, time: Duration) -> Result<Vec<(Object, u64)>, CatalogError> {
+        let mut write = self.write().await?;
+        let due =
+            write.sql("SELECT object, bytes FROM doomed WHERE not_before <= $1 ORDER BY not_before LIMIT $2{skip}");
+        let rows = sqlx::query(due).bind(write.now).bind(i64::from(most)).fetch_all(&mut *write.transaction).await?;
+        let mut taken = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let (object, bytes): (String, i64) = (row.try_get(0)?, row.try_get(1)?);
+            sqlx::query("UPDATE doomed SET not_before = $2, tries = tries + 1 WHERE object = $1")
+                .bind(object.clone())
+                .bind(write.now.saturating_add(time.as_millis() as i64))
+                .execute(&mut *write.transaction)
+                .await?;
+            let parsed = object.parse::<Object>().map_err(|error| CatalogError::Row {
+                table: "doomed",
+                id: object,
+                reason: error.to_string(),
+            })?;
+            taken.push((parsed, bytes.max(0) as u64));
+        }
+        write.commit().await?;
+        Ok(taken)
+    }
+
+    /// Lets objects that are waiting for their deletion be deleted now. Returns their number.
+    pub(crate) async fn end_grace(&self) -> Result<u64, CatalogError> {
+        let _turn = self.turn().await;
+        let ended =
+            sqlx::query(self.sql("UPDATE doomed SET not_before = {now} WHERE not_before > {now} AND tries = 0"))
+                .execute(&self.pool)
+                .await?;
+        Ok(ended.rows_affected())
+    }
+
+    /// Notes that objects were deleted.
+    pub(crate) async fn deleted(&self, objects: &[Object]) -> Result<(), CatalogError> {
+        let names: Vec<String> = objects.iter().map(Object::to_string).collect();
+        let _turn = self.turn().await;
+        sqlx::query(self.sql("DELETE FROM doomed WHERE object IN ({each $1})"))
+            .bind(serde_json::json!(names).to_string())
+            .execute(&self.pool)
+            .await?;
+        Ok(())
+    }
+
+    /// Returns the number of stored blobs and of objects that wait for their deletion, with their bytes.
+    pub(crate) async fn blob_counts(&self) -> Result<BlobCounts, CatalogError> {
+        let row = sqlx::query(
+            "SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM doomed), \
+             (SELECT CAST(COALESCE(SUM(CASE WHEN bytes > 0 THEN bytes ELSE 0 END), 0) AS BIGINT) FROM doomed)",
+        )
+        .fetch_one(&self.pool)
+        .await?;
+        let number = |at: usize| row.try_get::<i64, _>(at).map(|number| number.max(0) as u64);
+        Ok(BlobCounts { live: number(0)?, doomed: number(1)?, doomed_bytes: number(2)? })
+    }
+
+    /// Returns the next rows of stored bytes whose digests begin with byte `first`, in the order of their digests,
+    /// after `after`.
+    pub(crate) async fn blobs_beginning(
+        &self,
+        first: u8,
+        after: Option<Digest>,
+        most: u32,
+    ) -> Result<Vec<Blob>, CatalogError> {
+        let low = after.map_or_else(|| format!("b3-{first:02x}"), |digest| digest.to_string());
+        // The character after `f`, the last of a hexadecimal digit.
+        let high = format!("b3-{first:02x}g");
+        let rows = sqlx::query(
+            "SELECT digest, generation, bytes, suspect FROM blobs \
+             WHERE tenant = 'default' AND digest > $1 AND digest < $2 ORDER BY digest LIMIT $3",
+        )
+        .bind(low)
+        .bind(high)
+        .bind(i64::from(most))
+        .fetch_all(&self.pool)
+        .await?;
+        rows.iter().map(read).collect()
+    }
+
+    /// Returns true if the catalog knows this object: as stored bytes, as being written, or as to be deleted.
+    pub(crate) async fn knows(&self, object: &Object) -> Result<bool, CatalogError> {
+        let row = sqlx::query(
+            "SELECT 1 FROM blobs WHERE tenant = 'default' AND digest = $1 AND generation = $2 \
+             UNION ALL SELECT 1 FROM intents WHERE object = $3 UNION ALL SELECT 1 FROM doomed WHERE object = $3 LIMIT 1",
+        )
+        .bind(object.digest().to_string())
+        .bind(object.generation().to_owned())
+        .bind(object.to_string())
+        .fetch_optional(&self.pool)
+        .await?;
+        Ok(row.is_some())
+    }
+
+    /// Returns true if a digest is listed as having lost a name.
+    pub(crate) async fn is_unnamed(&self, digest: Digest) -> Result<bool, CatalogError> {
+        let row = sqlx::query("SELECT 1 FROM unnamed WHERE tenant = 'default' AND digest = $1")
+            .bind(digest.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        Ok(row.is_some())
+    }
+
+    /// Dooms an object that the catalog does not know; it is deleted after `grace`.
+    pub(crate) async fn doom_stray(&self, object: &Object, bytes: u64, grace: Duration) -> Result<(), CatalogError> {
+        let mut write = self.write().await?;
+        doom(&mut write, object.to_string(), bytes as i64, grace).await?;
+        write.commit().await
+    }
+
+    /// Lists a digest as having lost a name, so that the next sweep looks at it.
+    pub(crate) async fn list_unnamed(&self, digest: Digest) -> Result<(), CatalogError> {
+        let mut write = self.write().await?;
+        unname(&mut write, digest.to_string()).await?;
+        write.commit().await
+    }
+}
+
+#[cfg(test)]
+impl Catalog {
+    /// Forgets which digests have lost a name.
+    pub(crate) async fn forget_unnamed(&self) {
+        sqlx::query("DELETE FROM unnamed").execute(&self.pool).await.unwrap();
+    }
+}
+
+/// Numbers of stored objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct BlobCounts {
+    /// Objects that hold the bytes of a digest.
+    pub live: u64,
+    /// Objects that wait for their deletion.
+    pub doomed: u64,
+    /// Bytes of the objects that wait for their deletion.
+    pub doomed_bytes: u64,
+}
+
+/// Makes a digest one that a row may name, within the transaction that writes the row. Returns false if the claim does
+/// not hold any more: nothing may be written, and the bytes must be published again.
+pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, CatalogError> {
+    let (object, bytes) = match claim {
+        // The foreign key of the row decides.
+        Claim::Known(_) => return Ok(true),
+        Claim::Written(object, bytes) => (object, *bytes as i64),
+    };
+    let live = sqlx::query("DELETE FROM intents WHERE object = $1 AND expires_at > $2")
+        .bind(object.to_string())
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+    if live.rows_affected() != 1 {
+        return Ok(false);
+    }
+    let digest = object.digest().to_string();
+    let inserted = sqlx::query(
+        "INSERT INTO blobs (tenant, digest, generation, bytes, checked_at, created_at) \
+         VALUES ('default', $1, $2, $3, $4, $4) ON CONFLICT (tenant, digest) DO NOTHING",
+    )
+    .bind(digest.clone())
+    .bind(object.generation().to_owned())
+    .bind(bytes)
+    .bind(write.now)
+    .execute(&mut *write.transaction)
+    .await?;
+    if inserted.rows_affected() == 1 {
+        return Ok(true);
+    }
+    // Another publisher of the same bytes was faster. Its object stays, unless its bytes were found damaged.
+    let row = sqlx::query(
+        write
+            .sql("SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1{lock}"),
+    )
+    .bind(digest.clone())
+    .fetch_optional(&mut *write.transaction)
+    .await?;
+    let Some(known) = row.map(|row| read(&row)).transpose()? else { return Ok(false) };
+    let unused = if known.suspect {
+        sqlx::query(
+            "UPDATE blobs SET generation = $2, bytes = $3, suspect = 0, checked_at = $4 \
+             WHERE tenant = 'default' AND digest = $1",
+        )
+        .bind(digest)
+        .bind(object.generation().to_owned())
+        .bind(bytes)
+        .bind(write.now)
+        .execute(&mut *write.transaction)
+        .await?;
+        known.object
+    } else {
+        object.clone()
+    };
+    doom(write, unused.to_string(), bytes, GRACE).await?;
+    Ok(true)
+}
+
+/// Hours after which an object that was replaced is deleted. Raising it lets slow readers finish.
+const GRACE: Duration = Duration::from_hours(1);
+
+/// Lists a digest as having lost a name, within the transaction that deletes the row that named it.
+pub(super) async fn unname(write: &mut Write, digest: String) -> Result<(), CatalogError> {
+    sqlx::query(
+        "INSERT INTO unnamed (tenant, digest, not_before) VALUES ('default', $1, $2) \
+         ON CONFLICT (tenant, digest) DO UPDATE SET not_before = excluded.not_before",
+    )
+    .bind(digest)
+    .bind(write.now)
+    .execute(&mut *write.transaction)
+    .await?;
+    Ok(())
+}
+
+async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) -> Result<(), CatalogError> {
+    sqlx::query("INSERT INTO doomed (object, bytes, not_before) VALUES ($1, $2, $3) ON CONFLICT (object) DO NOTHING")
+        .bind(object)
+        .bind(bytes)
+        .bind(write.now.saturating_add(later.as_millis() as i64))
+        .execute(&mut *write.transaction)
+        .await?;
+    Ok(())
+}
+
+fn read(row: &AnyRow) -> Result<Blob, CatalogError> {
+    Ok(Blob {
+        object: Object::of(digest("blobs", row.try_get("digest")?)?, row.try_get("generation")?),
+        bytes: u64::try_from(row.try_get::<i64, _>("bytes")?).ok(),
+        suspect: row.try_get::<i64, _>("suspect")? != 0,
+    })
+}
+
+fn digest(table: &'static str, text: String) -> Result<Digest, CatalogError> {
+    text.parse().map_err(|e: crate::store::NotADigest| CatalogError::Row { table, id: text, reason: e.to_string() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::{Added, Deleted, testing};
+
+    const MINUTE: Duration = Duration::from_mins(1);
+
+    #[tokio::test]
+    async fn a_row_is_refused_once_its_intent_has_run_out() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let lamp = testing::measurement("lamp");
+            let object = Object::fresh(lamp.content);
+            let claim = Claim::Written(object.clone(), 4);
+            assert!(matches!(catalog.add_measurement(&lamp, &claim).await.unwrap(), Added::Unpublished), "no intent");
+            catalog.intend(&object, 4, Duration::ZERO).await.unwrap();
+            assert!(matches!(catalog.add_measurement(&lamp, &claim).await.unwrap(), Added::Unpublished), "expired");
+            assert!(catalog.measurement(lamp.id).await.unwrap().is_none());
+            let unstored = catalog.add_measurement(&lamp, &Claim::Known(lamp.content)).await.unwrap();
+            assert!(matches!(unstored, Added::Unpublished), "the digest was never stored");
+            let object = Object::fresh(lamp.content);
+            catalog.intend(&object, 4, MINUTE).await.unwrap();
+            assert!(catalog.prolong(&object, MINUTE).await.unwrap());
+            let claim = Claim::Written(object, 4);
+            assert!(matches!(catalog.add_measurement(&lamp, &claim).await.unwrap(), Added::Row(_, true)));
+            assert_eq!(catalog.namer(lamp.content).await.unwrap(), Some(Namer::Measurement));
+            assert_eq!(catalog.namer(Digest::of(b"other")).await.unwrap(), None);
+            assert_eq!(catalog.blob(lamp.content).await.unwrap().unwrap().bytes, Some(4));
+        }
+    }
+
+    #[tokio::test]
+    async fn an_expired_intent_dooms_its_object_for_good() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let object = Object::fresh(Digest::of(b"late"));
+            catalog.intend(&object, 4, Duration::ZERO).await.unwrap();
+            assert_eq!(catalog.doom_expired(9, Duration::ZERO).await.unwrap(), 1);
+            assert_eq!(catalog.doom_expired(9, Duration::ZERO).await.unwrap(), 0);
+            assert!(!catalog.prolong(&object, MINUTE).await.unwrap(), "a doomed object is not announced again");
+            assert!(catalog.knows(&object).await.unwrap());
+            let taken = catalog.take_doomed(9, MINUTE).await.unwrap();
+            assert_eq!(taken, [(object.clone(), 4)]);
+            assert!(catalog.take_doomed(9, MINUTE).await.unwrap().is_empty(), "taken by one process at a time");
+            catalog.deleted(std::slice::from_ref(&object)).await.unwrap();
+            assert!(!catalog.knows(&object).await.unwrap());
+        }
+    }
+
+    #[tokio::test]
+    async fn a_digest_is_doomed_only_when_no_row_names_it() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let lamp = testing::measurement("lamp");
+            let other = crate::catalog::NewMeasurement { id: Digest::of(b"other"), ..lamp.clone() };
+            testing::add(&catalog, &lamp).await;
+            testing::add(&catalog, &other).await;
+            assert_eq!(catalog.delete_measurement(lamp.id).await.unwrap(), Deleted::Done);
+            assert_eq!(catalog.unnamed(9).await.unwrap(), [lamp.content]);
+            assert_eq!(catalog.doom_unnamed(lamp.content, MINUTE).await.unwrap(), Doom::Named);
+            assert!(catalog.unnamed(9).await.unwrap().is_empty());
+            assert_eq!(catalog.delete_measurement(other.id).await.unwrap(), Deleted::Done);
+            assert_eq!(catalog.doom_unnamed(lamp.content, MINUTE).await.unwrap(), Doom::Doomed(4));
+            assert_eq!(catalog.doom_unnamed(lamp.content, MINUTE).await.unwrap(), Doom::Gone);
+            assert!(catalog.take_doomed(9, MINUTE).await.unwrap().is_empty(), "the grace is not over");
+            let claim = Claim::Known(lamp.content);
+            assert!(matches!(catalog.add_measurement(&lamp, &claim).await.unwrap(), Added::Unpublished));
+            // The second upload's own object, which was not needed, is one of them.
+            assert_eq!(catalog.end_grace().await.unwrap(), 2);
+            assert_eq!(catalog.take_doomed(9, MINUTE).await.unwrap().len(), 2);
+        }
+    }
+
+    #[tokio::test]
+    async fn of_two_publishers_one_object_stays_unless_it_is_damaged() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let lamp = testing::measurement("lamp");
+            let (first, second, third) =
+                (Object::fresh(lamp.content), Object::fresh(lamp.content), Object::fresh(lamp.content));
+            for (object, new) in [(&first, true), (&second, false)] {
+                catalog.intend(object, 4, MINUTE).await.unwrap();
+                let added = catalog.add_measurement(&lamp, &Claim::Written(object.clone(), 4)).await.unwrap();
+                assert!(matches!(added, Added::Row(_, is_new) if is_new == new));
+            }
+            assert_eq!(catalog.blob(lamp.content).await.unwrap().unwrap().object, first);
+            assert!(catalog.knows(&second).await.unwrap(), "the second is to be deleted");
+            catalog.suspect(&first).await.unwrap();
+            assert!(catalog.blob(lamp.content).await.unwrap().unwrap().suspect);
+            catalog.intend(&third, 4, MINUTE).await.unwrap();
+            catalog.add_measurement(&lamp, &Claim::Written(third.clone(), 4)).await.unwrap();
+            let healed = catalog.blob(lamp.content).await.unwrap().unwrap();
+            assert_eq!((healed.object, healed.suspect), (third, false));
+            catalog.end_grace().await.unwrap();
+            assert_eq!(catalog.take_doomed(9, MINUTE).await.unwrap().len(), 2);
+        }
+    }
+}

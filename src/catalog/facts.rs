@@ -1,0 +1,88 @@
+//! Facts about the whole catalog: its random id, and whether its store carries that id.
+
+use super::database::Catalog;
+use super::dialect::Dialect;
+use super::error::CatalogError;
+use sqlx::Row;
+
+impl Catalog {
+    /// Returns a fact by its name.
+    pub(super) async fn fact(&self, name: &str) -> Result<Option<String>, CatalogError> {
+        let row = sqlx::query("SELECT value FROM facts WHERE name = $1")
+            .bind(name.to_owned())
+            .fetch_optional(&self.pool)
+            .await?;
+        Ok(row.map(|row| row.try_get(0)).transpose()?)
+    }
+
+    async fn state(&self, name: &str, value: String, again: bool) -> Result<(), CatalogError> {
+        let statement = if again {
+            "INSERT INTO facts (name, value) VALUES ($1, $2) ON CONFLICT (name) DO UPDATE SET value = excluded.value"
+        } else {
+            "INSERT INTO facts (name, value) VALUES ($1, $2) ON CONFLICT (name) DO NOTHING"
+        };
+        let _turn = self.turn().await;
+        sqlx::query(statement).bind(name.to_owned()).bind(value).execute(&self.pool).await?;
+        Ok(())
+    }
+
+    /// Gives a new catalog its random id.
+    pub(super) async fn name_instance(&self) -> Result<(), CatalogError> {
+        if self.fact("instance").await?.is_none() {
+            self.state("instance", uuid::Uuid::now_v7().to_string(), false).await?;
+        }
+        Ok(())
+    }
+
+    /// Returns the random id of this catalog, which its store carries too.
+    pub(crate) async fn instance(&self) -> Result<String, CatalogError> {
+        let missing = || CatalogError::Schema("the catalog has no id; run `wavelume migrate`".to_owned());
+        self.fact("instance").await?.ok_or_else(missing)
+    }
+
+    /// Gives a copy of a catalog an id of its own, so that it never takes the store of the original for its own.
+    pub(crate) async fn rename_instance(&self) -> Result<String, CatalogError> {
+        let id = uuid::Uuid::now_v7().to_string();
+        self.state("instance", id.clone(), true).await?;
+        self.state("store", "new".to_owned(), true).await?;
+        let turn = self.turn().await;
+        sqlx::query("DELETE FROM facts WHERE name = 'home'").execute(&self.pool).await?;
+        drop(turn);
+        // Noted anew, as the place of this catalog.
+        self.copied_from().await?;
+        Ok(id)
+    }
+
+    /// Returns the id of the catalog that this one is a copy of: it was written to another database before. Only
+    /// PostgreSQL tells its databases apart; the file of a catalog on SQLite may be moved.
+    pub(crate) async fn copied_from(&self) -> Result<Option<String>, CatalogError> {
+        if self.dialect() == Dialect::Sqlite {
+            return Ok(None);
+        }
+        let row = sqlx::query(
+            "SELECT CAST(system_identifier AS TEXT) || '/' || CAST((SELECT CAST(oid AS BIGINT) FROM pg_database \
+             WHERE datname = current_database()) AS TEXT) || '/' || current_schema() FROM pg_control_system()",
+        )
+        .fetch_one(&self.pool)
+        .await?;
+        let here: String = row.try_get(0)?;
+        match self.fact("home").await? {
+            Some(home) if home == here => Ok(None),
+            Some(_) => Ok(Some(self.instance().await?)),
+            None => {
+                self.state("home", here, false).await?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Returns true if a store has been given this catalog's id.
+    pub(crate) async fn has_claimed_store(&self) -> Result<bool, CatalogError> {
+        Ok(self.fact("store").await?.as_deref() == Some("claimed"))
+    }
+
+    /// Notes that a store has been given this catalog's id.
+    pub(crate) async fn note_claimed_store(&self) -> Result<(), CatalogError> {
+        self.state("store", "claimed".to_owned(), true).await
+    }
+}

@@ -1,0 +1,280 @@
+//! Schema of the catalog: brought up to date, or checked to be one that this program can work with.
+
+use super::database::Catalog;
+use super::dialect::Dialect;
+use super::error::CatalogError;
+use super::file::{is_hopeless, unusable, url};
+use super::place::Database;
+use super::schema::{self, REBUILD, TUNING, VERSION};
+use sqlx::migrate::MigrateError;
+use sqlx::{AnyConnection, Connection, Executor, Row};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Number of connections of a program that only looks after the catalog.
+const FEW: u32 = 4;
+
+/// Number of connections of a service on SQLite, where one writes at a time.
+const LOCAL: u32 = 8;
+
+impl Catalog {
+    /// Opens the catalog and brings its schema up to date. Returns the number of migrations applied.
+    ///
+    /// The migration that makes the first version's tables anew has no way back: on SQLite a copy of the file is kept
+    /// beside it, and on PostgreSQL a catalog that holds rows is refused unless `has_backup`.
+    pub(crate) async fn migrate(place: &Database, has_backup: bool) -> Result<(Self, usize), CatalogError> {
+        let catalog = Self::connect(place, LOCAL).await?;
+        let before = catalog.version().await?;
+        if (1..REBUILD).contains(&before) {
+            match place {
+                Database::File(file) => keep_copy(file).await?,
+                Database::Server(_) if !has_backup && catalog.holds_rows().await? => {
+                    return Err(CatalogError::Schema(format!(
+                        "migration {REBUILD} makes the tables of {place} anew and cannot be undone; back the database \
+                         up and run `wavelume migrate --i-have-a-backup`"
+                    )));
+                }
+                Database::Server(_) => {}
+            }
+        }
+        catalog.apply().await?;
+        let after = catalog.version().await?;
+        catalog.check_schema().await?;
+        catalog.name_instance().await?;
+        Ok((catalog, (after - before).max(0) as usize))
+    }
+
+    /// Opens a catalog whose schema is not to be changed. It waits up to `patience` for a database without the schema
+    /// that this program needs, because another program may be migrating it now.
+    pub(crate) async fn open_as_is(
+        place: &Database,
+        connections: u32,
+        patience: Duration,
+    ) -> Result<Self, CatalogError> {
+        let catalog = Self::connect(place, connections).await?;
+        let (start, mut said) = (Instant::now(), false);
+        loop {
+            match catalog.check_schema().await {
+                Err(CatalogError::Schema(reason)) if start.elapsed() < patience => {
+                    if !said {
+                        tracing::warn!(reason, "waiting for the schema of the database");
+                        said = true;
+                    }
+                    tokio::time::sleep(Duration::from_millis(500)).await;
+                }
+                Err(error) => return Err(error),
+                Ok(()) => break,
+            }
+        }
+        catalog.name_instance().await?;
+        Ok(catalog)
+    }
+
+    /// Opens a catalog for a command that looks after it. Its schema is not changed.
+    pub(crate) async fn open_few(place: &Database) -> Result<Self, CatalogError> {
+        Self::open_as_is(place, FEW, Duration::ZERO).await
+    }
+
+    async fn apply(&self) -> Result<(), CatalogError> {
+        // Two processes may start at once; the second finds the tables of the first and tries again.
+        let migrations = schema::migrator();
+        let (mut tries, start) = (0, Instant::now());
+        while let Err(error) = migrations.run(&self.pool).await {
+            tries += 1;
+            let last = tries == 10;
+            match error {
+                MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => match self.place.file() {
+                    Some(file) if last || is_hopeless(&error, start) => return Err(unusable(file, error)),
+                    None if last || !self.dialect.is_passing(&error) => return Err(error.into()),
+                    _ => {}
+                },
+                other => return Err(other.into()),
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        if self.dialect == Dialect::Postgres {
+            for statement in TUNING {
+                self.pool.execute(statement).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the number of the last migration applied; 0 for an empty database.
+    async fn version(&self) -> Result<i64, CatalogError> {
+        if !self.has_table("_sqlx_migrations").await? {
+            return Ok(0);
+        }
+        let last = sqlx::query("SELECT COALESCE(MAX(version), 0) FROM _sqlx_migrations").fetch_one(&self.pool).await?;
+        Ok(last.try_get(0)?)
+    }
+
+    async fn has_table(&self, name: &'static str) -> Result<bool, CatalogError> {
+        let query = match self.dialect {
+            Dialect::Sqlite => "SELECT COUNT(*) FROM sqlite_master WHERE type = 'table' AND name = $1",
+            Dialect::Postgres => {
+                "SELECT COUNT(*) FROM pg_tables WHERE schemaname = current_schema() AND tablename = $1"
+            }
+        };
+        let count: i64 = sqlx::query(query).bind(name).fetch_one(&self.pool).await?.try_get(0)?;
+        Ok(count > 0)
+    }
+
+    async fn holds_rows(&self) -> Result<bool, CatalogError> {
+        let query = "SELECT COUNT(*) FROM (SELECT 1 FROM measurements UNION ALL SELECT 1 FROM materials \
+                     UNION ALL SELECT 1 FROM jobs) AS held";
+        let count: i64 = sqlx::query(query).fetch_one(&self.pool).await?.try_get(0)?;
+        Ok(count > 0)
+    }
+
+    /// Refuses a schema that this program cannot work with: too old, or of a newer program that says so.
+    async fn check_schema(&self) -> Result<(), CatalogError> {
+        let version = self.version().await?;
+        if version < VERSION {
+            let found =
+                if version == 0 { "found an empty database".to_owned() } else { format!("found version {version}") };
+            return Err(CatalogError::Schema(format!("{found}, expected {VERSION} or newer; run `wavelume migrate`")));
+        }
+        let reader = self.fact("oldest_reader").await?.and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
+        if reader > VERSION {
+            return Err(CatalogError::Schema(format!(
+                "found version {version}, which needs a program of schema version {reader} or newer; this one has \
+                 {VERSION}: use the newer program"
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Copies the file of a catalog of the first version to `NAME.before-0002`, and checks that the copy opens.
+async fn keep_copy(file: &Path) -> Result<(), CatalogError> {
+    let suffixed = |suffix: &str| {
+        let mut name = file.as_os_str().to_owned();
+        name.push(suffix);
+        PathBuf::from(name)
+    };
+    let kept = suffixed(&format!(".before-{REBUILD:04}"));
+    let partial = suffixed(&format!(".copy-{}", uuid::Uuid::now_v7().simple()));
+    let unfit = |reason: String| CatalogError::Unusable { file: kept.clone(), reason };
+    let mut connection = AnyConnection::connect(&url(file)?).await?;
+    connection.execute("PRAGMA busy_timeout = 20000").await?;
+    let text = partial.to_str().ok_or_else(|| unfit("its path is not UTF-8".to_owned()))?.to_owned();
+    sqlx::query("VACUUM INTO $1").bind(text).execute(&mut connection).await?;
+    connection.close().await?;
+    let mut copy = AnyConnection::connect(&url(&partial)?).await?;
+    let sound: String = sqlx::query("PRAGMA integrity_check").fetch_one(&mut copy).await?.try_get(0)?;
+    let version: i64 =
+        sqlx::query("SELECT COALESCE(MAX(version), 0) FROM _sqlx_migrations").fetch_one(&mut copy).await?.try_get(0)?;
+    copy.close().await?;
+    let io = |error: std::io::Error| unfit(format!("the copy of the catalog cannot be kept: {error}"));
+    if version >= REBUILD {
+        // Another process has migrated meanwhile, and kept its copy.
+        return std::fs::remove_file(&partial).map_err(io);
+    }
+    if sound != "ok" {
+        std::fs::remove_file(&partial).map_err(io)?;
+        return Err(unfit(format!("the catalog is damaged ({sound}); restore it from a backup before it is migrated")));
+    }
+    std::fs::File::open(&partial).and_then(|copy| copy.sync_all()).map_err(io)?;
+    std::fs::rename(&partial, &kept).map_err(io)?;
+    tracing::info!(copy = %kept.display(), "the catalog was copied before its tables are made anew");
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::testing;
+
+    fn file_of(directory: &tempfile::TempDir) -> Database {
+        Database::File(directory.path().join("catalog.sqlite"))
+    }
+
+    #[tokio::test]
+    async fn the_schema_is_applied_once_even_by_two_at_a_time() {
+        for (place, _guard) in testing::places().await {
+            let (first, second) = tokio::join!(Catalog::migrate(&place, false), Catalog::migrate(&place, false));
+            let (first, second) = (first.unwrap(), second.unwrap());
+            assert!(first.1 + second.1 >= 1);
+            assert_eq!(Catalog::migrate(&place, false).await.unwrap().1, 0);
+            first.0.ping().await.unwrap();
+            second.0.ping().await.unwrap();
+        }
+    }
+
+    #[tokio::test]
+    async fn a_command_that_only_looks_does_not_change_the_schema() {
+        for (place, _guard) in testing::places().await {
+            let error = Catalog::open_few(&place).await.unwrap_err().to_string();
+            assert!(error.contains("empty database") && error.contains("run `wavelume migrate`"), "{error}");
+            let (catalog, _) = Catalog::migrate(&place, false).await.unwrap();
+            Catalog::open_few(&place).await.unwrap();
+            sqlx::query("UPDATE facts SET value = '99' WHERE name = 'oldest_reader'")
+                .execute(&catalog.pool)
+                .await
+                .unwrap();
+            let error = Catalog::open_few(&place).await.unwrap_err().to_string();
+            assert!(error.contains("schema version 99 or newer"), "{error}");
+        }
+    }
+
+    /// Applies the first migration alone and fills its tables, as a program of the first version left them.
+    async fn first_version(place: &Database) -> Catalog {
+        let catalog = Catalog::connect(place, 2).await.unwrap();
+        schema::migrator().run_to(1, &catalog.pool).await.unwrap();
+        for statement in [
+            "INSERT INTO measurements VALUES ('m', 'c', NULL, 'Lamp', NULL, 5, 'ies', 'edf', 'lamp', '{}', 1)",
+            "INSERT INTO measurements VALUES ('n', 'c', 'm', NULL, NULL, 5, 'ies', 'edf', '', '{}', 2)",
+            "INSERT INTO materials VALUES ('x', 'p', 'edf', 7, NULL, '', '{}', 3)",
+            "INSERT INTO material_sources VALUES ('x', 'm')",
+            "INSERT INTO material_sources VALUES ('gone', 'm')",
+            "INSERT INTO material_tags VALUES ('x', 'clay')",
+            "INSERT INTO jobs VALUES ('j', '00', 'm', 'succeeded', 1.0, 1, 1, NULL, NULL, 0, 0, NULL, 'r', NULL, 4, 5)",
+            "INSERT INTO jobs VALUES ('k', '00', 'n', 'queued', 0.0, 0, 0, NULL, NULL, 0, 0, NULL, NULL, NULL, 4, 5)",
+            "INSERT INTO idempotency_keys VALUES ('key', 'b', 'j', 4)",
+        ] {
+            catalog.pool.execute(statement).await.unwrap();
+        }
+        catalog
+    }
+
+    #[tokio::test]
+    async fn rows_of_the_first_version_are_kept_with_a_copy_or_a_backup() {
+        for (place, _guard) in testing::places().await {
+            first_version(&place).await.close().await;
+            if place.dialect() == Dialect::Postgres {
+                let error = Catalog::migrate(&place, false).await.unwrap_err().to_string();
+                assert!(error.contains("--i-have-a-backup"), "{error}");
+            }
+            let (catalog, applied) = Catalog::migrate(&place, true).await.unwrap();
+            assert_eq!(applied, 1);
+            for (table, rows) in [
+                ("measurements", 2),
+                ("materials", 1),
+                ("material_sources", 1),
+                ("material_tags", 1),
+                ("jobs", 2),
+                ("idempotency_keys", 1),
+                ("blobs", 3),
+            ] {
+                assert_eq!(testing::count(&catalog, table).await, rows, "{table}");
+            }
+            let kept = sqlx::query("SELECT COUNT(*) FROM jobs WHERE needs = 'n' AND state = 'queued'");
+            assert_eq!(kept.fetch_one(&catalog.pool).await.unwrap().try_get::<i64, _>(0).unwrap(), 1);
+            let joined = sqlx::query("SELECT spectrum FROM measurements WHERE id = 'n'").fetch_one(&catalog.pool).await;
+            assert_eq!(joined.unwrap().try_get::<String, _>(0).unwrap(), "m");
+            if let Some(file) = place.file() {
+                let copy = Database::File(file.with_file_name("catalog.sqlite.before-0002"));
+                let before = Catalog::connect(&copy, 1).await.unwrap();
+                assert_eq!((before.version().await.unwrap(), testing::count(&before, "jobs").await), (1, 2));
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn a_new_catalog_has_no_copy() {
+        let directory = tempfile::tempdir().unwrap();
+        Catalog::migrate(&file_of(&directory), false).await.unwrap();
+        assert!(!directory.path().join("catalog.sqlite.before-0002").exists());
+    }
+}

@@ -1,0 +1,199 @@
+//! The queue from the workers' side: claims, leases, ends, and jobs taken back from workers that have vanished.
+//!
+//! A job is claimed by raising its epoch and setting a lease. Each later write of its worker names that epoch: once
+//! another worker has the job, the epoch is higher and the late write changes nothing.
+
+use super::blobs::{Claim, take};
+use super::database::Catalog;
+use super::error::{CatalogError, breaks_reference};
+use super::job::{Beat, Claimed, Ended, Ending, JobState};
+use super::materials::insert;
+use sqlx::Row;
+use std::time::Duration;
+
+/// Version of the queue's arguments that this program understands. A job of a higher level is left to newer workers.
+const LEVEL: i64 = 1;
+
+/// Upper bound on the jobs that are taken back at once. Raising it makes one transaction longer.
+const REAPED: i64 = 100;
+
+impl Catalog {
+    /// Claims the job whose turn it is, if there is one. Jobs whose ids are in `but` are left to other workers.
+    pub(crate) async fn claim(
+        &self,
+        worker: &str,
+        lease: Duration,
+        but: &[String],
+    ) -> Result<Option<Claimed>, CatalogError> {
+        let but = serde_json::json!(but).to_string();
+        // Look without the write lock first, so that an idle worker does not disturb writers.
+        let any = sqlx::query("SELECT 1 FROM jobs WHERE state = 'queued' LIMIT 1").fetch_optional(&self.pool).await?;
+        if any.is_none() {
+            return Ok(None);
+        }
+        let _turn = self.turn().await;
+        let row = sqlx::query(self.sql(
+            "UPDATE jobs SET state = 'running', epoch = epoch + 1, attempts = attempts + 1, worker = $1, \
+             lease_until = {now} + $2, progress = 0.0, updated_at = {now} WHERE id = (SELECT id FROM jobs \
+             WHERE state = 'queued' AND not_before <= {now} AND level <= $3 AND id NOT IN ({each $4}) \
+             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, frame, epoch, attempts",
+        ))
+        .bind(worker.to_owned())
+        .bind(lease.as_millis() as i64)
+        .bind(LEVEL)
+        .bind(but)
+        .fetch_optional(&self.pool)
+        .await?;
+        let Some(row) = row else { return Ok(None) };
+        Ok(Some(Claimed {
+            id: row.try_get("id")?,
+            frame: row.try_get("frame")?,
+            epoch: row.try_get("epoch")?,
+            attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
+        }))
+    }
+
+    /// Renews the lease of a running job, stores its progress and tells its worker whether to continue.
+    pub(crate) async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
+        let _turn = self.turn().await;
+        let renewed = sqlx::query(self.sql(
+            "UPDATE jobs SET lease_until = {now} + $3, progress = $4 \
+             WHERE id = $1 AND epoch = $2 AND state = 'running' RETURNING cancel_requested",
+        ))
+        .bind(job.id.clone())
+        .bind(job.epoch)
+        .bind(lease.as_millis() as i64)
+        .bind(progress.clamp(0.0, 1.0))
+        .fetch_optional(&self.pool)
+        .await?;
+        let Some(row) = renewed else { return Ok(Beat::Lost) };
+        Ok(if row.try_get::<i64, _>(0)? == 0 { Beat::Yours } else { Beat::Cancel })
+    }
+
+    /// Ends an attempt. A lease that has run out does not matter as long as no other worker has claimed the job.
+    pub(crate) async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
+        match self.try_end(job, ended).await {
+            // The bytes of the result were deleted since they were looked up.
+            Err(CatalogError::Sql(error)) if breaks_reference(&error) => Ok(Ending::Unpublished),
+            ending => ending,
+        }
+    }
+
+    async fn try_end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
+        let mut write = self.write().await?;
+        let owned =
+            write.sql("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'{lock}");
+        let owned =
+            sqlx::query(owned).bind(job.id.clone()).bind(job.epoch).fetch_optional(&mut *write.transaction).await?;
+        let Some(owned) = owned else { return Ok(Ending::Lost) };
+        let cancel = owned.try_get::<i64, _>(0)? != 0;
+        if let Some(claim) = ended.claim()
+            && !take(&mut write, claim).await?
+        {
+            return Ok(Ending::Unpublished);
+        }
+        let (mut material, mut report) = (None, None);
+        let (state, problem, wait, attempts) = match ended {
+            Ended::Material(new, _) => {
+                insert(&mut write, new).await?;
+                material = Some(new.id.to_string());
+                (JobState::Succeeded, None, 0, job.attempts)
+            }
+            Ended::Report(claim) => {
+                report = Some(claim.digest().to_string());
+                (JobState::Succeeded, None, 0, job.attempts)
+            }
+            Ended::Failed(problem) => (JobState::Failed, Some(problem.clone()), 0, job.attempts),
+            Ended::Cancelled => (JobState::Cancelled, None, 0, job.attempts),
+            // After a cancel request no further attempt is wanted.
+            Ended::Retry { .. } | Ended::Released if cancel => (JobState::Cancelled, None, 0, job.attempts),
+            Ended::Retry { problem, attempts, .. } if job.attempts >= *attempts => {
+                (JobState::Dead, Some(problem.clone()), 0, job.attempts)
+            }
+            Ended::Retry { problem, delay, .. } => {
+                (JobState::Queued, Some(problem.clone()), delay.as_millis() as i64, job.attempts)
+            }
+            Ended::Released => (JobState::Queued, None, 0, job.attempts.saturating_sub(1)),
+        };
+        let progress = if state == JobState::Succeeded { 1.0 } else { 0.0 };
+        let written = sqlx::query(
+            "UPDATE jobs SET state = $3, problem = $4, material = $5, not_before = $6, attempts = $7, progress = $8, \
+             worker = NULL, lease_until = NULL, updated_at = $9, report = $10, \
+             needs = CASE WHEN $11 <> 0 THEN NULL ELSE needs END \
+             WHERE id = $1 AND epoch = $2 AND state = 'running'",
+        )
+        .bind(job.id.clone())
+        .bind(job.epoch)
+        .bind(state.name().to_owned())
+        .bind(problem)
+        .bind(material)
+        .bind(write.now.saturating_add(wait))
+        .bind(i64::from(attempts))
+        .bind(progress)
+        .bind(write.now)
+        .bind(report)
+        .bind(i64::from(state.is_final()))
+        .execute(&mut *write.transaction)
+        .await?;
+        if written.rows_affected() != 1 {
+            return Ok(Ending::Lost);
+        }
+        write.commit().await?;
+        Ok(Ending::Now(state))
+    }
+
+    /// Takes back jobs whose worker is in `gone`, and, if `expired`, those whose lease has run out. Returns their ids.
+    ///
+    /// A worker that vanished may have been killed by the job itself. After `most` such attempts the job is dead of
+    /// `problem` (JSON).
+    pub(crate) async fn reap(
+        &self,
+        gone: &[String],
+        expired: bool,
+        most: u32,
+        problem: &str,
+    ) -> Result<Vec<String>, CatalogError> {
+        let running = sqlx::query("SELECT 1 FROM jobs WHERE state = 'running' LIMIT 1").fetch_optional(&self.pool);
+        if running.await?.is_none() {
+            return Ok(Vec::new());
+        }
+        let _turn = self.turn().await;
+        let rows = sqlx::query(self.sql(
+            "WITH lost AS MATERIALIZED (SELECT id FROM jobs WHERE state = 'running' \
+             AND ((lease_until <= {now} AND $5 <> 0) OR worker IN ({each $3})) LIMIT $4{skip}) \
+             UPDATE jobs SET state = CASE WHEN cancel_requested <> 0 THEN 'cancelled' \
+             WHEN lost + 1 >= $1 THEN 'dead' ELSE 'queued' END, \
+             needs = CASE WHEN cancel_requested <> 0 OR lost + 1 >= $1 THEN NULL ELSE needs END, \
+             problem = CASE WHEN cancel_requested = 0 AND lost + 1 >= $1 THEN $2 ELSE problem END, \
+             lost = lost + 1, attempts = {greater}(attempts - 1, 0), epoch = epoch + 1, worker = NULL, \
+             lease_until = NULL, not_before = {now}, progress = 0.0, updated_at = {now} \
+             WHERE id IN (SELECT id FROM lost) RETURNING id",
+        ))
+        .bind(i64::from(most))
+        .bind(problem.to_owned())
+        .bind(serde_json::json!(gone).to_string())
+        .bind(REAPED)
+        .bind(i64::from(expired))
+        .fetch_all(&self.pool)
+        .await?;
+        rows.iter().map(|row| Ok(row.try_get(0)?)).collect()
+    }
+}
+
+impl Ended {
+    /// Returns the claim on the bytes that this end names, if it names any.
+    fn claim(&self) -> Option<&Claim> {
+        match self {
+            Self::Material(_, claim) | Self::Report(claim) => Some(claim),
+            Self::Failed(_) | Self::Retry { .. } | Self::Cancelled | Self::Released => None,
+        }
+    }
+
+    /// Replaces the claim on the bytes that this end names, after they were published again.
+    pub(crate) fn reclaim(&mut self, again: Claim) {
+        match self {
+            Self::Material(_, claim) | Self::Report(claim) => *claim = again,
+            Self::Failed(_) | Self::Retry { .. } | Self::Cancelled | Self::Released => {}
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Bytes by their digest: looked up in the catalog, read from the store, verified.
+
+use super::archive::Archive;
+use crate::catalog::{Blob, CatalogError};
+use crate::store::{Digest, StoreError, StoreExt};
+use bytes::Bytes;
+use futures::stream::{BoxStream, StreamExt};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Failure to read or to publish bytes.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum BlobError {
+    /// The store of objects failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The catalog failed.
+    #[error(transparent)]
+    Catalog(#[from] CatalogError),
+}
+
+impl Archive {
+    /// Returns where the bytes of a digest are, and how many.
+    pub(crate) async fn blob(&self, digest: Digest) -> Result<(Blob, u64), BlobError> {
+        let blob = self.catalog.blob(digest).await?.ok_or(StoreError::NotFound(digest))?;
+        let bytes = match self.store.size_of(&blob.object, blob.bytes).await {
+            Err(error @ StoreError::NotFound(_)) => return Err(self.suspected(&blob, error).await.into()),
+            bytes => bytes?,
+        };
+        Ok((blob, bytes))
+    }
+
+    /// Returns all bytes of a digest, verified.
+    pub(crate) async fn get(&self, digest: Digest) -> Result<Bytes, BlobError> {
+        let blob = self.catalog.blob(digest).await?.ok_or(StoreError::NotFound(digest))?;
+        let error = match self.store.get(&blob.object, blob.bytes).await {
+            Ok(bytes) => return Ok(bytes),
+            Err(error @ (StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. })) => error,
+            Err(error) => return Err(error.into()),
+        };
+        // The object may have been replaced since it was looked up.
+        match self.catalog.blob(digest).await? {
+            Some(now) if now.object != blob.object => Ok(self.store.get(&now.object, now.bytes).await?),
+            Some(_) => Err(self.suspected(&blob, error).await.into()),
+            None => Err(StoreError::NotFound(digest).into()),
+        }
+    }
+
+    /// Streams the bytes of `range` of a blob of `size` bytes. A whole blob is verified on its way.
+    pub(crate) fn stream(
+        &self,
+        blob: Blob,
+        range: Range<u64>,
+        size: u64,
+    ) -> BoxStream<'static, Result<Bytes, StoreError>> {
+        let archive = self.clone();
+        let pieces = Arc::clone(&self.store).stream(blob.object.clone(), range, size);
+        let watched = pieces.then(move |piece| {
+            let (archive, blob) = (archive.clone(), blob.clone());
+            async move {
+                match piece {
+                    Err(error @ (StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. })) => {
+                        Err(archive.suspected(&blob, error).await)
+                    }
+                    piece => piece,
+                }
+            }
+        });
+        watched.boxed()
+    }
+
+    /// Notes that the bytes of a blob are missing or damaged, so that the next upload of the same bytes replaces them.
+    /// Returns the error that showed it.
+    async fn suspected(&self, blob: &Blob, error: StoreError) -> StoreError {
+        tracing::error!(object = %blob.object, %error, "stored bytes are missing or damaged");
+        metrics::counter!("wavelume_damaged_blobs_total").increment(1);
+        if let Err(error) = self.catalog.suspect(&blob.object).await {
+            tracing::error!(object = %blob.object, %error, "the damage was not noted");
+        }
+        error
+    }
+}

@@ -1,0 +1,234 @@
+//! Check of an archive: every digest computed from its bytes, and rows and objects compared with each other.
+
+use super::archive::{Archive, ArchiveError};
+use crate::catalog::Blob;
+use crate::store::{Digest, Object, StoreError, StoreExt};
+use futures::TryStreamExt;
+use serde::Serialize;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Report of a check; the answer of `wavelume fsck`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct FsckReport {
+    /// Blobs whose digest was computed.
+    pub checked_blobs: u64,
+    /// Bytes of the checked blobs.
+    pub checked_bytes: u64,
+    /// Faults found; empty if there are none.
+    pub faults: Vec<Fault>,
+}
+
+/// One fault.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Fault {
+    /// The stored bytes do not match their digest.
+    Corrupt {
+        /// The digest.
+        digest: String,
+    },
+    /// A row names bytes that are missing.
+    Missing {
+        /// The digest.
+        digest: String,
+        /// Row that names it: `measurement b3-…`, `material b3-…` or `job …`.
+        named_by: String,
+    },
+    /// An object in the store that the catalog does not know.
+    OrphanObject {
+        /// Path of the object below the root of the store.
+        object: String,
+        /// Size of the object in bytes.
+        bytes: u64,
+    },
+    /// Stored bytes that no row names, and that no sweep would find.
+    OrphanRow {
+        /// The digest.
+        digest: String,
+    },
+}
+
+/// Extent of a check.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Check {
+    /// Part of the blobs whose digest is computed, from 0 to 1; all of them are looked for.
+    pub sample: f64,
+    /// Repairs what can be repaired: orphans are handed to the next sweep. Damaged and missing bytes are noted in any
+    /// case, so that the next upload of the same bytes replaces them.
+    pub repair: bool,
+}
+
+impl Default for Check {
+    fn default() -> Self {
+        Self { sample: 1.0, repair: false }
+    }
+}
+
+/// Rows that are read at once.
+const PAGE: u32 = 10_000;
+
+/// Time after which an orphan object is deleted that a repair hands to the sweeps. Raising it gives more time to find
+/// out whose it was.
+const GRACE: Duration = Duration::from_hours(24);
+
+impl Archive {
+    /// Computes every digest, and compares the rows about stored bytes with the objects in the store.
+    pub async fn check(&self) -> Result<FsckReport, ArchiveError> {
+        self.check_within(Check::default()).await
+    }
+
+    /// Checks like [`Self::check`], to the extent of `check`.
+    pub async fn check_within(&self, check: Check) -> Result<FsckReport, ArchiveError> {
+        let mut report = FsckReport::default();
+        // Counts up to the next blob of the sample.
+        let mut due = 1.0;
+        // A 256th at a time, so that neither all rows nor all names must fit into memory.
+        for first in 0..=u8::MAX {
+            let mut objects = HashMap::new();
+            for folder in Object::folders(first) {
+                let listed: Vec<(Object, u64)> = self.store.list(&folder).try_collect().await?;
+                objects.extend(listed);
+            }
+            let mut after = None;
+            loop {
+                let rows = self.catalog.blobs_beginning(first, after, PAGE).await?;
+                for blob in &rows {
+                    let there = objects.remove(&blob.object).is_some();
+                    due += check.sample.clamp(0.0, 1.0);
+                    let compute = there && due >= 1.0;
+                    if compute {
+                        due -= 1.0;
+                    }
+                    self.check_blob(blob, there, compute, &mut report).await?;
+                    self.check_named(blob.object.digest(), check.repair, &mut report).await?;
+                }
+                match rows.last() {
+                    Some(last) if rows.len() == PAGE as usize => after = Some(last.object.digest()),
+                    _ => break,
+                }
+            }
+            for (object, bytes) in objects {
+                // Known as being written or deleted; or stored since the rows were read.
+                if self.catalog.knows(&object).await? || self.store.size(&object).await?.is_none() {
+                    continue;
+                }
+                if check.repair {
+                    self.belongs().await?;
+                    self.catalog.doom_stray(&object, bytes, GRACE).await?;
+                }
+                report.faults.push(Fault::OrphanObject { object: object.to_string(), bytes });
+            }
+        }
+        Ok(report)
+    }
+
+    async fn check_blob(
+        &self,
+        blob: &Blob,
+        there: bool,
+        compute: bool,
+        report: &mut FsckReport,
+    ) -> Result<(), ArchiveError> {
+        let digest = blob.object.digest();
+        if there && !compute {
+            return Ok(());
+        }
+        match Arc::clone(&self.store).verify(&blob.object).await {
+            Ok(bytes) => {
+                report.checked_blobs += 1;
+                report.checked_bytes += bytes;
+                self.catalog.checked(&blob.object, bytes).await?;
+            }
+            Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
+                report.checked_blobs += 1;
+                self.catalog.suspect(&blob.object).await?;
+                report.faults.push(Fault::Corrupt { digest: digest.to_string() });
+            }
+            Err(StoreError::NotFound(_)) => {
+                // Told only if the row still refers to this object: it may have been swept or replaced meanwhile.
+                if self.catalog.blob(digest).await?.is_some_and(|now| now.object == blob.object) {
+                    self.catalog.suspect(&blob.object).await?;
+                    let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
+                    report.faults.push(Fault::Missing { digest: digest.to_string(), named_by });
+                }
+            }
+            Err(other) => return Err(other.into()),
+        }
+        Ok(())
+    }
+
+    async fn check_named(&self, digest: Digest, repair: bool, report: &mut FsckReport) -> Result<(), ArchiveError> {
+        if self.catalog.namer(digest).await?.is_some() || self.catalog.is_unnamed(digest).await? {
+            return Ok(());
+        }
+        // It may have lost its name, and then its row, between the two looks.
+        if self.catalog.blob(digest).await?.is_none() || self.catalog.is_unnamed(digest).await? {
+            return Ok(());
+        }
+        if repair {
+            self.catalog.list_unnamed(digest).await?;
+        }
+        report.faults.push(Fault::OrphanRow { digest: digest.to_string() });
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jobs::publish::tests::stored;
+    use crate::jobs::site::tests::sites;
+
+    #[tokio::test]
+    async fn a_check_finds_each_fault_and_repairs_what_it_can() {
+        for (site, _guard) in sites().await {
+            let archive = Archive::serve(&site).await.unwrap();
+            let [lie, gone, stray, lost] = [b"lie".as_slice(), b"gone", b"stray", b"lost"];
+            let (damaged, missing) = (stored(&archive, lie).await, stored(&archive, gone).await);
+            let object = async |digest| archive.catalog.blob(digest).await.unwrap().unwrap().object;
+            let other = archive.staging.stage(b"LIE").unwrap();
+            archive.store.publish(&other, &object(damaged).await).await.unwrap();
+            archive.store.remove(&[object(missing).await]).await;
+            let unknown = Object::fresh(Digest::of(stray));
+            archive.store.publish(&archive.staging.stage(stray).unwrap(), &unknown).await.unwrap();
+            // As a row that was deleted by hand leaves it.
+            let orphan = stored(&archive, lost).await;
+            archive.catalog.delete_measurement(orphan).await.unwrap();
+            archive.catalog.forget_unnamed().await;
+
+            let mut expected = vec![
+                Fault::Corrupt { digest: damaged.to_string() },
+                Fault::Missing { digest: missing.to_string(), named_by: format!("measurement {missing}") },
+                Fault::OrphanObject { object: unknown.to_string(), bytes: 5 },
+                Fault::OrphanRow { digest: orphan.to_string() },
+            ];
+            let mut check = archive.check_within(Check { repair: true, ..Check::default() }).await.unwrap();
+            let key = |fault: &Fault| format!("{fault:?}");
+            expected.sort_by_key(key);
+            check.faults.sort_by_key(key);
+            assert_eq!((check.checked_blobs, check.faults), (2, expected));
+
+            // Uploads heal the damage, and a sweep takes the orphans.
+            stored(&archive, lie).await;
+            stored(&archive, gone).await;
+            archive.sweep_now().await.unwrap();
+            assert_eq!(archive.check().await.unwrap().faults, []);
+            assert_eq!(archive.store.size(&unknown).await.unwrap(), None);
+        }
+    }
+
+    #[tokio::test]
+    async fn a_sample_computes_a_part_of_the_digests() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        for number in 0..20 {
+            stored(&archive, format!("{number}").as_bytes()).await;
+        }
+        for (sample, expected) in [(0.0, 1), (0.25, 5), (1.0, 20)] {
+            let report = archive.check_within(Check { sample, repair: false }).await.unwrap();
+            assert!(report.checked_blobs.abs_diff(expected) <= 1, "{sample}: {report:?}");
+        }
+    }
+}

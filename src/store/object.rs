@@ -1,0 +1,105 @@
+//! Name of a stored object: the digest of its bytes, and the generation that wrote it.
+//!
+//! No name is ever used twice, so that a write or a removal that arrives late hits nothing that is in use.
+
+use super::digest::Digest;
+use std::fmt;
+use std::str::FromStr;
+
+/// Folder of all objects.
+pub(super) const FOLDER: &str = "blobs";
+
+/// Folder of the only tenant.
+const TENANT: &str = "default";
+
+/// Name of a stored object; its text is the path below the root of the store.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) struct Object {
+    digest: Digest,
+    /// Empty for objects of the first version, which had one object for each digest.
+    generation: String,
+}
+
+/// Text that is not the name of an object.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not the path of a stored object")]
+pub(crate) struct NotAnObject(String);
+
+impl Object {
+    /// Makes a name that was never used before.
+    pub(crate) fn fresh(digest: Digest) -> Self {
+        Self { digest, generation: uuid::Uuid::now_v7().simple().to_string() }
+    }
+
+    /// Builds the name of an object of a known generation.
+    pub(crate) fn of(digest: Digest, generation: String) -> Self {
+        Self { digest, generation }
+    }
+
+    /// Returns the digest of the object's bytes.
+    pub(crate) fn digest(&self) -> Digest {
+        self.digest
+    }
+
+    /// Returns the generation that wrote the object.
+    pub(crate) fn generation(&self) -> &str {
+        &self.generation
+    }
+
+    /// Returns the folders that hold the objects whose digests begin with byte `first`. Together, those of all 256
+    /// bytes hold every object.
+    pub(crate) fn folders(first: u8) -> [String; 2] {
+        [format!("{FOLDER}/{first:02x}"), format!("{FOLDER}/{TENANT}/{first:02x}")]
+    }
+}
+
+impl fmt::Display for Object {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let digest = self.digest.to_string();
+        let first = &digest[3..5];
+        if self.generation.is_empty() {
+            write!(f, "{FOLDER}/{first}/{digest}")
+        } else {
+            write!(f, "{FOLDER}/{TENANT}/{first}/{digest}.{}", self.generation)
+        }
+    }
+}
+
+impl FromStr for Object {
+    type Err = NotAnObject;
+
+    fn from_str(text: &str) -> Result<Self, NotAnObject> {
+        let refused = || NotAnObject(text.chars().take(160).collect());
+        let name = text.rsplit('/').next().unwrap_or(text);
+        let (digest, generation) = name.split_once('.').unwrap_or((name, ""));
+        let digest = digest.parse().map_err(|_| refused())?;
+        let object = Self { digest, generation: generation.to_owned() };
+        // A path elsewhere, or with a generation of other characters, is somebody else's.
+        let plain = generation.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_lowercase());
+        if plain && object.to_string() == text { Ok(object) } else { Err(refused()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_paths_that_are_read_back_and_never_repeat() {
+        let digest = Digest::of(b"wavelume");
+        let (first, second) = (Object::fresh(digest), Object::fresh(digest));
+        assert_ne!(first, second);
+        let old = Object::of(digest, String::new());
+        for object in [&first, &second, &old] {
+            assert_eq!(object.to_string().parse::<Object>().as_ref(), Ok(object));
+            let byte = u8::from_str_radix(&digest.to_string()[3..5], 16).unwrap();
+            assert!(Object::folders(byte).iter().any(|folder| object.to_string().starts_with(&format!("{folder}/"))));
+        }
+        assert_eq!(old.to_string(), format!("blobs/{}/{digest}", &digest.to_string()[3..5]));
+        for other in
+            ["", "blobs/ab/notes.txt", &format!("elsewhere/{digest}"), &format!("{first}.x"), &format!("{first}/")]
+        {
+            assert!(other.parse::<Object>().is_err(), "{other}");
+        }
+    }
+}

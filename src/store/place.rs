@@ -1,0 +1,92 @@
+//! Place of a store: a directory, or a prefix in an S3 bucket.
+
+use super::error::StoreError;
+use super::interface::Store;
+use super::staging::Staging;
+use super::{local, s3};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// Place of a store; its text is `dir:PATH` or `s3://BUCKET/PREFIX`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A directory.
+    Directory(PathBuf),
+    /// A prefix in an S3 bucket; it may be empty.
+    S3 {
+        /// Name of the bucket.
+        bucket: String,
+        /// Prefix of all objects, without a slash at its ends.
+        prefix: String,
+    },
+}
+
+/// Text that names no store.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("found `{0}`, expected dir:PATH or s3://BUCKET/PREFIX")]
+pub struct NotAStore(String);
+
+impl Place {
+    /// Opens the store, and a directory in which bytes are staged: beside a directory of objects, and otherwise inside
+    /// `scratch`. Both directories must exist. Blocking.
+    pub(crate) fn open(&self, scratch: &Path) -> Result<(Arc<dyn Store>, Staging), StoreError> {
+        match self {
+            Self::Directory(root) => local::open(root).map(|(store, staging)| (Arc::new(store) as _, staging)),
+            Self::S3 { bucket, prefix } => {
+                let staging = scratch.join("staging");
+                std::fs::create_dir_all(&staging)?;
+                Ok((Arc::new(s3::open(bucket, prefix)?), Staging::new(staging)))
+            }
+        }
+    }
+}
+
+impl FromStr for Place {
+    type Err = NotAStore;
+
+    fn from_str(text: &str) -> Result<Self, NotAStore> {
+        let refused = || NotAStore(text.chars().take(200).collect());
+        if let Some(path) = text.strip_prefix("dir:") {
+            return if path.is_empty() { Err(refused()) } else { Ok(Self::Directory(path.into())) };
+        }
+        let (bucket, prefix) =
+            text.strip_prefix("s3://").map(|rest| rest.split_once('/').unwrap_or((rest, ""))).ok_or_else(refused)?;
+        let named = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'.' | b'-' | b'_');
+        if bucket.is_empty() || !bucket.bytes().all(named) {
+            return Err(refused());
+        }
+        Ok(Self::S3 { bucket: bucket.to_owned(), prefix: prefix.trim_matches('/').to_owned() })
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Directory(root) => write!(f, "dir:{}", root.display()),
+            Self::S3 { bucket, prefix } if prefix.is_empty() => write!(f, "s3://{bucket}"),
+            Self::S3 { bucket, prefix } => write!(f, "s3://{bucket}/{prefix}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_read_and_shown() {
+        for (text, shown) in [
+            ("dir:/srv/blobs", "dir:/srv/blobs"),
+            ("s3://materials", "s3://materials"),
+            ("s3://materials/prod/", "s3://materials/prod"),
+            ("s3://my.bucket-1/a/b", "s3://my.bucket-1/a/b"),
+        ] {
+            assert_eq!(text.parse::<Place>().unwrap().to_string(), shown);
+        }
+        for text in ["", "dir:", "s3://", "s3:///x", "s3://a b", "/srv/blobs", "https://bucket"] {
+            assert!(text.parse::<Place>().is_err(), "{text}");
+        }
+    }
+}
