@@ -7,6 +7,7 @@ use super::problem::Problem;
 use super::schemas::{EventText, JobIdText};
 use super::state::App;
 use crate::catalog::JobState;
+use crate::jobs::Following;
 use axum::extract::State;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
@@ -22,6 +23,7 @@ const KEEP_ALIVE: Duration = Duration::from_secs(10);
 struct Told {
     app: App,
     _place: Place,
+    _following: Following,
     id: String,
     changes: Receiver<Arc<str>>,
     state: Option<JobState>,
@@ -42,7 +44,8 @@ pub(super) async fn get_job_events(
     // Subscribe before the first read, so that no change is missed.
     let changes = app.engine.hub.listen();
     find(&app, &id).await?;
-    let told = Told { app, _place: place, id, changes, state: None, progress: 0.0 };
+    let following = app.engine.hub.follow(&id);
+    let told = Told { app, _place: place, _following: following, id, changes, state: None, progress: 0.0 };
     let events = futures::stream::unfold(Some(told), |told| async move { next(told?).await });
     Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }

@@ -13,15 +13,16 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use utoipa::ToSchema;
 
-/// Interval at which a job of another process is polled. Raising it delays the updates of such jobs.
-const LOOK: Duration = Duration::from_secs(1);
+/// Time after which a follower looks at its job even if nothing was told of it. Raising it delays an update that was
+/// lost.
+const LOOK: Duration = Duration::from_secs(10);
 
 /// The states of a job.
 #[derive(ToSchema)]
 #[schema(as = JobState)]
 #[serde(rename_all = "snake_case")]
 #[allow(dead_code, reason = "describes catalog::JobState")]
-enum StateSchema {
+pub(super) enum StateSchema {
     Queued,
     Running,
     Succeeded,
@@ -124,6 +125,6 @@ pub(super) async fn change(changes: &mut Receiver<Arc<str>>, id: &str) {
             }
         }
     };
-    // Jobs of other processes send no updates here, hence the timeout.
+    // An update may be lost, hence the timeout.
     let _ = tokio::time::timeout(LOOK, told).await;
 }

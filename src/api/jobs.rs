@@ -1,30 +1,34 @@
 //! `/v1/jobs`: work that outlives a request.
 
 use super::events;
-use super::extract::{JobId, SmallJson, parse_json};
-use super::job::{Job, absent, change, find};
+use super::extract::{JobId, Query, SmallJson, parse_json};
+use super::job::{Job, StateSchema, absent, change, find};
+use super::measurements::page;
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::JobIdText;
 use super::state::App;
-use crate::catalog::{Enqueued, JobRow, JobState};
+use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Retried};
 use crate::jobs::{JobRequest, Kind as JobKind, KindOnly, RequestError};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
+use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// The routes of this resource.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
-        .routes(routes!(post_job))
+        .routes(routes!(list_jobs, post_job))
         .routes(routes!(get_job))
         .routes(routes!(events::get_job_events))
         .routes(routes!(cancel_job))
+        .routes(routes!(retry_job))
 }
 
 /// Upper bound in seconds on the N of `Prefer: wait=N`. Raising it lets one request hold a place for longer.
@@ -107,6 +111,73 @@ async fn post_job(
     Ok(response)
 }
 
+/// Filter and place of a page of jobs.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct ListQuery {
+    /// Only jobs in this state
+    #[param(value_type = Option<StateSchema>, nullable = false)]
+    state: Option<String>,
+    /// Only jobs that read this measurement
+    #[param(nullable = false)]
+    measurement: Option<Digest>,
+    /// `next` of the previous page
+    #[param(nullable = false)]
+    cursor: Option<String>,
+    /// Most items on a page; 50 by default
+    #[param(nullable = false, minimum = 1, maximum = 1000)]
+    limit: Option<usize>,
+}
+
+/// A page of jobs, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+struct JobPage {
+    items: Vec<Job>,
+    /// Cursor of the next page; null on the last page.
+    next: Option<String>,
+}
+
+/// List jobs, newest first.
+#[utoipa::path(
+    get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
+    responses((status = 200, description = "A page", body = JobPage))
+)]
+async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
+    let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
+    let state = query.state.as_deref().map(|name| {
+        JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| {
+            let known = JobState::ALL.map(JobState::name).join(", ");
+            Problem::new(Kind::BadQuery, format!("state: found `{name}`, expected one of {known}"))
+        })
+    });
+    let filter = JobFilter { state: state.transpose()?, measurement: query.measurement };
+    let page = app.engine.archive.catalog.jobs(&filter, cursor, limit).await?;
+    Ok(Json(JobPage {
+        items: page.items.into_iter().map(Job::of).collect(),
+        next: page.next.map(|cursor| cursor.to_string()),
+    }))
+}
+
+/// Put a job that has failed, died or was cancelled back to the queue.
+#[utoipa::path(
+    post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
+    responses((status = 202, description = "It waits again", body = Job))
+)]
+async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+    match app.engine.retry(&id).await? {
+        Retried::Queued(row) => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
+        Retried::Unended(state) => Err(Problem::new(
+            Kind::JobFinished,
+            format!("job {id} is {state}, expected one that has failed, died or was cancelled"),
+        )),
+        Retried::NoMeasurement => {
+            Err(Problem::new(Kind::JobFinished, format!("the measurement of job {id} was deleted; upload it again")))
+        }
+        Retried::Absent => Err(absent(&id)),
+    }
+}
+
 /// Get the state of a job.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
@@ -138,6 +209,7 @@ async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response
 /// Waits up to `time` for a job to end.
 async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRow, Problem> {
     let mut changes = app.engine.hub.listen();
+    let _following = app.engine.hub.follow(&row.id);
     let deadline = tokio::time::Instant::now() + time;
     while !row.state.is_final() {
         row = find(app, &row.id).await?;

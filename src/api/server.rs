@@ -7,7 +7,7 @@ use super::descriptors;
 use super::places::Peer;
 use super::router::{openapi, router};
 use super::state::{App, Held};
-use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers};
+use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers, watch_jobs};
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -133,6 +133,7 @@ impl Server {
             let (engine, stopping) = (Arc::clone(&engine), stopping.clone());
             async move { run_workers(&engine, workers, &stopping).await }
         });
+        let watching = AbortOnDropHandle::new(tokio::spawn(watch_jobs(Arc::clone(&engine), stop.clone())));
         let figures = app.metrics.clone().map(|metrics| AbortOnDropHandle::new(tokio::spawn(keep_up(metrics))));
         let notice = limits.notice;
         let closing = async move {
@@ -157,7 +158,7 @@ impl Server {
         if let Err(error) = working.await {
             tracing::error!(%error, "the workers ended badly");
         }
-        drop(figures);
+        drop((figures, watching));
         engine.archive.catalog.close().await;
         tracing::info!("stopped");
         Ok(())

@@ -95,8 +95,8 @@ pub(crate) struct Claimed {
 /// Answer to a worker that renews its lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beat {
-    /// The job is still this worker's: continue.
-    Yours,
+    /// The job is still this worker's: continue. True if somebody follows it.
+    Yours(bool),
     /// A cancel was requested.
     Cancel,
     /// Another worker owns the job now.
@@ -139,7 +139,8 @@ pub(crate) enum Ending {
 }
 
 impl JobState {
-    pub(super) const ALL: [Self; 6] =
+    /// All states.
+    pub(crate) const ALL: [Self; 6] =
         [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
 
     /// The stable name.

@@ -198,7 +198,7 @@ async fn rank(write: &mut Write, share: &str, cost: i64) -> Result<i64, CatalogE
     Ok(next - cost)
 }
 
-fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
+pub(super) fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
     JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| CatalogError::Row {
         table: "jobs",
         id: id.to_owned(),
@@ -206,7 +206,7 @@ fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
     })
 }
 
-fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
+pub(super) fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
     let id: String = row.try_get("id")?;
     let digest = |text: String| {
         text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "jobs", id: id.clone(), reason: e.to_string() })

@@ -26,6 +26,7 @@ mod ready;
 mod result_code;
 mod retention;
 mod schema;
+mod watch;
 
 pub use error::CatalogError;
 pub use place::Database;
@@ -38,6 +39,7 @@ pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use retention::Retention;
+pub(crate) use watch::{JobFilter, Notice, Retried};
 
 #[cfg(test)]
 pub(crate) mod testing {

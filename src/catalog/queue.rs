@@ -58,7 +58,8 @@ impl Catalog {
         let _turn = self.turn().await;
         let renewed = sqlx::query(self.sql(
             "UPDATE jobs SET lease_until = {now} + $3, progress = $4 \
-             WHERE id = $1 AND epoch = $2 AND state = 'running' RETURNING cancel_requested",
+             WHERE id = $1 AND epoch = $2 AND state = 'running' RETURNING cancel_requested, \
+             CASE WHEN watched_until > {now} THEN 1 ELSE 0 END",
         ))
         .bind(job.id.clone())
         .bind(job.epoch)
@@ -67,7 +68,8 @@ impl Catalog {
         .fetch_optional(&self.pool)
         .await?;
         let Some(row) = renewed else { return Ok(Beat::Lost) };
-        Ok(if row.try_get::<i64, _>(0)? == 0 { Beat::Yours } else { Beat::Cancel })
+        let (cancel, watched): (i64, i64) = (row.try_get(0)?, row.try_get(1)?);
+        Ok(if cancel == 0 { Beat::Yours(watched != 0) } else { Beat::Cancel })
     }
 
     /// Ends an attempt. A lease that has run out does not matter as long as no other worker has claimed the job.

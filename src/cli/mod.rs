@@ -18,6 +18,7 @@ mod gc;
 mod health;
 mod input;
 mod inspect;
+mod jobs;
 mod log;
 mod migrate;
 mod openapi;
@@ -38,6 +39,7 @@ mod settings;
 mod site;
 mod table;
 mod viewing;
+mod worker;
 
 pub use failure::{Failure, one_line};
 pub use log::LogFormat;
@@ -95,13 +97,17 @@ enum Command {
     Demo(demo::Args),
     /// Start the service
     Serve(serve::Args),
-    /// Bring the catalog of a data directory up to date
+    /// Run jobs without serving HTTP
+    Worker(worker::Args),
+    /// List, cancel or repeat jobs of a running service
+    Jobs(jobs::Args),
+    /// Bring the schema of the catalog up to date
     Migrate(migrate::Args),
     /// Check the health of a running service
     Health(health::Args),
-    /// Check every digest and reference of a data directory
+    /// Check every digest, and rows and stored objects against each other
     Fsck(fsck::Args),
-    /// Remove unreferenced blobs and stale staging files from a data directory
+    /// Remove bytes that no row names, old jobs and abandoned files
     Gc(gc::Args),
     /// Print the description of the HTTP interface
     Openapi(openapi::Args),
@@ -131,7 +137,7 @@ impl Cli {
     /// only warnings.
     pub fn start_log(&self) {
         let level = match self.command {
-            Command::Serve(_) => LevelFilter::INFO,
+            Command::Serve(_) | Command::Worker(_) => LevelFilter::INFO,
             _ => LevelFilter::WARN,
         };
         log::start(self.log_format, level);
@@ -158,6 +164,8 @@ impl Cli {
             Command::Paper(args) => paper::run(&args),
             Command::Demo(args) => demo::run(&args),
             Command::Serve(args) => serve::run(&args),
+            Command::Worker(args) => worker::run(&args),
+            Command::Jobs(args) => jobs::run(&args),
             Command::Migrate(args) => migrate::run(&args),
             Command::Health(args) => health::run(&args),
             Command::Fsck(args) => fsck::run(&args),

@@ -4,9 +4,21 @@ use crate::jobs::{SETTINGS, Setting, WorkConfig};
 use clap::{Arg, ArgMatches, Command};
 use std::sync::LazyLock;
 
-/// Values of all settings, in the order of [`SETTINGS`].
+/// Values of all settings of a service, in the order of [`SETTINGS`].
+pub(crate) type Settings = Chosen<true>;
+
+/// Values of the settings of a worker, which serves nobody, in the order of [`SETTINGS`].
+pub(crate) type WorkSettings = Chosen<false>;
+
+/// Values of settings: of all, or of those that concern work.
 #[derive(Clone, Debug)]
-pub(crate) struct Settings(Vec<u64>);
+pub(crate) struct Chosen<const ALL: bool>(Vec<u64>);
+
+/// Headings under which the settings of a worker stand.
+const WORK: [&str; 3] = ["Work", "Keeping", "Stopping"];
+
+/// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
+const WORKER_DRAIN: &str = "10min";
 
 /// Names of one setting on the surfaces of the program.
 struct Names {
@@ -30,17 +42,21 @@ static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
 /// Settings that the short help also lists.
 const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
 
-impl Settings {
+impl<const ALL: bool> Chosen<ALL> {
+    fn settings() -> impl Iterator<Item = (&'static Setting, &'static Names)> {
+        SETTINGS.iter().zip(NAMES.iter()).filter(|(setting, _)| ALL || WORK.contains(&setting.heading))
+    }
+
     /// Writes the values into a configuration.
     pub(crate) fn apply(&self, config: &mut WorkConfig) {
-        for (setting, value) in SETTINGS.iter().zip(&self.0) {
+        for ((setting, _), value) in Self::settings().zip(&self.0) {
             // Every value was validated when it was parsed.
             let _ = (setting.set)(config, *value);
         }
     }
 }
 
-impl clap::Args for Settings {
+impl<const ALL: bool> clap::Args for Chosen<ALL> {
     fn augment_args(command: Command) -> Command {
         let arg = |(setting, names): (&'static Setting, &'static Names)| {
             Arg::new(setting.field)
@@ -48,13 +64,13 @@ impl clap::Args for Settings {
                 .env(names.variable.as_str())
                 .hide_env_values(true)
                 .value_name(setting.unit.placeholder())
-                .default_value(names.default.as_str())
+                .default_value(if !ALL && setting.field == "drain" { WORKER_DRAIN } else { names.default.as_str() })
                 .help(names.help.as_str())
                 .help_heading(setting.heading)
                 .hide_short_help(!COMMON.contains(&setting.field))
                 .value_parser(|text: &str| setting.parse(text))
         };
-        command.args(SETTINGS.iter().zip(NAMES.iter()).map(arg))
+        command.args(Self::settings().map(arg))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -62,11 +78,11 @@ impl clap::Args for Settings {
     }
 }
 
-impl clap::FromArgMatches for Settings {
+impl<const ALL: bool> clap::FromArgMatches for Chosen<ALL> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let value = |setting: &Setting| matches.get_one::<u64>(setting.field).copied();
+        let value = |(setting, _): (&Setting, _)| matches.get_one::<u64>(setting.field).copied();
         let missing = || clap::Error::new(clap::error::ErrorKind::MissingRequiredArgument);
-        SETTINGS.iter().map(value).collect::<Option<Vec<_>>>().map(Self).ok_or_else(missing)
+        Self::settings().map(value).collect::<Option<Vec<_>>>().map(Self).ok_or_else(missing)
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {

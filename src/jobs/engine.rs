@@ -9,13 +9,13 @@ use super::maths::{Maths, MathsError};
 use super::presence::Presence;
 use super::request::JobRequest;
 use super::turns::CLIENT;
-use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, NewJob};
+use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, Retried};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::Digest;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// State shared by the workers and the HTTP handlers of one process.
 #[derive(Debug)]
@@ -35,6 +35,8 @@ pub(crate) struct Engine {
     opened: moka::future::Cache<Digest, Arc<Material>>,
     /// Ids of jobs that this version cannot read.
     newer: Mutex<Vec<String>>,
+    /// Time at which other processes were last told of a job.
+    told: Mutex<Option<Instant>>,
 }
 
 /// Reason why a material was not opened.
@@ -53,6 +55,10 @@ pub(crate) enum OpenError {
 
 /// Longest wait of a query for its turn. Raising it answers more queries under load, later.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Upper bound on the notifications of new jobs per second. Raising it wakes workers sooner while many jobs are queued,
+/// and loads the database, which sends one at a time.
+const TOLD: u32 = 20;
 
 impl Engine {
     /// Opens the data directory and starts the threads. No job runs yet.
@@ -78,6 +84,7 @@ impl Engine {
             presence,
             opened,
             newer: Mutex::default(),
+            told: Mutex::default(),
         }))
     }
 
@@ -118,7 +125,7 @@ impl Engine {
         let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
-            self.hub.queued();
+            self.queued().await;
         }
         Ok(enqueued)
     }
@@ -127,7 +134,7 @@ impl Engine {
     pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let mut row = self.archive.catalog.job(id).await?;
         if let Some(row) = &mut row
-            && row.state == crate::catalog::JobState::Running
+            && row.state == JobState::Running
             && let Some(progress) = self.hub.progress(id)
         {
             row.progress = progress;
@@ -139,8 +146,41 @@ impl Engine {
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         let row = self.archive.catalog.cancel(id).await?;
         self.hub.stop(id);
+        if row.as_ref().is_some_and(|row| row.state == JobState::Running && self.hub.progress(id).is_none()) {
+            // Its worker finds the request by itself, only later.
+            if let Err(error) = self.archive.catalog.tell_stop(id).await {
+                tracing::warn!(job = id, %error, "the job's worker was not told to stop");
+            }
+        }
         self.hub.changed(id);
         Ok(row)
+    }
+
+    /// Puts a job that has failed, died or was cancelled back to the queue.
+    pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
+        let retried = self.archive.catalog.retry(id).await?;
+        if matches!(retried, Retried::Queued(_)) {
+            self.hub.changed(id);
+            self.queued().await;
+        }
+        Ok(retried)
+    }
+
+    /// Tells workers, here and elsewhere, that there is a job. Others look for jobs by themselves, only later; so they
+    /// are told at most [`TOLD`] times a second.
+    async fn queued(&self) {
+        self.hub.queued();
+        let due = {
+            let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+            let due = told.is_none_or(|told| told.elapsed() > Duration::from_secs(1) / TOLD);
+            if due {
+                *told = Some(Instant::now());
+            }
+            due
+        };
+        if due && let Err(error) = self.archive.catalog.tell_queued().await {
+            tracing::warn!(%error, "other processes were not told of a job");
+        }
     }
 
     /// Returns the opened form of a material. Requests at the same time share one opening; a material larger than the

@@ -1,4 +1,4 @@
-//! Progress and cancellation of the running jobs of this process, and the listeners to their changes.
+//! Progress and cancellation of the running jobs of this process, and the followers of these and other jobs.
 
 use crate::domain::Progress;
 use std::collections::HashMap;
@@ -12,6 +12,15 @@ pub(crate) struct Hub {
     running: Arc<Mutex<HashMap<String, Arc<Control>>>>,
     changes: broadcast::Sender<Arc<str>>,
     queued: Arc<Notify>,
+    /// Number of followers of each job that somebody follows.
+    followed: Arc<Mutex<HashMap<String, usize>>>,
+}
+
+/// Notes that somebody follows a job, until it is dropped.
+#[derive(Debug)]
+pub(crate) struct Following {
+    hub: Hub,
+    job: String,
 }
 
 /// One running job: it reports progress and receives requests to stop.
@@ -25,7 +34,12 @@ pub(crate) struct Control {
 
 impl Hub {
     pub(crate) fn new() -> Self {
-        Self { running: Arc::default(), changes: broadcast::channel(1024).0, queued: Arc::default() }
+        Self {
+            running: Arc::default(),
+            changes: broadcast::channel(1024).0,
+            queued: Arc::default(),
+            followed: Arc::default(),
+        }
     }
 
     /// Registers a job that starts to run here.
@@ -80,8 +94,36 @@ impl Hub {
         self.queued.notified().await;
     }
 
+    /// Notes that somebody follows a job.
+    pub(crate) fn follow(&self, job: &str) -> Following {
+        *self.followed().entry(job.to_owned()).or_default() += 1;
+        Following { hub: self.clone(), job: job.to_owned() }
+    }
+
+    /// Returns the jobs that somebody follows and that do not run here.
+    pub(crate) fn followed_elsewhere(&self) -> Vec<String> {
+        let running = self.running();
+        self.followed().keys().filter(|job| !running.contains_key(*job)).cloned().collect()
+    }
+
+    fn followed(&self) -> MutexGuard<'_, HashMap<String, usize>> {
+        self.followed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn running(&self) -> MutexGuard<'_, HashMap<String, Arc<Control>>> {
         self.running.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Following {
+    fn drop(&mut self) {
+        let mut followed = self.hub.followed();
+        if let Some(count) = followed.get_mut(&self.job) {
+            *count -= 1;
+            if *count == 0 {
+                followed.remove(&self.job);
+            }
+        }
     }
 }
 
@@ -131,7 +173,12 @@ mod tests {
         assert!(control.step(0.6).is_ok());
         hub.stop("job");
         assert!(control.step(0.7).is_err());
+        let following = [hub.follow("job"), hub.follow("job"), hub.follow("other")];
+        assert_eq!(hub.followed_elsewhere(), ["other"]);
         hub.leave("job");
         assert_eq!(hub.progress("job"), None);
+        assert_eq!(hub.followed_elsewhere().len(), 2);
+        drop(following);
+        assert!(hub.followed_elsewhere().is_empty());
     }
 }

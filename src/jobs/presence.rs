@@ -20,7 +20,7 @@ impl Presence {
     /// Registers this worker in the directory. Blocking.
     pub(crate) fn enter(directory: &Path) -> io::Result<Self> {
         fs::create_dir_all(directory)?;
-        let id = uuid::Uuid::now_v7().simple().to_string();
+        let id = format!("{}-{}", boot(), uuid::Uuid::now_v7().simple());
         // Locked before it gets its name, so that nobody sees it unlocked while its process lives.
         let hidden = directory.join(format!(".{id}"));
         let path = directory.join(&id);
@@ -41,7 +41,8 @@ impl Presence {
         for entry in fs::read_dir(&self.directory)? {
             let entry = entry?;
             let Ok(name) = entry.file_name().into_string() else { continue };
-            if name == self.id || name.starts_with('.') {
+            // A lock is seen only on its own host, if at all; workers of others are judged by their leases.
+            if name == self.id || !name.starts_with(&boot()) {
                 continue;
             }
             let Ok(file) = File::open(entry.path()) else { continue };
@@ -63,6 +64,12 @@ impl Presence {
     }
 }
 
+/// Returns a text that differs between hosts, and between starts of a host.
+fn boot() -> String {
+    let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+    id.chars().filter(char::is_ascii_hexdigit).collect()
+}
+
 impl Drop for Presence {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.path);
@@ -77,8 +84,10 @@ mod tests {
     fn the_dead_are_told_from_the_living() {
         let directory = tempfile::tempdir().unwrap();
         let (a, b) = (Presence::enter(directory.path()).unwrap(), Presence::enter(directory.path()).unwrap());
-        fs::write(directory.path().join("killed"), b"").unwrap();
-        assert_eq!(a.gone().unwrap(), ["killed"]);
+        let killed = format!("{}-killed", boot());
+        fs::write(directory.path().join(&killed), b"").unwrap();
+        fs::write(directory.path().join("another host's"), b"").unwrap();
+        assert_eq!(a.gone().unwrap(), [killed]);
         b.forget(&a.gone().unwrap());
         assert!(a.gone().unwrap().is_empty());
         assert_ne!(a.id(), b.id());

@@ -1,14 +1,17 @@
 //! Loops of a worker process: claim and run jobs, take back the jobs of dead workers, sweep.
 
+use super::archive::ArchiveError;
 use super::attempt::{Failure, Made};
 use super::compress;
+use super::config::WorkConfig;
 use super::engine::Engine;
 use super::frame::{Frame, FrameError};
 use super::hub::Control;
 use super::paper;
 use super::problem::{Code, JobProblem};
 use super::publish::Published;
-use crate::catalog::{Beat, CatalogError, Claimed, Ended, Ending, JobState};
+use super::watcher::listening;
+use crate::catalog::{Beat, CatalogError, Claimed, Dialect, Ended, Ending, JobState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::{MissedTickBehavior, interval, sleep};
@@ -18,15 +21,34 @@ use tokio_util::task::TaskTracker;
 /// Interval at which workers look for jobs that another process queued, and for dead workers. Raising it delays both.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Upper bound on the interval at which a running job renews its lease and looks for a cancel by another process.
-/// Raising it delays such cancels.
+/// Interval at which a running job that somebody follows renews its lease and stores its progress; on SQLite every job
+/// does. Raising it delays what followers see, and cancels by another process.
 const BEAT: Duration = Duration::from_secs(1);
+
+/// Opens the archive of a configuration and runs its jobs until `stop`. Calls `ready` with the place of the catalog
+/// before the first job.
+pub(crate) async fn work<E>(
+    config: &WorkConfig,
+    stop: &CancellationToken,
+    ready: impl FnOnce(String) -> Result<(), E>,
+) -> Result<(), ArchiveError> {
+    let engine = Engine::open(config).await?;
+    let (database, store) = engine.archive.places();
+    tracing::info!(%database, %store, workers = config.workers, "working");
+    // A reader that has closed stdout does not end the work.
+    drop(ready(format!("{database} and {store}")));
+    run(&engine, config.workers, stop).await;
+    engine.archive.catalog.close().await;
+    tracing::info!("stopped");
+    Ok(())
+}
 
 /// Runs `workers` jobs at a time until `stop`; then running jobs get the drain time to finish.
 pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &CancellationToken) {
     let tasks = TaskTracker::new();
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
     tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));
+    tasks.spawn(listening(Arc::clone(engine), stop.clone()));
     for _ in 0..workers {
         tasks.spawn(working(Arc::clone(engine), stop.clone()));
     }
@@ -150,6 +172,10 @@ async fn guard(
 ) -> Result<Result<Made, Failure>, Unfinished> {
     let mut beats = interval(BEAT.min(engine.limits.lease / 3));
     beats.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    // Thousands of workers at one database beat seldom, unless somebody looks.
+    let has_one_writer = engine.archive.catalog.dialect() == Dialect::Sqlite;
+    let mut often = has_one_writer;
+    let mut last: Option<Instant> = None;
     let drained = async {
         stop.cancelled().await;
         sleep(engine.limits.drain).await;
@@ -163,16 +189,22 @@ async fn guard(
                     Err(Failure::Final(JobProblem::new(Code::Internal, "the job failed; this is a bug of the service")))
                 }));
             }
-            _ = beats.tick() => match engine.archive.catalog.beat(job, control.progress(), engine.limits.lease).await {
-                Ok(Beat::Yours) => {}
-                Ok(Beat::Cancel) => control.stop(),
-                Ok(Beat::Lost) => {
-                    control.stop();
-                    return Err(Unfinished::Lost);
+            _ = beats.tick() => {
+                if !often && last.is_some_and(|last| last.elapsed() < engine.limits.lease / 3) {
+                    continue;
                 }
-                // The lease is still valid for a while, so the work goes on.
-                Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
-            },
+                last = Some(Instant::now());
+                match engine.archive.catalog.beat(job, control.progress(), engine.limits.lease).await {
+                    Ok(Beat::Yours(watched)) => often = watched || has_one_writer,
+                    Ok(Beat::Cancel) => control.stop(),
+                    Ok(Beat::Lost) => {
+                        control.stop();
+                        return Err(Unfinished::Lost);
+                    }
+                    // The lease is still valid for a while, so the work goes on.
+                    Err(error) => tracing::warn!(job = job.id, %error, "a lease was not renewed"),
+                }
+            }
             () = &mut drained => {
                 control.stop();
                 return Err(Unfinished::Drained);

@@ -277,10 +277,10 @@ async fn kept(client: &Client, base: &str, promises: &Shared, mut random: Option
 }
 
 /// Every file in the store has the bytes of its name.
-fn no_half_blobs(data: &Path) -> usize {
-    let objects = objects(data, "");
+async fn no_half_blobs(data: &Path) -> usize {
+    let objects = objects(data, "").await;
     for path in &objects {
-        let name = path.file_name().unwrap().to_str().unwrap();
+        let name = path.rsplit('/').next().unwrap();
         let digest = name.split('.').next().unwrap();
         assert_eq!(Digest::of(&std::fs::read(path).unwrap()).to_string(), digest, "half a blob is visible");
     }
@@ -338,7 +338,7 @@ async fn kills_lose_nothing_that_was_accepted() {
     }
     kept(&client, &program.base, &promises, None).await;
     program.kill();
-    let blobs = no_half_blobs(data.path());
+    let blobs = no_half_blobs(data.path()).await;
     let (measurements, jobs) = {
         let promises = promises.lock().unwrap();
         assert!(promises.jobs.values().all(|job| job.end.is_some()), "a job never ended");

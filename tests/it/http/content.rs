@@ -1,6 +1,6 @@
 //! Bytes under their digest.
 
-use crate::service::{D65, Service, config, npy, object, objects, problem, problem_of};
+use crate::service::{D65, Service, config, damage, npy, objects, problem, problem_of};
 use reqwest::{Method, StatusCode};
 use serde_json::json;
 
@@ -59,15 +59,15 @@ async fn a_damaged_blob_is_a_problem_until_it_is_uploaded_again() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
     let id = service.upload("", D65).await["id"].as_str().unwrap().to_owned();
-    std::fs::write(object(data.path(), &id), b"bit rot").unwrap();
+    damage(&objects(data.path(), &id).await[0], Some(b"bit rot")).await;
     problem(service.get(&format!("/v1/blobs/{id}")), 500, "corrupt").await;
     let job = service.compress(&json!({ "measurement": id, "target": { "er_l2": 0.01 } })).await;
     assert_eq!(job["problem"]["type"], "urn:wavelume:problem:corrupt", "{job}");
     service.upload("", D65).await;
     assert_eq!(service.get(&format!("/v1/blobs/{id}")).send().await.unwrap().bytes().await.unwrap(), D65);
     // Both the damaged object, until a sweep, and the one that replaced it.
-    for object in objects(data.path(), &id) {
-        std::fs::remove_file(object).unwrap();
+    for object in objects(data.path(), &id).await {
+        damage(&object, None).await;
     }
     problem(service.get(&format!("/v1/measurements/{id}/content")), 500, "corrupt").await;
     problem(service.get(&format!("/v1/blobs/{id}")), 404, "not-found").await;

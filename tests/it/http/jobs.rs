@@ -230,7 +230,8 @@ async fn a_report_on_the_papers_tables_is_a_job() {
     assert_eq!(link, format!("/v1/blobs/{digest}"));
     service.stop().await;
 
-    let swept = Archive::open(data.path()).await.unwrap().sweep().await.unwrap();
+    let archive = Archive::serve(&config(data.path()).work.site).await.unwrap();
+    let swept = archive.sweep().await.unwrap();
     assert_eq!((swept.removed_blobs, swept.kept_blobs), (0, 1), "the job keeps its report");
     let service = Service::start(config(data.path())).await;
     let report = service.get(link).send().await.unwrap();

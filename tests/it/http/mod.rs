@@ -7,6 +7,7 @@ mod exports;
 mod frames;
 mod hostile;
 mod jobs;
+mod nodes;
 mod queries;
 mod state;
 mod streams;

@@ -1,6 +1,6 @@
 //! Answers as the catalog decides them: deletions, second jobs, words to search by.
 
-use crate::service::{CHECKER, D65, LAMP, Service, config, object, problem};
+use crate::service::{CHECKER, D65, LAMP, Service, config, objects, problem};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 
@@ -58,7 +58,7 @@ async fn deleted_bytes_are_not_served_by_their_digest() {
     assert_eq!(service.get(&blob).send().await.unwrap().bytes().await.unwrap(), D65);
     let gone = service.request(Method::DELETE, &format!("/v1/measurements/{id}")).send().await.unwrap();
     assert_eq!(gone.status(), StatusCode::NO_CONTENT);
-    assert!(object(data.path(), &id).exists(), "not swept yet");
+    assert_eq!(objects(data.path(), &id).await.len(), 1, "not swept yet");
     problem(service.get(&blob), 404, "not-found").await;
     problem(service.get(&blob).header("if-none-match", &tag), 404, "not-found").await;
     assert_eq!(service.request(Method::HEAD, &blob).send().await.unwrap().status(), StatusCode::NOT_FOUND);

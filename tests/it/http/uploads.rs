@@ -120,7 +120,7 @@ async fn refused_measurements_say_where_and_leave_nothing() {
     let page: Value = service.get("/v1/measurements").send().await.unwrap().json().await.unwrap();
     assert_eq!(page, json!({ "items": [], "next": null }));
     service.stop().await;
-    assert!(objects(data.path(), "").is_empty());
+    assert!(objects(data.path(), "").await.is_empty());
 }
 
 /// A table with uncertainties of 5 %, an albedo above 1, one negative value, and a lobe about 11° wide; `header` are

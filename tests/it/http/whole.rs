@@ -41,7 +41,7 @@ async fn whatever_goes_wrong_is_a_problem() {
     problem(service.get("/v1/nothing"), 404, "not-found").await;
     problem(service.post("/nothing").body("x"), 404, "not-found").await;
     let wrong = service.request(Method::PUT, "/v1/jobs").send().await.unwrap();
-    assert_eq!(wrong.headers()["allow"], "POST");
+    assert_eq!(wrong.headers()["allow"], "GET,HEAD,POST");
     problem_of(wrong, 405, "method-not-allowed").await;
     problem(service.get("/v1/measurements/nonsense"), 404, "not-found").await;
     problem(service.post("/v1/measurements?quantity=brd").body("x"), 400, "bad-query").await;

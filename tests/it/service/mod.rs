@@ -2,12 +2,15 @@
 
 use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use sqlx::Connection;
+use std::path::Path;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use wavelume::api::{ServeConfig, ServeError, Server};
+use wavelume::store::Digest;
+use wavelume::{Archive, Database};
 
 /// A running service; stop it to see how it ends.
 pub(crate) struct Service {
@@ -17,39 +20,85 @@ pub(crate) struct Service {
     running: JoinHandle<Result<(), ServeError>>,
 }
 
+/// Builds the configuration of a service for tests. All of it is in `data`, or, with `WAVELUME_TEST_SITE=shared`, in a
+/// PostgreSQL schema and an S3 prefix that belong to `data`.
 pub(crate) fn config(data: &Path) -> ServeConfig {
     let mut config = ServeConfig::new(data, ([127, 0, 0, 1], 0).into());
     config.work.limits.drain = Duration::from_secs(5);
+    if is_shared() {
+        let name = Digest::of(data.as_os_str().as_encoded_bytes()).to_string();
+        let server = |name: &str| {
+            std::env::var(name)
+                .unwrap_or_else(|_| panic!("{name} is not set: run the tests as `tests/servers cargo test …`"))
+        };
+        let url = server("WAVELUME_TEST_DATABASE");
+        let mark = if url.contains('?') { '&' } else { '?' };
+        let site = &mut config.work.site;
+        site.database = Some(format!("{url}{mark}options[search_path]=h{}", &name[3..23]).parse().unwrap());
+        site.store = Some(format!("{}/h{}", server("WAVELUME_TEST_STORE"), &name[3..23]).parse().unwrap());
+    }
     config
 }
 
-/// Returns the files in which a data directory holds the bytes of a digest, or of every digest that begins so.
-pub(crate) fn objects(data: &Path, digest: &str) -> Vec<PathBuf> {
+/// Returns true if the services of this run use PostgreSQL and S3.
+pub(crate) fn is_shared() -> bool {
+    std::env::var("WAVELUME_TEST_SITE").is_ok_and(|site| site == "shared")
+}
+
+/// Makes the schema of a service's database, if it has one of its own.
+async fn prepare(config: &ServeConfig) {
+    let site = &config.work.site;
+    let Some(Database::Server(url)) = &site.database else { return };
+    let schema = url.rsplit_once('=').unwrap().1;
+    sqlx::any::install_default_drivers();
+    let mut connection = sqlx::AnyConnection::connect(url).await.unwrap();
+    let statement = sqlx::AssertSqlSafe(format!("CREATE SCHEMA IF NOT EXISTS {schema}"));
+    sqlx::query(statement).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    Archive::migrate(site, false).await.unwrap();
+}
+
+/// Returns the places of the stored objects whose digests begin so: paths, or addresses in the S3 server.
+pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
     let mut found = Vec::new();
-    let mut folders = vec![data.join("blobs")];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.file_name().unwrap().to_str().unwrap().starts_with(digest) {
-                found.push(path);
+    if let Some(wavelume::Place::S3 { bucket, prefix }) = config(data).work.site.store {
+        let base = format!("{}/{bucket}", std::env::var("AWS_ENDPOINT_URL").unwrap());
+        let list = format!("{base}?list-type=2&prefix={prefix}/blobs/");
+        let list = Client::new().get(list).send().await.unwrap().text().await.unwrap();
+        let keys = list.split("<Key>").skip(1).map(|rest| rest.split("</Key>").next().unwrap());
+        found.extend(keys.map(|key| format!("{base}/{key}")));
+    } else {
+        let mut folders = vec![data.join("blobs")];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() { folders.push(path) } else { found.push(path.to_str().unwrap().to_owned()) }
             }
         }
     }
+    found.retain(|place| place.rsplit('/').next().unwrap().starts_with(digest));
     found
 }
 
-/// Returns the only file in which a data directory holds the bytes of a digest.
-pub(crate) fn object(data: &Path, digest: &str) -> PathBuf {
-    let found = objects(data, digest);
-    assert_eq!(found.len(), 1, "{found:?}");
-    found[0].clone()
+/// Overwrites a stored object, or removes it.
+pub(crate) async fn damage(place: &str, bytes: Option<&'static [u8]>) {
+    if place.starts_with("http") {
+        let request = bytes.map_or_else(|| Client::new().delete(place), |bytes| Client::new().put(place).body(bytes));
+        // The S3 server of the tests asks for a signature and does not check it.
+        let signed =
+            "AWS4-HMAC-SHA256 Credential=test/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0";
+        request.header("authorization", signed).send().await.unwrap().error_for_status().unwrap();
+    } else if let Some(bytes) = bytes {
+        std::fs::write(place, bytes).unwrap();
+    } else {
+        std::fs::remove_file(place).unwrap();
+    }
 }
 
 impl Service {
     pub(crate) async fn start(config: ServeConfig) -> Self {
         wavelume::store::provide_tls();
+        prepare(&config).await;
         let server = Server::bind(config).await.unwrap();
         let base = format!("http://{}", server.address());
         let (stop, stopped) = oneshot::channel();

@@ -1,0 +1,143 @@
+//! `wavelume jobs`: lists, cancels and repeats jobs of a running service.
+
+use super::failure::Failure;
+use super::health::reason;
+use super::output::{Table, print, print_json};
+use super::runtime::block_on;
+use reqwest::Client;
+use serde_json::Value;
+use std::time::Duration;
+
+/// Action on the jobs of a service.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// List jobs, newest first
+    List(List),
+    /// Ask jobs to stop
+    Cancel(Chosen),
+    /// Put jobs that have failed, died or were cancelled back to the queue
+    Retry(Chosen),
+}
+
+#[derive(Debug, clap::Args)]
+struct List {
+    #[command(flatten)]
+    service: ServiceArgs,
+    /// Only jobs in this state: queued, running, succeeded, failed, dead or cancelled
+    #[arg(long, value_name = "STATE")]
+    state: Option<String>,
+    /// Only jobs that read the measurement with this id
+    #[arg(long, value_name = "ID")]
+    measurement: Option<String>,
+    /// Upper bound on the jobs listed
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    limit: usize,
+    /// Print the jobs as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct Chosen {
+    #[command(flatten)]
+    service: ServiceArgs,
+    /// Ids of the jobs
+    #[arg(value_name = "JOB", required = true)]
+    jobs: Vec<String>,
+}
+
+/// Address of the service.
+#[derive(Debug, clap::Args)]
+struct ServiceArgs {
+    /// Address of the service
+    #[arg(
+        long,
+        value_name = "URL",
+        default_value = "http://127.0.0.1:8080",
+        env = "WAVELUME_URL",
+        hide_env_values = true
+    )]
+    url: String,
+}
+
+/// Time that the service has to answer. Raising it waits longer for a busy service.
+const PATIENCE: Duration = Duration::from_mins(1);
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match &args.action {
+        Action::List(list) => block_on(show(list)),
+        Action::Cancel(chosen) => block_on(each(chosen, "cancel")),
+        Action::Retry(chosen) => block_on(each(chosen, "retry")),
+    }
+}
+
+async fn show(list: &List) -> Result<(), Failure> {
+    let client = client()?;
+    let mut query = vec![("limit", list.limit.min(1000).to_string())];
+    query.extend(list.state.iter().map(|state| ("state", state.clone())));
+    query.extend(list.measurement.iter().map(|id| ("measurement", id.clone())));
+    let (mut jobs, mut cursor): (Vec<Value>, Option<String>) = (Vec::new(), None);
+    while jobs.len() < list.limit {
+        let mut query = query.clone();
+        query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
+        let text: Vec<String> = query.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let page = ask(&client.get(format!("{}/v1/jobs?{}", list.service.url, text.join("&")))).await?;
+        jobs.extend(page["items"].as_array().into_iter().flatten().cloned());
+        cursor = page["next"].as_str().map(str::to_owned);
+        if cursor.is_none() {
+            break;
+        }
+    }
+    jobs.truncate(list.limit);
+    if list.json {
+        return print_json(&jobs);
+    }
+    let mut table = Table::new(&["job", "state", ">progress", "material, report or problem"]);
+    for job in &jobs {
+        let text = |name: &str| job[name].as_str().unwrap_or_default().to_owned();
+        let made = text("material") + &text("report");
+        let problem = job["problem"]["detail"].as_str().unwrap_or_default();
+        let progress = format!("{:.0} %", 100.0 * job["progress"].as_f64().unwrap_or(0.0));
+        table.row([text("id"), text("state"), progress, if made.is_empty() { problem.to_owned() } else { made }]);
+    }
+    print(&if jobs.is_empty() { "no jobs\n".to_owned() } else { table.render() })
+}
+
+async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
+    let client = client()?;
+    let mut failed = None;
+    for id in &chosen.jobs {
+        match ask(&client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.url))).await {
+            Ok(job) => print(&format!("{id}  {}\n", job["state"].as_str().unwrap_or_default()))?,
+            Err(failure) => {
+                print(&format!("{id}  {failure}\n"))?;
+                failed = Some(failure);
+            }
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+fn client() -> Result<Client, Failure> {
+    Client::builder().timeout(PATIENCE).build().map_err(|error| Failure::failed(reason(&error)))
+}
+
+/// Sends a request, and returns the JSON of its answer. A problem is an error with its detail.
+async fn ask(request: &reqwest::RequestBuilder) -> Result<Value, Failure> {
+    let request = request.try_clone().ok_or_else(|| Failure::failed("the request cannot be sent"))?;
+    let answer = request.send().await.map_err(|error| Failure::failed(reason(&error)))?;
+    let is_success = answer.status().is_success();
+    let status = answer.status();
+    let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
+    if is_success {
+        return Ok(body);
+    }
+    let detail = body["detail"].as_str().map_or_else(|| status.to_string(), str::to_owned);
+    Err(Failure::failed(detail))
+}

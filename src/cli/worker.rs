@@ -1,0 +1,40 @@
+//! `wavelume worker`: runs jobs without serving HTTP, until a signal asks it to stop.
+
+use super::failure::Failure;
+use super::output::print;
+use super::runtime::{block_on, stop_signal};
+use super::settings::WorkSettings;
+use super::site::SiteArgs;
+use crate::jobs::{WorkConfig, work};
+use tokio_util::sync::CancellationToken;
+
+/// Options of a worker.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "SIGTERM ends it: it claims no further job, and running ones get the time of --drain to end")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    site: SiteArgs,
+    #[command(flatten)]
+    settings: WorkSettings,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    block_on(async {
+        let signal = stop_signal()?;
+        let mut config = WorkConfig::new(&args.site.directory);
+        config.site = args.site.site();
+        args.settings.apply(&mut config);
+        let stop = CancellationToken::new();
+        tokio::spawn({
+            let stop = stop.clone();
+            async move {
+                signal.await;
+                stop.cancel();
+            }
+        });
+        let workers = config.workers;
+        work(&config, &stop, |place| print(&format!("working on {place}, {workers} at a time\n")))
+            .await
+            .map_err(Failure::failed)
+    })
+}
