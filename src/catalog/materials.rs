@@ -197,10 +197,12 @@ const MOST_NAMES: usize = 32;
 /// Its blob must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
-    // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
-    sqlx::query(
+    // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row. The
+    // update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
+    let row = sqlx::query(
         "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
-         VALUES ('default', $1, $2, $3, $4, NULL, '', $5, $6) ON CONFLICT (tenant, id) DO NOTHING",
+         VALUES ('default', $1, $2, $3, $4, NULL, '', $5, $6) \
+         ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document",
     )
     .bind(id.clone())
     .bind(new.payload.to_string())
@@ -208,10 +210,8 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     .bind(new.bytes as i64)
     .bind(Value::Object(new.document.clone()).to_string())
     .bind(write.now)
-    .execute(&mut *write.transaction)
+    .fetch_one(&mut *write.transaction)
     .await?;
-    let known = write.sql("SELECT name, document FROM materials WHERE tenant = 'default' AND id = $1{lock}");
-    let row = sqlx::query(known).bind(id.clone()).fetch_one(&mut *write.transaction).await?;
     let text: String = row.try_get("document")?;
     let mut document: Map<String, Value> = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
         table: "materials",

@@ -22,6 +22,8 @@ mod migrate;
 mod page;
 mod place;
 mod queue;
+#[cfg(test)]
+mod race_tests;
 mod ready;
 mod result_code;
 mod retention;
