@@ -44,7 +44,8 @@ pub use wavelume_core::{OpenError, open, open_bytes, roles};
 pub use wavelume_formats::pipeline::{Outcome, PipelineError, Report, Request, Source};
 pub use wavelume_formats::{ReadError, read, read_bytes};
 
-/// The README and the page of the libraries, whose blocks of Rust are compiled and run as tests.
+/// Carries the README and `docs/library.md` as documentation, so that the blocks of Rust in both are compiled and run
+/// as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 #[doc = include_str!("../docs/library.md")]

@@ -15,25 +15,26 @@ use std::net::{IpAddr, SocketAddr};
 pub(crate) struct Access {
     /// True if the service listens on a loopback address.
     loopback: bool,
-    /// Accepted host names besides loopback ones: lower case, without a port.
+    /// Host names, besides those of the loopback interface, that requests may address: lower case, without a port.
     names: Vec<String>,
-    /// Allowed origins, as browsers serialise them.
+    /// Web origins whose pages may read answers, as browsers serialise origins.
     origins: Vec<String>,
 }
 
-/// Origin class of the page that makes a request.
+/// Class of the web page that makes a request, by its origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Page {
-    /// No page (a plain client), or a page of this service.
+    /// The request comes from no page (a plain client) or from a page that this service serves.
     Own,
-    /// A page of another origin that a setting allows to read.
+    /// The page has another origin, which a setting of the service allows to read answers.
     Allowed(HeaderValue),
-    /// Any other page.
+    /// The page has another origin, which no setting allows to read answers.
     Foreign,
 }
 
 impl Access {
-    /// Builds the rules for a listener on `address`. The error names the setting that is invalid.
+    /// Builds the rules for accepted hosts and origins of a service that listens on `address`. The error names the
+    /// invalid setting.
     pub(crate) fn new(address: SocketAddr, names: &[String], origins: &[String]) -> Result<Self, String> {
         let names = names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).map(|name| {
             let (host, port) = split(name).unwrap_or_default();
@@ -63,8 +64,8 @@ impl Access {
         !self.origins.is_empty()
     }
 
-    /// Checks the host that `request` names, and returns it as the request wrote it: RFC 9112 section 3.2 (one `Host`
-    /// each) and RFC 9113 section 8.3.1 (`:authority`).
+    /// Checks the host that `request` names, and returns its text unchanged. Follows RFC 9112 section 3.2 (exactly one
+    /// `Host` header in HTTP/1) and RFC 9113 section 8.3.1 (`:authority` in HTTP/2).
     pub(crate) fn host(&self, request: &Request) -> Result<Option<HeaderValue>, Problem> {
         let bad = |detail: &str| Problem::new(Kind::BadHeader, detail);
         let mut fields = request.headers().get_all(header::HOST).iter();
@@ -112,7 +113,7 @@ impl Access {
         !self.loopback && (self.names.is_empty() || address.is_ok())
     }
 
-    /// Classifies the page that makes a request with `headers` to `host`. Browsers send `Origin` with every request
+    /// Classifies the web page that makes a request with `headers` to `host`. Browsers send `Origin` with every request
     /// except plain reads, and `Sec-Fetch-Site` with requests to URLs that they consider trustworthy.
     pub(crate) fn page(&self, headers: &HeaderMap, host: Option<&HeaderValue>) -> Page {
         let mut origins = headers.get_all(header::ORIGIN).iter();
@@ -174,7 +175,7 @@ impl Origin {
         }
     }
 
-    /// Serialises the origin as a browser does: the default port of the scheme is omitted.
+    /// Serialises a web origin as a browser does: the default port of the scheme is omitted.
     fn text(&self) -> String {
         let Self { scheme, host, port } = self;
         match port.filter(|port| Some(*port) != self.default_port()) {

@@ -10,22 +10,24 @@ use axum::extract::{MatchedPath, Request, State};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-/// Size in bytes above which an in-memory answer counts towards the limit on answer memory. Raising it leaves more
-/// answers uncounted.
+/// Size in bytes above which an in-memory response counts towards the memory limit for responses. Raising it leaves
+/// more responses uncounted.
 const LARGE: u64 = 64 << 10;
 
-/// Returns true for health-check paths, which answer even when all places are taken.
+/// Returns true for the paths of health checks, which answer even when the limit of simultaneous requests is reached.
 pub(crate) fn is_health(path: &str) -> bool {
     matches!(path, "/healthz" | "/readyz")
 }
 
-/// Returns true for routes that compute on a material. Each such request also takes a place among the queries.
+/// Returns true for routes that compute on a material. Such a request counts towards the limit of simultaneous queries,
+/// too.
 fn is_query(route: &str) -> bool {
     let Some(question) = route.strip_prefix("/v1/materials/{id}/") else { return false };
     !matches!(question, "content" | "export")
 }
 
-/// Admits a request if its peer has a free place, and releases the place when the answer is sent or dropped.
+/// Admits a request if its client is below its limits of simultaneous requests. The request is counted until its
+/// response is sent or dropped.
 pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
     if is_health(request.uri().path()) {
         return next.run(request).await;
@@ -50,13 +52,14 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
     }
 }
 
-/// Takes the share of answer memory that `body` needs. Only a body held whole in memory knows its size.
+/// Reserves the response memory that `body` needs. Only a body held whole in memory has a known size.
 fn share(app: &App, peer: Peer, body: &Body) -> Result<Option<Place>, Full> {
     let bytes = body.size_hint().exact().filter(|bytes| *bytes > LARGE);
     bytes.map(|bytes| app.held.answers.take(peer, (bytes as usize).div_ceil(KIB))).transpose()
 }
 
-/// Places held by the body of an answer: for the request, for the query, and in the answer memory.
+/// Places that a response occupies, until its body is sent, in three limits of the service: on simultaneous requests,
+/// on simultaneous queries, and on memory for responses.
 struct Holding {
     _places: ((Place, Option<Place>), Option<Place>),
 }

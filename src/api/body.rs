@@ -5,19 +5,22 @@ use hyper::body::{Frame, SizeHint};
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 
-/// Bytes handed to the connection at a time. HTTP/2 takes a whole piece even if the client reads little. A smaller
-/// value bounds the unsent bytes but costs more calls.
+/// Bytes of a response body handed to the connection at a time. HTTP/2 takes a whole piece even if the client reads
+/// little. A smaller value bounds the unsent bytes but costs more calls.
 const PIECE: usize = 64 << 10;
 
-/// Observer of how the connection consumes a body.
+/// Observer that is told how the connection consumes a response body.
 pub(crate) trait Passed {
-    /// Called when the connection polls for the next piece, so it has room.
+    /// Takes note that the connection has room to send more and asks for the next piece of the response body. Does
+    /// nothing by default.
     fn asked(&mut self) {}
-    /// Called when the connection received a piece, or a response head whose body it has not polled for.
+    /// Takes note that the connection got a piece of the response body, or the response head before it asked for any of
+    /// the body. Does nothing by default.
     fn gave(&mut self) {}
 }
 
-/// A body and its guard, dropped together.
+/// Response body with a guard object, which is told about sent pieces. The guard is dropped with the body, and then
+/// releases the limited resources, such as memory, that the response occupied.
 pub(crate) struct Guarded<G> {
     body: Body,
     rest: Bytes,

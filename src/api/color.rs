@@ -18,12 +18,12 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of the colours of materials.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(color))
 }
 
-/// Directions, illuminant and observer for which colours are computed.
+/// Query parameters of a colour: directions, index, illuminant and observer.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -34,14 +34,15 @@ struct ColorQuery {
     /// Outgoing direction `θ,φ` in degrees. Default: all outgoing directions together (directional albedo, flux).
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
-    /// Zero-based entry on each leading index axis: `I,J`. Default: every column of a spectral table.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. Default: every column of a
+    /// spectral table.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// Illuminant: `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a
     /// spectrum.
     #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
-    /// Column of a stored table of illuminants, by name or by number from 1.
+    /// Column of a stored table of illuminants, by its name or by its number, counted from 1.
     #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
     /// Observer: `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.
@@ -49,7 +50,7 @@ struct ColorQuery {
     observer: Option<String>,
 }
 
-/// Colours of a material, and the white that they refer to.
+/// Colours of a material, and the reference white to which they are relative.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Colors)]
@@ -57,26 +58,26 @@ struct ColorAnswer {
     /// Quantity that the colours describe: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`,
     /// `spectrum` or `phase function` (× 4π).
     of: String,
-    /// Name or id of the illuminant.
+    /// Name of the illuminant, or id of the stored spectrum that serves as one.
     illuminant: String,
-    /// Name or id of the observer.
+    /// Name of the observer, or id of the stored table of colour-matching functions that serves as one.
     observer: String,
-    /// XYZ of the reference white, Y = 100.
+    /// Tristimulus values XYZ of the reference white, scaled to Y = 100.
     #[schema(min_items = 3, max_items = 3)]
     white: [f64; 3],
-    /// One colour for each entry; null if too few wavelengths were measured.
+    /// One colour for each selected spectrum of the material; null if too few wavelengths were measured.
     colours: Vec<Option<Color>>,
 }
 
-/// Colour of one entry, in several colour spaces.
+/// Colour of one spectrum of a material, in several colour spaces.
 #[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct Color {
-    /// Zero-based entry on each index axis.
+    /// Zero-based position of the spectrum on each index axis (tensor axis before the directions).
     index: Vec<usize>,
-    /// Label of the entry, if it has one.
+    /// Label of the spectrum in its table, if it has one.
     label: Option<String>,
-    /// Tristimulus values XYZ; white has Y = 100.
+    /// Tristimulus values XYZ; the reference white has Y = 100.
     #[schema(min_items = 3, max_items = 3)]
     xyz: [f64; 3],
     /// CIE chromaticity (x, y); null for black.
@@ -85,24 +86,24 @@ struct Color {
     /// CIE 1976 L*a*b*, relative to the reference white.
     #[schema(min_items = 3, max_items = 3)]
     lab: [f64; 3],
-    /// Linear sRGB, adapted to its white; may be out of gamut. Light colours are scaled so that the largest channel of
-    /// all entries is 1.
+    /// Linear sRGB, chromatically adapted to the white of sRGB; may be out of gamut. Colours of light sources are
+    /// scaled so that the largest channel over all colours of the answer is 1.
     #[schema(min_items = 3, max_items = 3)]
     linear_srgb: [f64; 3],
-    /// Linear sRGB mapped into the gamut: hue and lightness of Oklab are kept, chroma is reduced.
+    /// Linear sRGB mapped into the gamut: hue and lightness in Oklab are kept, chroma is reduced.
     #[schema(min_items = 3, max_items = 3)]
     mapped_srgb: [f64; 3],
-    /// `mapped_srgb` as `#rrggbb`.
+    /// Gamut-mapped colour in sRGB as `#rrggbb`.
     #[schema(pattern = "^#[0-9a-f]{6}$")]
     srgb: String,
     /// True if the colour needed no gamut mapping.
     in_gamut: bool,
-    /// Correlated colour temperature of a light in K; null if its distance from the Planckian locus in CIE 1960 (u, v)
-    /// exceeds 0.05.
+    /// Correlated colour temperature of a light source in K; null if its distance from the Planckian locus in CIE 1960
+    /// (u, v) exceeds 0.05.
     cct: Option<f64>,
-    /// Distance of a light from the Planckian locus in CIE 1960 (u, v), positive towards green.
+    /// Distance of a light source from the Planckian locus in CIE 1960 (u, v), positive towards green.
     duv: Option<f64>,
-    /// Luminous flux (lm) or intensity (cd) of a light in radiometric units.
+    /// Luminous flux in lm or luminous intensity in cd, for a light source whose values have radiometric units.
     luminous: Option<f64>,
 }
 
@@ -127,7 +128,7 @@ async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuer
     .await
 }
 
-/// An illuminant and an observer as a query names them.
+/// Illuminant and observer as the query parameters name them, before the stored tables are opened.
 #[derive(Debug)]
 pub(super) struct Asked {
     illuminant: Named<Illuminant>,
@@ -135,14 +136,14 @@ pub(super) struct Asked {
     observer: Named<StandardObserver>,
 }
 
-/// A standard by name, or a stored table by digest.
+/// A standard illuminant or observer by name, or the digest of a stored table in its place.
 #[derive(Clone, Debug)]
 enum Named<T> {
     Standard(T),
     Stored(Digest),
 }
 
-/// Tables and standards that a query names, opened.
+/// Illuminant and observer of a query, with the stored tables opened.
 pub(super) struct Sources {
     illuminant: Illuminant,
     observer: StandardObserver,
@@ -165,7 +166,7 @@ impl Asked {
         Ok(Self { illuminant, column, observer: named("observer", observer)? })
     }
 
-    /// Returns a cache key that is equal for equal illuminant, column and observer.
+    /// Returns a cache key, which is equal for queries with equal illuminant, illuminant column and observer.
     pub(super) fn key(&self) -> String {
         fn key<T: std::fmt::Display>(named: &Named<T>) -> String {
             match named {

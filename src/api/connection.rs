@@ -26,10 +26,11 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-/// The first bytes of an HTTP/2 connection (RFC 9113, 3.4).
+/// First bytes of every HTTP/2 connection, the client preface of RFC 9113 section 3.4.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 
-/// Lifetime of a reserve connection. Raising it lets a client hold a reserve place for longer.
+/// Lifetime of a connection that takes one of the few reserve slots, which exist for health checks. Raising it lets a
+/// client hold such a slot for longer.
 const RESERVE_LIFE: Duration = Duration::from_secs(10);
 
 /// Upper bound in bytes on unsent data of one connection (HTTP/1) or stream (HTTP/2). A large body piece may exceed it.
@@ -42,22 +43,23 @@ const FRAME: u32 = 16 << 10;
 /// reads it.
 const RECEIVE_WINDOW: u32 = 1 << 20;
 
-/// Streams of an HTTP/2 connection that may end with a client error before the connection is closed.
+/// Number of streams of an HTTP/2 connection that may end with a client error before the connection is closed.
 const ERROR_RESETS: usize = 128;
 
-/// Places for new connections: ordinary ones, and a reserve for health checks.
+/// Limits on open connections: ordinary places, and reserve places for health checks when the ordinary ones are taken.
 #[derive(Debug)]
 pub(crate) struct Entrance {
     ordinary: Places,
     health: Places,
 }
 
-/// A place for a connection.
+/// Place that a new connection takes in the limit on open connections.
 #[derive(Debug)]
 pub(crate) enum Admission {
-    /// Ordinary connection: serves every request.
+    /// Place of a connection within the ordinary limit, on which every request is served.
     Ordinary(Place),
-    /// Reserve connection: answers health checks and refuses everything else.
+    /// Place of a connection beyond the ordinary limit, on which health checks are answered and all other requests
+    /// refused.
     Reserve(Place, Full),
 }
 
@@ -70,7 +72,7 @@ impl Entrance {
         }
     }
 
-    /// Takes a place for a connection of `peer`. Returns `None` if even the reserve is full.
+    /// Takes a place for a connection of the client `peer`. Returns `None` if even the reserve places are taken.
     pub(crate) fn admit(&self, peer: Peer) -> Option<Admission> {
         match self.ordinary.take(peer, 1) {
             Ok(place) => Some(Admission::Ordinary(place)),
@@ -79,16 +81,16 @@ impl Entrance {
     }
 }
 
-/// The router and the limits that all connections of a listener share.
+/// Router and limits that all connections of a listener share.
 pub(crate) struct Host {
     router: Router,
     idle: Duration,
     first_bytes: Duration,
     http1: http1::Builder,
     http2: http2::Builder<TokioExecutor>,
-    /// Cancelled to close connections after their running requests.
+    /// Token that is cancelled to close every connection after its running requests.
     stop: CancellationToken,
-    /// Cancelled to close connections at once.
+    /// Token that is cancelled to close every connection at once, even during a request.
     cut: CancellationToken,
 }
 
@@ -118,7 +120,7 @@ impl Host {
         Arc::new(Self { router, idle: limits.idle, first_bytes: limits.first_bytes, http1, http2, stop, cut })
     }
 
-    /// Serves one connection to its end.
+    /// Serves the requests of one TCP connection until the connection is closed.
     pub(crate) async fn serve(self: Arc<Self>, stream: TcpStream, peer: Peer, admission: Admission) {
         let ended = match admission {
             Admission::Ordinary(_place) => self.converse(stream, peer, None).await,
@@ -166,7 +168,8 @@ impl Host {
         }
     }
 
-    /// Drives a connection to its end. Shuts it down when the service stops or the client is silent for too long.
+    /// Drives an HTTP connection until it is closed. Shuts it down when the service stops or the client is silent for
+    /// too long.
     async fn attend<C: GracefulConnection>(&self, connection: C, traffic: &Traffic, once: bool) -> Result<(), String>
     where
         C::Error: std::fmt::Display,
@@ -198,8 +201,8 @@ impl Host {
     }
 }
 
-/// Answers a request. A reserve connection (`refusal` is set) answers health checks only, and HTTP/1 answers tell the
-/// client to close.
+/// Answers a request. If `refusal` is set, the connection is one of those reserved for health checks: other requests
+/// are refused, and HTTP/1 answers tell the client to close.
 async fn answer(router: Router, request: Request, refusal: Option<Full>) -> Response {
     let Some(full) = refusal else { return router.oneshot(request).await.into_response() };
     let http1 = request.version() < axum::http::Version::HTTP_2;

@@ -9,10 +9,11 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::Response;
 use std::ops::Range;
 
-/// The media type of a material.
+/// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
-/// Like [`respond`], for a blob that a catalog row names: a missing blob is reported as corruption.
+/// Answers with a stored blob that a catalog row names, like [`respond`]. A missing blob is reported as corruption of
+/// the store.
 pub(crate) async fn respond_named(
     app: &App,
     digest: Digest,
@@ -28,7 +29,8 @@ pub(crate) async fn respond_named(
     })
 }
 
-/// Answers with the blob `digest`, or with the byte range, the headers alone or the 304 that the request asks for.
+/// Builds the HTTP response that sends the stored blob `digest`: all of it, a byte range, the headers alone, or status
+/// 304, as the request asks.
 pub(crate) async fn respond(
     app: &App,
     digest: Digest,
@@ -78,7 +80,7 @@ async fn answer(
     Ok(labels.response(size, asked, body))
 }
 
-/// Headers common to all answers for one blob.
+/// Response headers common to all answers with one blob: entity tag, media type and file name.
 #[derive(Clone, Debug)]
 struct Labels {
     etag: HeaderValue,
@@ -93,7 +95,8 @@ impl Labels {
         Self { etag, media_type: HeaderValue::from_static(media_type), disposition: disposition(file_name) }
     }
 
-    /// Returns the status and the byte range that `headers` request of `size` bytes, or `None` for a 304.
+    /// Returns the status and the byte range that the request `headers` select from a blob of `size` bytes. Returns
+    /// `None` for status 304 (not modified).
     fn asked(&self, headers: &HeaderMap, size: u64) -> Result<Option<(StatusCode, Range<u64>)>, Problem> {
         let etag = self.etag.to_str().unwrap_or_default();
         if not_modified(headers, etag) {
@@ -131,7 +134,8 @@ impl Labels {
     }
 }
 
-/// Like [`respond`], for bytes in memory.
+/// Builds the HTTP response that sends bytes from memory: all of them, a byte range, the headers alone, or status 304,
+/// as the request asks.
 pub(crate) fn respond_with(
     bytes: &Bytes,
     digest: Digest,
@@ -156,8 +160,8 @@ enum Part {
     None,
 }
 
-/// Parses `Range` (RFC 9110 section 14). One byte range is served; several ranges, other units and malformed values get
-/// the whole content.
+/// Parses the header `Range` (RFC 9110 section 14). One byte range is served; several ranges, other units and malformed
+/// values get the whole content.
 fn part(headers: &HeaderMap, size: u64) -> Part {
     let Some(text) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Part::Whole };
     let Some((unit, set)) = text.split_once('=') else { return Part::Whole };
@@ -190,12 +194,13 @@ fn part(headers: &HeaderMap, size: u64) -> Part {
     }
 }
 
-/// Returns true if `If-Range` is absent or names this `ETag`. A date never matches, because blobs have no dates.
+/// Returns true if the header `If-Range` is absent or names the entity tag `etag`. A date never matches, because blobs
+/// have no dates.
 fn current(headers: &HeaderMap, etag: &str) -> bool {
     headers.get(header::IF_RANGE).is_none_or(|value| value == etag)
 }
 
-/// Returns true if `If-None-Match` names this `ETag` (weak comparison).
+/// Returns true if the header `If-None-Match` names the entity tag `etag` (weak comparison).
 pub(super) fn not_modified(headers: &HeaderMap, etag: &str) -> bool {
     headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok()).any(|text| {
         text.split(',').map(str::trim).any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)

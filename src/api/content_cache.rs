@@ -6,13 +6,14 @@ use crate::store::Digest;
 use bytes::Bytes;
 use std::time::Duration;
 
-/// Size in bytes of the largest file that is cached.
+/// Size in bytes of the largest material file that is cached in memory.
 const SMALL: u64 = 1 << 20;
 
-/// Minutes that a file stays cached. Raising it saves reads of the store.
+/// Minutes for which a file stays in the memory cache. Raising it saves reads of the store.
 const KEPT: Duration = Duration::from_mins(1);
 
-/// Cache of small files by digest. Check the catalog before answering from it: the material may have been deleted.
+/// Memory cache of small material files, keyed by digest. Check the catalog before answering from it: the material may
+/// have been deleted.
 #[derive(Clone, Debug)]
 pub(crate) struct Contents {
     files: moka::future::Cache<Digest, Bytes>,
@@ -41,7 +42,7 @@ impl Contents {
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }
 
-    /// Evicts a deleted file.
+    /// Evicts the file of a deleted material from the memory cache.
     pub(crate) async fn forget(&self, digest: Digest) {
         self.files.invalidate(&digest).await;
     }

@@ -9,25 +9,27 @@ use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::{ContentBuilder, Info, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Problems of every operation: the host of the request and bugs.
+/// Kinds of errors that every HTTP operation can return: an unaccepted host, a bad header, or a bug of the service.
 const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::Misdirected, Kind::Internal];
-/// Operations that answer even when the service is at its limits.
+/// Names of the HTTP operations (health checks) that answer even when the service is at its limits.
 const HEALTH: &[&str] = &["healthz", "readyz"];
-/// Problems of all other operations: too much under way, in all or for this address.
+/// Kinds of errors of all HTTP operations except health checks: too many simultaneous requests, in total or from one
+/// address.
 const BUSY: &[Kind] = &[Kind::Overloaded, Kind::TooManyAtOnce];
-/// Problems of operations that change or compute something: pages of other origins.
+/// Kinds of errors peculiar to HTTP operations that change or compute something. The only one is a request from a web
+/// page of another origin.
 const WRITES: &[Kind] = &[Kind::CrossOrigin];
-/// Problems of operations with a query string.
+/// Kinds of errors of HTTP operations with a query string.
 const QUERY: &[Kind] = &[Kind::BadQuery, Kind::LongQuery];
-/// Problems of operations that read the catalog.
+/// Kinds of errors of HTTP operations that read the catalog.
 const CATALOG: &[Kind] = &[Kind::Unavailable];
-/// Problems of operations on one resource.
+/// Kinds of errors of HTTP operations on one resource, such as a job or a material.
 const ONE: &[Kind] = &[Kind::NotFound];
-/// Problems of operations that send stored bytes.
+/// Kinds of errors of HTTP operations that send stored bytes.
 const BYTES: &[Kind] = &[Kind::RangeNotSatisfiable, Kind::Corrupt];
-/// Problems of operations that open a material and compute.
+/// Kinds of errors of HTTP operations that open a material and compute values from it.
 const OPENS: &[Kind] = &[Kind::UnfitQuery, Kind::Overloaded, Kind::Corrupt];
-/// Problems of JSON bodies.
+/// Kinds of errors of HTTP operations with a JSON request body.
 const JSON: &[Kind] = &[
     Kind::BadBody,
     Kind::EmptyBody,
@@ -38,7 +40,7 @@ const JSON: &[Kind] = &[
     Kind::UnsupportedEncoding,
     Kind::Overloaded,
 ];
-/// Problems of uploads.
+/// Kinds of errors of uploads over HTTP.
 const UPLOAD: &[Kind] = &[
     Kind::BadBody,
     Kind::EmptyBody,
@@ -56,12 +58,12 @@ const UPLOAD: &[Kind] = &[
     Kind::Spectrum,
     Kind::Corrupt,
 ];
-/// Problems of batches beside those of JSON bodies.
+/// Kinds of errors of batch evaluations, besides those of every JSON request body.
 const BATCH: &[Kind] = &[Kind::NotAcceptable];
-/// Problems of exports.
+/// Kinds of errors of exports of a material to another file format.
 const EXPORT: &[Kind] = &[Kind::NotAvailable, Kind::BadSetting, Kind::OverLimit];
 
-/// Problems of each operation by its id, besides the common ones.
+/// Kinds of errors of each HTTP operation, by operation id, besides those common to all operations.
 const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("index", &[]),
     ("healthz", &[]),
@@ -98,7 +100,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("list_bases", &[]),
 ];
 
-/// The title, version and introduction of the description.
+/// Returns the title, version and introduction of the OpenAPI description.
 pub(super) fn info() -> Info {
     InfoBuilder::new()
         .title("wavelume")
@@ -111,7 +113,8 @@ pub(super) fn info() -> Info {
         .build()
 }
 
-/// Adds the problems of each operation and the schemas that no handler registers.
+/// Completes the OpenAPI description: adds the error responses of each operation, and the schemas that no handler
+/// registers.
 pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     for path in openapi.paths.paths.values_mut() {
         for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
@@ -129,7 +132,7 @@ pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     openapi
 }
 
-/// Returns the problems of an operation, grouped by HTTP status.
+/// Returns the kinds of errors that an HTTP operation can return, grouped by HTTP status.
 fn problems(operation: &str) -> BTreeMap<u16, Vec<Kind>> {
     let own = OPERATIONS.iter().find(|(name, _)| *name == operation).map_or(&[][..], |(_, kinds)| kinds);
     let mut problems: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();

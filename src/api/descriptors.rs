@@ -3,14 +3,14 @@
 use crate::jobs::Limits;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Descriptors reserved for the process itself: listener, catalog, logs, locks, runtime. Raising it leaves fewer for
-/// connections and requests.
+/// File descriptors reserved for the process itself: listener, catalog, logs, locks, runtime. Raising it leaves fewer
+/// for connections and requests.
 const OWN: u64 = 128;
 
-/// Descriptors of one upload: its staging file, and a file that it is unpacked to.
+/// Number of file descriptors that one upload needs: its staging file, and a file that it is unpacked to.
 const UPLOAD: u64 = 2;
 
-/// Raises the soft limit on descriptors of this process to its hard limit.
+/// Raises the soft limit on open file descriptors of this process to its hard limit.
 pub(crate) fn raise_descriptor_limit() {
     let limit = getrlimit(Resource::Nofile);
     if limit.current == limit.maximum {
@@ -21,13 +21,13 @@ pub(crate) fn raise_descriptor_limit() {
     }
 }
 
-/// Returns the soft limit on descriptors of this process; `None` means unlimited.
+/// Returns the soft limit on open file descriptors of this process; `None` means unlimited.
 pub(crate) fn limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Lowers the connection and request places until each of them has a descriptor. A request needs one for the file that
-/// it sends, besides that of its connection.
+/// Lowers the limits of connections and requests until the file descriptors suffice for all of them. A request needs a
+/// descriptor for the file that it sends, besides that of its connection.
 pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
     let count = |number: usize| number as u64;
     let health = count(limits.health_connections);

@@ -16,10 +16,11 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::Receiver;
 
-/// Interval of keep-alive lines, which keep proxies from ending a quiet stream. Raising it risks their timeouts.
+/// Interval of keep-alive lines, which prevent proxies from closing a quiet event stream. Raising it risks their
+/// timeouts.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// Event stream of one follower, with the last state and progress that it was sent.
+/// Event stream of one client that follows a job, with the job state and progress that were sent last.
 struct Told {
     app: App,
     _place: Place,
@@ -30,7 +31,8 @@ struct Told {
     progress: f64,
 }
 
-/// Follow a job: `state` events hold the job, `progress` events its progress; the stream ends with the final state.
+/// Follow a job through server-sent events: `state` events hold the job, `progress` events its progress. The stream
+/// ends with the final state.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses((status = 200, description = "Server-sent events", body = EventText, content_type = "text/event-stream"))

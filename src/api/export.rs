@@ -1,15 +1,15 @@
 //! `/v1/materials/{id}/export`: a material in an exchange format, with the error that the format adds.
 
 use super::content::not_modified;
+use super::export_description::{ExportParams, ExportedFile};
 use super::extract::{Id, Query};
 use super::materials::known;
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
-use super::schemas::{Binary, ExportName, IndexText};
 use super::state::App;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
-use crate::formats::{ArrayManifest, manifest_of};
+use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
@@ -19,66 +19,40 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use serde::Deserialize;
 use std::convert::Infallible;
-use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// Response header with the error that the exported file adds to that of the material.
+/// Response header that states the error of an exported file relative to the material, in addition to the error of the
+/// material itself.
 pub(crate) const EXPORT_ERROR: HeaderName = HeaderName::from_static("wavelume-export-error");
 
-/// Bytes of a file handed to the connection at a time.
+/// Bytes of an exported file handed to the connection at a time.
 const PIECE: usize = 1 << 20;
 
-/// The routes of this resource.
+/// HTTP routes of exports to other file formats.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
 /// Export format and sampling density.
-#[derive(Debug, Deserialize, IntoParams)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
 struct ExportQuery {
-    /// Format to write: `rgl`, `merl`, `mbsdf` (surfaces), `lm63`, `eulumdat` (luminaires), `spd`, `csv` (spectra),
-    /// `tabphase` (phase functions), `npy` (the dense float32 tensor, NaN = masked) or `manifest` (its axes).
-    #[param(value_type = ExportName)]
     format: String,
-    /// Zero-based entry on each leading index axis: `I,J`. `npy` and `manifest` contain every entry and accept none.
-    #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase). Default: from the material's own axes; for
-    /// mbsdf the angles of the source.
-    #[param(value_type = Option<u32>)]
     side: Option<usize>,
-    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat). Default: from the material's own
-    /// axes; for luminaires the angles of the source.
     step: Option<f64>,
-    /// True to write linear sRGB instead of spectra (rgl).
     #[serde(default)]
-    #[param(value_type = Option<bool>)]
     rgb: bool,
-    /// Wavelength in nm (tabphase). Default: the mean over wavelengths.
+    /// Wavelength in nm of the exported phase function (tabphase). Default: the mean over wavelengths.
     wavelength: Option<f64>,
 }
 
-/// Export a material in another format.
+/// Export a material to another file format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
-    params(("id" = Digest, Path, description = "The material"), ExportQuery),
-    responses(
-        (
-            status = 200, description = "The file",
-            content(
-                (Binary = "application/octet-stream"), (String = "text/plain"), (String = "text/csv"),
-                (ArrayManifest = "application/json"),
-            ),
-            headers(("Wavelume-Export-Error" = String, description =
-                "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
-                 relative_rmse, pairs (of directions), of (what was compared), and of luminaires peak, flux (both relative), \
-                 rms_of_peak and er_l2_bright (of intensities above 1 % of the peak)")),
-        ),
-        (status = 304, description = "The file of If-None-Match is this one"),
-    )
+    params(("id" = Digest, Path, description = "The material"), ExportParams),
+    responses(ExportedFile)
 )]
 async fn export(
     State(app): State<App>,
@@ -145,9 +119,9 @@ async fn file(
     // A file stays whole in memory until its last byte is sent. The computation holds the place too, because it
     // continues when the client disconnects.
     let place = app.held.exports.take(peer, 1)?;
-    let (exported, place) = if format == ExportFormat::Npy {
+    let (exported, place) = if format.takes_samples() {
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
-        app.engine.exports.run(move || (export::array(&measurement, &options), place)).await?
+        app.engine.exports.run(move || (export::samples(&measurement, format, &options), place)).await?
     } else {
         known(app, id).await?;
         let bytes = app.engine.bytes(id).await.map_err(|error| Problem::from(&error))?;
@@ -172,7 +146,7 @@ async fn file(
     Ok(response)
 }
 
-/// Formats the value of the `Wavelume-Export-Error` header.
+/// Formats the value of the response header `Wavelume-Export-Error`.
 fn stated(about: &Summary) -> String {
     let error = &about.error;
     let luminaire = match (&about.lamp, about.flux_error) {
@@ -194,7 +168,8 @@ fn name(response: &mut Response, id: Digest, extension: &str) {
     response.headers_mut().extend(HeaderValue::from_str(&name).ok().map(|v| (header::CONTENT_DISPOSITION, v)));
 }
 
-/// Streams the bytes in pieces and holds `place` until the last one is taken.
+/// Streams the bytes of an exported file in pieces. The export occupies its place in the limit on exports until the
+/// last piece is taken.
 fn pieces(bytes: Vec<u8>, place: Place) -> Body {
     let parts = futures::stream::unfold((Bytes::from(bytes), place), |(mut rest, place)| async move {
         if rest.is_empty() {

@@ -17,23 +17,24 @@ use serde::de::DeserializeOwned;
 #[derive(Clone, Debug)]
 pub(crate) struct Query<T>(pub(crate) T);
 
-/// The `{id}` or `{digest}` of the path.
+/// Digest that the parameter `{id}` or `{digest}` of the request path contains.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Id(pub(crate) Digest);
 
-/// The `{id}` of a job in the path.
+/// Job id that the parameter `{id}` of the request path contains.
 #[derive(Clone, Debug)]
 pub(crate) struct JobId(pub(crate) String);
 
-/// A complete JSON body as bytes, its media type checked. It is parsed later, on the query threads.
+/// A complete JSON request body as bytes, whose media type is checked. It is parsed later, on the threads that evaluate
+/// queries.
 #[derive(Debug)]
 pub(crate) struct JsonBytes {
     pub(crate) bytes: Bytes,
-    /// Share of the memory for bodies, as large as the bytes received.
+    /// Permit for as many bytes of request-body memory as were received.
     _share: Place,
 }
 
-/// A complete JSON body that is not a batch, at most 512 KiB.
+/// A complete JSON request body of at most 512 KiB, for requests other than batch evaluations.
 #[derive(Debug)]
 pub(crate) struct SmallJson(pub(crate) JsonBytes);
 
@@ -72,7 +73,7 @@ impl<S: Send + Sync> FromRequestParts<S> for JobId {
     }
 }
 
-/// The `{name}` in the path.
+/// Text of the parameter `{name}` of the request path.
 #[derive(Clone, Debug)]
 pub(crate) struct Name(pub(crate) String);
 
@@ -84,11 +85,11 @@ impl<S: Send + Sync> FromRequestParts<S> for Name {
     }
 }
 
-/// Upper bound in bytes on a query string: half of the default request head. Longer lists of wavelengths belong in the
-/// body of a POST.
+/// Upper bound in bytes on a query string: half of the default limit on the request head. Longer lists of wavelengths
+/// belong in the body of a POST.
 pub(crate) const LONGEST_QUERY: usize = 16 << 10;
 
-/// Upper bound in characters on a filter word of a list: longer than any stored word.
+/// Upper bound in characters on a text by which a list is filtered: longer than any stored name or tag.
 pub(crate) const LONGEST_WORD: usize = 255;
 
 /// Refuses query strings that are too long, are not UTF-8 or contain U+0000.
@@ -109,7 +110,7 @@ fn check_query(query: &str) -> Result<(), Problem> {
     }
 }
 
-/// Percent-decodes text; malformed escapes stay as they are.
+/// Percent-decodes text; malformed escape sequences stay unchanged.
 fn percent_decoded(text: &str) -> Vec<u8> {
     let digit = |b: Option<&u8>| b.and_then(|&b| char::from(b).to_digit(16));
     let mut bytes = Vec::with_capacity(text.len());
@@ -127,7 +128,7 @@ fn percent_decoded(text: &str) -> Vec<u8> {
     bytes
 }
 
-/// Deserialises a filter word of a list, for `deserialize_with`. An empty word filters nothing.
+/// Deserialises a text by which a list is filtered, for `deserialize_with`. An empty text filters nothing.
 pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
     let text = String::deserialize(deserializer)?;
     match text.chars().count() {
@@ -140,7 +141,7 @@ pub(crate) fn word<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<
     }
 }
 
-/// Returns the only parameter of the path.
+/// Returns the value of the only parameter of the request path.
 async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String, Problem> {
     let params = RawPathParams::from_request_parts(parts, state)
         .await
@@ -148,10 +149,10 @@ async fn segment<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<String,
     Ok(params.iter().next().map(|(_, value)| value.to_owned()).unwrap_or_default())
 }
 
-/// Bytes of memory reserved with the first piece of a body.
+/// Bytes of memory reserved when the first piece of a request body arrives.
 const FIRST: usize = 16 << 10;
 
-/// Upper bound in bytes on a JSON body that is not a batch.
+/// Upper bound in bytes on a JSON request body that is not a batch evaluation.
 const SMALL: usize = 512 << 10;
 
 impl FromRequest<App> for JsonBytes {
@@ -224,7 +225,8 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
     Ok(JsonBytes { bytes: bytes.freeze(), _share: share })
 }
 
-/// Parses a JSON object as `T`: 400 if it is not JSON, 422 if its content is not what was expected.
+/// Parses a JSON object as `T`. The error has status 400 if the bytes are not JSON, and 422 if the content is not as
+/// expected.
 pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
     // serde would fill a struct from an array by position.
     let is_object = bytes.iter().find(|b| !b.is_ascii_whitespace()) == Some(&b'{');
@@ -240,7 +242,7 @@ pub(crate) fn parse_json<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem
     }
 }
 
-/// Returns the declared length (`Content-Length`) of a body.
+/// Returns the length of a request body that the header `Content-Length` declares.
 pub(crate) fn declared_length(headers: &HeaderMap) -> Option<u64> {
     headers.get(header::CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
@@ -267,7 +269,8 @@ fn too_large(limit: usize) -> Problem {
     Problem::new(Kind::TooLarge, format!("a JSON body may have {limit} bytes"))
 }
 
-/// Drains the rest of a refused request: most clients read the answer only after sending a good part of their body.
+/// Reads and discards the rest of a refused request: most clients read the answer only after sending a good part of
+/// their body.
 pub(crate) async fn linger(request: Request) {
     // With `Expect: 100-continue` no body was sent: nothing to drain.
     if !request.headers().contains_key(header::EXPECT) {
@@ -275,7 +278,7 @@ pub(crate) async fn linger(request: Request) {
     }
 }
 
-/// Drains a body: at most 32 MiB within 2 s.
+/// Reads and discards a request body: at most 32 MiB within 2 s.
 pub(crate) async fn linger_body(body: Body) {
     let mut left: usize = 32 << 20;
     let mut stream = body.into_data_stream();

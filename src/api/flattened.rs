@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use utoipa::openapi::schema::{AdditionalProperties, AllOf, Object, Schema};
 use utoipa::openapi::{Components, OpenApi, RefOr};
 
-/// Upper bound on parts within parts; it ends a circle.
+/// Upper bound on the nesting depth of merged object schemas. It stops at schemas that contain themselves.
 const DEEPEST: usize = 8;
 
-/// Replaces every schema that is made of several objects by one object with the properties of all. It takes no other
-/// properties if one of the parts takes no others.
+/// Replaces every OpenAPI schema that combines several objects (`allOf`) by one object with the properties of all. The
+/// result refuses unknown properties if one of the parts does.
 pub(super) fn flatten(components: &mut Components) {
     let known: BTreeMap<String, RefOr<Schema>> =
         components.schemas.iter().map(|(name, schema)| (name.clone(), schema.clone())).collect();
@@ -21,7 +21,8 @@ pub(super) fn flatten(components: &mut Components) {
     }
 }
 
-/// Removes the schemas that nothing names: those whose properties became those of others.
+/// Removes the OpenAPI schemas that nothing refers to any more, because their properties were copied into other
+/// schemas.
 pub(super) fn prune(openapi: &mut OpenApi) {
     loop {
         let Ok(text) = openapi.to_json() else { return };
@@ -34,7 +35,7 @@ pub(super) fn prune(openapi: &mut OpenApi) {
     }
 }
 
-/// Merges parts; `None` if one of them is no object.
+/// Merges the parts of an `allOf` schema into one object schema; `None` if one of the parts is no object.
 fn merged(parts: &AllOf, known: &BTreeMap<String, RefOr<Schema>>, depth: usize) -> Option<Object> {
     let mut whole = Object::new();
     whole.description.clone_from(&parts.description);

@@ -17,7 +17,7 @@ use utoipa::ToSchema;
 /// lost.
 const LOOK: Duration = Duration::from_secs(10);
 
-/// The states of a job.
+/// States that a job can have.
 #[derive(ToSchema)]
 #[schema(as = JobState)]
 #[serde(rename_all = "snake_case")]
@@ -31,35 +31,35 @@ pub(super) enum StateSchema {
     Cancelled,
 }
 
-/// A job.
+/// Description of a job.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Job {
     #[schema(value_type = JobIdText)]
     id: String,
-    /// Current or final state.
+    /// Current or final state of the job.
     #[schema(value_type = StateSchema)]
     state: &'static str,
-    /// Progress from 0 to 1.
+    /// Progress of the job from 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
     /// Id of the measurement that the job reads; null for a report.
     measurement: Option<Digest>,
-    /// Id of the material that the job made.
+    /// Id of the material that the job made; null before the end and for a report.
     material: Option<Digest>,
     /// Digest of the report that the job made: an array of tables, as `wavelume paper --json` prints it.
     report: Option<Digest>,
-    /// Reason for which the job failed or died.
+    /// Reason for which the job failed, or for which its worker died.
     problem: Option<ProblemBody>,
-    /// Number of attempts started.
+    /// Number of attempts of the job that were started.
     attempts: u32,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time of creation of the job, in milliseconds since the Unix epoch.
     created_ms: i64,
-    /// Time of the last change of state, ms of the Unix epoch.
+    /// Time of the last change of the job's state, in milliseconds since the Unix epoch.
     updated_ms: i64,
     pub(super) links: Links,
 }
 
-/// URLs related to a job.
+/// URLs of the resources related to a job.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = JobLinks)]
 pub(super) struct Links {
@@ -67,7 +67,7 @@ pub(super) struct Links {
     pub(super) this: String,
     events: String,
     cancel: String,
-    /// URL of the material or the report, once there is one.
+    /// URL of the material or the report that the job made, once there is one.
     result: Option<String>,
 }
 
@@ -103,7 +103,7 @@ impl Job {
     }
 }
 
-/// Reads the current row of a job.
+/// Reads the current catalog row of a job.
 pub(super) async fn find(app: &App, id: &str) -> Result<JobRow, Problem> {
     app.engine.job(id).await?.ok_or_else(|| absent(id))
 }
@@ -112,7 +112,7 @@ pub(super) fn absent(id: &str) -> Problem {
     Problem::new(Kind::NotFound, format!("there is no job {id}"))
 }
 
-/// Waits until the job may have changed, at most for [`LOOK`].
+/// Waits until a notification says that the job may have changed, at most for [`LOOK`].
 pub(super) async fn change(changes: &mut Receiver<Arc<str>>, id: &str) {
     let told = async {
         loop {

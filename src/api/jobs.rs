@@ -1,7 +1,7 @@
 //! `/v1/jobs`: work that outlives a request.
 
 use super::events;
-use super::extract::{JobId, Query, SmallJson, parse_json};
+use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
 use super::measurements::page;
 use super::places::Peer;
@@ -9,19 +9,20 @@ use super::problem::{Kind, Problem};
 use super::schemas::JobIdText;
 use super::state::App;
 use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Retried};
-use crate::jobs::{JobRequest, Kind as JobKind, KindOnly, RequestError};
+use crate::jobs::{JobRequest, KindOnly, Queued, RequestError, Source};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of jobs.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(list_jobs, post_job))
@@ -31,8 +32,17 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(retry_job))
 }
 
-/// Upper bound in seconds on the N of `Prefer: wait=N`. Raising it lets one request hold a place for longer.
+/// Upper bound in seconds on the N of the request header `Prefer: wait=N`. Raising it lets one waiting request occupy
+/// the service for longer.
 const LONGEST_WAIT: u64 = 60;
+
+impl Source for JsonBytes {
+    type Error = Problem;
+
+    fn read<T: DeserializeOwned>(&self) -> Result<T, Problem> {
+        parse_json(&self.bytes)
+    }
+}
 
 /// Queue a job.
 #[utoipa::path(
@@ -54,10 +64,8 @@ async fn post_job(
     headers: HeaderMap,
     SmallJson(body): SmallJson,
 ) -> Result<Response, Problem> {
-    let request = match parse_json::<KindOnly>(&body.bytes)?.kind {
-        JobKind::Compress => JobRequest::Compress(parse_json(&body.bytes)?),
-        JobKind::Paper => JobRequest::Paper(parse_json(&body.bytes)?),
-    };
+    let kind = parse_json::<KindOnly>(&body.bytes)?.kind;
+    let request = JobRequest::read(kind, &body)?;
     drop(body);
     request.check().map_err(|error| {
         let kind = match error {
@@ -206,7 +214,7 @@ async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response
     }
 }
 
-/// Waits up to `time` for a job to end.
+/// Waits for a job to end, at most for `time`. Returns the last catalog row of the job.
 async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRow, Problem> {
     let mut changes = app.engine.hub.listen();
     let _following = app.engine.hub.follow(&row.id);
@@ -225,7 +233,8 @@ async fn until_final(app: &App, mut row: JobRow, time: Duration) -> Result<JobRo
     Ok(row)
 }
 
-/// Parses `wait=N` from `Prefer` (RFC 7240), capped at [`LONGEST_WAIT`]. Other preferences are ignored.
+/// Parses `wait=N` from the header `Prefer` (RFC 7240), capped at [`LONGEST_WAIT`] seconds. Other preferences are
+/// ignored.
 fn wait(headers: &HeaderMap) -> Option<u64> {
     headers
         .get_all("prefer")

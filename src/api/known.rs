@@ -13,17 +13,17 @@ use utoipa::ToSchema;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of the lists of file formats and wavelet bases.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(get_template)).routes(routes!(list_bases))
 }
 
-/// A file format.
+/// A file format that can be read or written.
 #[derive(Debug, Serialize, ToSchema)]
 struct Format {
     name: &'static str,
     description: &'static str,
-    /// Usual file extensions; only hints.
+    /// Usual file extensions of the format; only hints, because formats are recognised by content.
     extensions: Vec<&'static str>,
     reads: bool,
     writes: bool,
@@ -45,9 +45,9 @@ async fn list_formats() -> Json<Vec<Format>> {
     Json(known.collect())
 }
 
-/// Get a template file to fill in, which is readable as it is: `radiometric-csv-long`, `radiometric-csv-wide`,
-/// `npy-manifest`, `phase-table`, or the script `radiometric-arrow-python`. The name of a format selects its first
-/// template.
+/// Get a template file of a format to fill in, which is valid without changes: `radiometric-csv-long`,
+/// `radiometric-csv-wide`, `npy-manifest`, `phase-table`, or the script `radiometric-arrow-python`. The name of a
+/// format selects its first template.
 #[utoipa::path(
     get, path = "/v1/formats/{name}/template", tag = "known",
     params(("name" = String, Path, description = "The template or its format")),

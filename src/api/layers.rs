@@ -11,20 +11,21 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The header of a request's id.
+/// Name of the HTTP header that carries the id of a request.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("request-id");
 
-/// Upper bound in characters on a client's request id. A longer one is replaced, because it is written to the log and
-/// the answer.
+/// Upper bound in characters on a request id chosen by a client. A longer one is replaced, because it is written to the
+/// log and the answer.
 const LONGEST_ID: usize = 128;
 
-/// Upper bound in characters on a logged path; a longer one loses its middle.
+/// Upper bound in characters on a logged URL path; the middle of a longer path is left out.
 const LOGGED_PATH: usize = 300;
 
-/// Upper bound in characters on a logged method.
+/// Upper bound in characters on a logged HTTP method.
 const LOGGED_METHOD: usize = 20;
 
-/// Refuses requests for other hosts and writes by pages of other origins, and lets allowed pages read the answers.
+/// Middleware that refuses requests for other hosts and writes by web pages of other origins, and lets pages of allowed
+/// origins read the answers.
 pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
@@ -73,7 +74,7 @@ pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut req
     response
 }
 
-/// Returns true for queries of a material by POST: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
+/// Returns true for POST requests that only query a material: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
 fn asks(request: &Request) -> bool {
     let path = request.uri().path();
     request.method() == Method::POST
@@ -86,7 +87,7 @@ async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Assigns an id to each request, logs it once and records its duration by route.
+/// Middleware that assigns an id to each request, logs the request once, and records its duration by route.
 pub(crate) async fn observe(request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
@@ -117,7 +118,7 @@ fn request_id(headers: &HeaderMap) -> String {
     }
 }
 
-/// Returns the metrics label of a method. Clients choose methods freely, so unknown ones become `other`.
+/// Returns the label of an HTTP method in the metrics. Clients choose methods freely, so unknown ones become `other`.
 fn method_name(method: &Method) -> &'static str {
     match *method {
         Method::GET => "GET",
@@ -129,7 +130,7 @@ fn method_name(method: &Method) -> &'static str {
     }
 }
 
-/// Adds the security headers common to all answers.
+/// Middleware that adds the security headers common to all answers.
 pub(crate) async fn harden(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
@@ -143,7 +144,7 @@ pub(crate) async fn harden(request: Request, next: Next) -> Response {
     response
 }
 
-/// Answers a request whose handler panicked: a bug of the service.
+/// Answers a request whose handler panicked, which is a bug of the service.
 #[allow(clippy::needless_pass_by_value, reason = "the layer hands the panic over")]
 pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
     let message = crate::jobs::panic_message(panic.as_ref());
@@ -156,7 +157,7 @@ pub(crate) async fn no_route(request: Request) -> Response {
     refuse(request, Problem::new(Kind::NotFound, detail)).await
 }
 
-/// Answers a request with a method that its route lacks; axum adds `Allow`.
+/// Answers a request whose HTTP method its route does not support; axum adds the header `Allow`.
 pub(crate) async fn no_method(request: Request) -> Response {
     let detail = format!("{} is not for this resource; see Allow", shown(request.method().as_str(), LOGGED_METHOD));
     refuse(request, Problem::new(Kind::MethodNotAllowed, detail)).await

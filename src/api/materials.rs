@@ -20,7 +20,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of materials.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(list_materials))
@@ -29,50 +29,50 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(get_blob))
 }
 
-/// Filter of a list of materials.
+/// Query parameters that filter and page a list of materials.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// Cursor: `next` of an earlier answer.
+    /// Cursor of the wanted page: the value `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// Upper bound on the number of items, 1 to 1000. Default: 50.
+    /// Upper bound on the number of materials on a page, 1 to 1000. Default: 50.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
-    /// Only materials of this quantity.
+    /// Physical quantity to filter by: only materials of this quantity are listed.
     quantity: Option<Quantity>,
-    /// Only materials made from this measurement.
+    /// Id of a measurement to filter by: only materials made from this measurement are listed.
     measurement: Option<Digest>,
-    /// Only materials with this tag.
+    /// Tag to filter by: only materials with this tag are listed.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     tag: Option<String>,
-    /// Only materials with this text in one of their names or tags.
+    /// Text to filter by: only materials with this text in one of their names or tags are listed.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     q: Option<String>,
 }
 
-/// A material: its content, its errors and its provenance.
+/// Description of a material (a compressed measurement): its content, its errors and its provenance.
 #[derive(Debug, Serialize, ToSchema)]
 struct Material {
-    /// Digest of the file.
+    /// Digest of the material file.
     id: Digest,
-    /// Latest name given by a job.
+    /// Latest name that a job gave to the material.
     name: Option<String>,
-    /// Tags given by any of its jobs.
+    /// Tags that the jobs which made the material gave to it.
     tags: Vec<String>,
-    /// Measurements that it was made from; several if they gave equal bytes.
+    /// Ids of the measurements that the material was made from; several if their compression gave equal bytes.
     measurements: Vec<Digest>,
     #[serde(flatten)]
     manifest: Manifest,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time of creation of the material, in milliseconds since the Unix epoch.
     created_ms: i64,
     links: Links,
 }
 
-/// URLs related to a material.
+/// URLs of the resources related to a material.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = MaterialLinks)]
 struct Links {
@@ -93,7 +93,7 @@ struct Links {
 #[derive(Debug, Serialize, ToSchema)]
 struct MaterialPage {
     items: Vec<Material>,
-    /// Cursor of the next page; null on the last page.
+    /// Cursor of the next page of materials; null on the last page.
     next: Option<String>,
 }
 
@@ -111,7 +111,7 @@ async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) 
     Ok(Json(MaterialPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
 }
 
-/// Get the manifest of a material.
+/// Get the manifest of a material: content, errors and provenance.
 #[utoipa::path(
     get, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 200, description = "The manifest", body = Material))
@@ -120,7 +120,7 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
     Material::of(row(&app, id).await?).map(Json)
 }
 
-/// Delete a material. The next sweep removes its bytes.
+/// Delete a material. The next clean-up of the store removes its bytes.
 #[utoipa::path(
     delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
@@ -154,8 +154,8 @@ async fn get_material_content(
     content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
 }
 
-/// Get bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes that
-/// none of them names any more are not found.
+/// Get stored bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes
+/// to which no material, measurement or report refers any more are not found.
 #[utoipa::path(
     get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = Digest, Path, description = "Their digest")),
     responses(
@@ -189,8 +189,8 @@ async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Returns the name of a material that the catalog knows. Every answer about a material checks this first, even if the
-/// material is in memory: another process may have deleted it.
+/// Returns the name, if any, of the material `id`; fails if the catalog does not list the material. Every answer about
+/// a material asks the catalog first, even if the material is in memory: another process may have deleted it.
 pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Problem> {
     if let Some(name) = app.engine.archive.catalog.material_name(id).await? {
         return Ok(name);
@@ -199,7 +199,7 @@ pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Probl
     Err(Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Frees the memory of a deleted material.
+/// Frees the memory that an opened material occupies after it was deleted.
 async fn forget(app: &App, id: Digest) {
     app.engine.close_material(id).await;
     app.contents.forget(id).await;

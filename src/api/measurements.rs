@@ -6,10 +6,10 @@ use super::problem::{Kind, Problem};
 use super::schemas::{Binary, CursorText, Word};
 use super::state::App;
 use super::upload;
+use super::upload_query::UploadQuery;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
-use crate::domain::{Quantity, Unit};
-use crate::formats::{Normalization, StatedQuantity};
-use crate::jobs::{Ingested, Options, Text, Understood, Upload, check_text};
+use crate::domain::Quantity;
+use crate::jobs::{Ingested, Understood};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::{FromRequestParts, Request, State};
@@ -20,7 +20,7 @@ use utoipa::{IntoParams, ToSchema};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of measurements.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(post_measurement, list_measurements))
@@ -28,75 +28,48 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
         .routes(routes!(get_measurement_content))
 }
 
-/// Options that a client states with an upload.
-#[derive(Debug, Deserialize, IntoParams)]
-#[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
-struct PostQuery {
-    /// Name of the file.
-    #[param(value_type = Option<Text>)]
-    filename: Option<String>,
-    /// Name of the measurement.
-    #[param(value_type = Option<Text>)]
-    name: Option<String>,
-    /// Id of an uploaded spectrum to join with a luminaire.
-    spectrum: Option<Digest>,
-    /// Quantity, if the file does not state it. `reflectance-factor` (BRF, HCRF) is divided by π to give a BRDF.
-    quantity: Option<StatedQuantity>,
-    /// Unit of a value.
-    unit: Option<Unit>,
-    /// Unit of wavelengths: `nm`, `um`, `angstrom` or `1/cm`.
-    #[param(value_type = Option<Text>)]
-    wavelength_unit: Option<String>,
-    /// Column of a table, by name or by number from 1.
-    #[param(value_type = Option<Text>)]
-    column: Option<String>,
-    /// Integral of the values of a phase table over the sphere: `1`, `4pi`, `vsf` or `relative`.
-    normalization: Option<Normalization>,
-}
-
 /// Filter of a list of measurements.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct ListQuery {
-    /// Cursor: `next` of an earlier answer.
+    /// Cursor of the wanted page: the value `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// Upper bound on the number of items, 1 to 1000. Default: 50.
+    /// Upper bound on the number of measurements on a page, 1 to 1000. Default: 50.
     #[param(minimum = 1, maximum = 1000)]
     limit: Option<usize>,
-    /// Only measurements of this quantity.
+    /// Physical quantity to filter by: only measurements of this quantity are listed.
     quantity: Option<Quantity>,
-    /// Only measurements of this format.
+    /// File format to filter by: only measurements of this format are listed.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     format: Option<String>,
-    /// Only measurements with this text in their name, file name or format.
+    /// Text to filter by: only measurements with this text in their name, file name or format are listed.
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     q: Option<String>,
 }
 
-/// A measurement.
+/// Description of an uploaded measurement.
 #[derive(Debug, Serialize, ToSchema)]
 struct Measurement {
-    /// Digest of the bytes; with options, digest of both.
+    /// Id of the measurement: digest of the uploaded bytes or, for an upload with options, of bytes and options.
     id: Digest,
-    /// Digest of the bytes.
+    /// Digest of the uploaded bytes.
     content_digest: Digest,
     name: Option<String>,
     file_name: Option<String>,
-    /// Size in bytes.
+    /// Size of the uploaded file in bytes.
     bytes: u64,
     #[serde(flatten)]
     understood: Understood,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time of the upload, in milliseconds since the Unix epoch.
     created_ms: i64,
     links: Links,
 }
 
-/// URLs related to a measurement.
+/// URLs of the resources related to a measurement.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = MeasurementLinks)]
 struct Links {
@@ -110,40 +83,40 @@ struct Links {
 #[derive(Debug, Serialize, ToSchema)]
 struct MeasurementPage {
     items: Vec<Measurement>,
-    /// Cursor of the next page; null on the last page.
+    /// Cursor of the next page of measurements; null on the last page.
     next: Option<String>,
 }
 
-/// Result of unpacking an archive.
+/// Result of unpacking an uploaded archive.
 #[derive(Debug, Serialize, ToSchema)]
 struct Unpacked {
-    /// One measurement for each file that is one, sorted by file name.
+    /// Measurements found in the archive, one for each readable file, sorted by file name.
     items: Vec<Measurement>,
-    /// Files that are not measurements.
+    /// Files of the archive that are not measurements.
     skipped: Vec<Skipped>,
 }
 
-/// A file of an archive that is not a measurement.
+/// A file of an uploaded archive that is not a measurement.
 #[derive(Debug, Serialize, ToSchema)]
 struct Skipped {
     file_name: String,
     reason: String,
 }
 
-/// The answer to an upload.
+/// Answer to the upload of a single file or of a zip archive.
 #[derive(Debug, Serialize, ToSchema)]
 #[serde(untagged)]
 #[expect(dead_code, reason = "describes the two answers in the OpenAPI document")]
 enum Uploaded {
     /// Answer to the upload of a single file.
     One(Box<Measurement>),
-    /// Answer for a zip archive.
+    /// Answer to the upload of a zip archive, with one measurement for each measurement file in it.
     Several(Unpacked),
 }
 
 /// Upload a measurement of any supported format, or a zip archive of them.
 #[utoipa::path(
-    post, path = "/v1/measurements", tag = "measurements", params(PostQuery),
+    post, path = "/v1/measurements", tag = "measurements", params(UploadQuery),
     request_body(content = Binary, content_type = "application/octet-stream",
         description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
                        Each file of a zip archive becomes a measurement, read with the options given. Bytes that are there already keep the \
@@ -156,10 +129,10 @@ enum Uploaded {
 async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
     let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
-    let said = Query::from_request_parts(&mut parts, &app).await.and_then(|Query(query)| said(query));
+    let stated = Query::<UploadQuery>::from_request_parts(&mut parts, &app).await;
     let request = Request::from_parts(parts, body);
-    let upload = match said {
-        Ok(upload) => upload,
+    let upload = match stated {
+        Ok(Query(UploadQuery(upload))) => upload,
         Err(problem) => {
             linger(request).await;
             return Err(problem);
@@ -190,33 +163,6 @@ async fn post_measurement(State(app): State<App>, request: Request) -> Result<Re
     Ok(response)
 }
 
-fn said(query: PostQuery) -> Result<Upload, Problem> {
-    let words = [
-        ("filename", &query.filename),
-        ("name", &query.name),
-        ("wavelength_unit", &query.wavelength_unit),
-        ("column", &query.column),
-    ];
-    for (what, text) in words {
-        if let Some(text) = text {
-            check_text(what, text).map_err(|detail| Problem::new(Kind::BadQuery, detail))?;
-        }
-    }
-    Ok(Upload {
-        file_name: query.filename,
-        name: query.name,
-        options: Options {
-            spectrum: query.spectrum,
-            quantity: query.quantity,
-            unit: query.unit,
-            wavelength_unit: query.wavelength_unit,
-            column: query.column,
-            normalization: query.normalization,
-            axes: None,
-        },
-    })
-}
-
 /// List measurements, newest first.
 #[utoipa::path(
     get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
@@ -242,7 +188,7 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
     Measurement::of(row(&app, id).await?).map(Json)
 }
 
-/// Delete a measurement. The next sweep removes its bytes.
+/// Delete a measurement. The next clean-up of the store removes its bytes.
 #[utoipa::path(
     delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
@@ -251,7 +197,7 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
 }
 
-/// Get the uploaded bytes, without their content coding.
+/// Get the uploaded bytes of a measurement, with the content coding of the upload removed.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}/content", tag = "measurements",
     params(("id" = Digest, Path, description = "Its id")),
@@ -277,7 +223,7 @@ async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
     row.ok_or_else(|| Problem::new(Kind::NotFound, format!("there is no measurement {id}")))
 }
 
-/// Parses the cursor and the limit of a list.
+/// Parses the cursor and the page size of a list request.
 pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option<Cursor>, usize), Problem> {
     let cursor = cursor.map(str::parse).transpose();
     let cursor =
@@ -288,7 +234,7 @@ pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option
     }
 }
 
-/// Maps the outcome of a deletion to an answer.
+/// Maps the outcome of deleting a measurement or a material to an HTTP answer.
 pub(super) fn deleted(deleted: Deleted, absent: &str) -> Result<StatusCode, Problem> {
     match deleted {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),

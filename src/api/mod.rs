@@ -11,6 +11,7 @@ mod description;
 mod descriptors;
 mod events;
 mod export;
+mod export_description;
 mod extract;
 mod flattened;
 mod job;
@@ -32,6 +33,7 @@ mod server;
 mod state;
 mod traffic;
 mod upload;
+mod upload_query;
 mod words;
 mod zstd;
 

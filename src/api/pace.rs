@@ -6,11 +6,12 @@ use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Entries of the history per window. Raising it measures the rate more exactly, at the cost of memory.
+/// Number of history entries in the time window over which the rate of an upload is measured. Raising it measures the
+/// rate more exactly, at the cost of memory.
 const STEPS: u32 = 30;
 
-/// Measures how fast a body arrives. Only the time spent waiting for the client counts, not what the service needs to
-/// write, decode or compute.
+/// Measures how fast a request body arrives. Only the time spent waiting for the client counts, not the time that the
+/// service needs to write, decode or compute.
 #[derive(Debug)]
 pub(crate) struct Pace {
     rate: u64,
@@ -19,7 +20,7 @@ pub(crate) struct Pace {
     idle: Duration,
     waited: Duration,
     bytes: u64,
-    /// History over one window, an entry about every thirtieth of it: time waited and bytes received so far.
+    /// History over one time window, an entry about every thirtieth of it: time waited and bytes received so far.
     history: VecDeque<(Duration, u64)>,
 }
 
@@ -36,7 +37,7 @@ impl Pace {
         }
     }
 
-    /// Waits for the next piece of a body; `None` at its end. `size` returns the bytes of a piece.
+    /// Waits for the next piece of a request body; `None` at its end. `size` returns the number of bytes of a piece.
     pub(crate) async fn next<T>(
         &mut self,
         next: impl Future<Output = Option<T>>,
@@ -50,7 +51,7 @@ impl Pace {
         Ok(piece)
     }
 
-    /// Counts `bytes` that arrived after a wait of `waited`; fails if they arrive too slowly.
+    /// Counts `bytes` of a request body that arrived after a wait of `waited`; fails if the body arrives too slowly.
     fn received(&mut self, waited: Duration, bytes: u64) -> Result<(), Slow> {
         self.waited += waited;
         self.bytes += bytes;
@@ -78,12 +79,15 @@ impl Pace {
     }
 }
 
-/// Reason for giving up a body.
+/// Reason to stop waiting for a request body.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum Slow {
-    #[error("nothing came for {0:?}")]
+    #[error("no bytes of the request body arrived for {0:?}; send without such pauses")]
     Idle(Duration),
-    #[error("{arrived} bytes came within {over:.1?}, expected at least {rate} a second; send faster or in parts")]
+    #[error(
+        "{arrived} bytes of the request body arrived within {over:.1?}, expected at least {rate} a second; send \
+         faster or in parts"
+    )]
     Rate { arrived: u64, over: Duration, rate: u64 },
 }
 
@@ -99,7 +103,8 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// Returns the second in which a body is given up, if a piece of `bytes` arrives after each `every`.
+    /// Returns after how many seconds a request body is refused as too slow, if a piece of `bytes` arrives at intervals
+    /// of `every`; `None` if it is accepted for 600 s.
     fn refused_after(every: Duration, bytes: u64) -> Option<u64> {
         let mut pace = Pace::new(&Limits::default());
         let mut waited = Duration::ZERO;

@@ -8,11 +8,12 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// A stream that fails a write after `patience` without progress, and first replays bytes that were read ahead.
+/// A network stream that fails a write after the time `patience` without progress, and first replays bytes that were
+/// read ahead.
 #[derive(Debug)]
 pub(crate) struct Patient<S> {
     inner: S,
-    /// Bytes already read from `inner`, to be replayed.
+    /// Bytes already read from the stream, to be returned again by the first reads.
     head: Bytes,
     patience: Duration,
     timer: Pin<Box<Sleep>>,

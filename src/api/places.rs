@@ -9,10 +9,10 @@ use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Unit in bytes of places that count memory.
+/// Number of bytes for which one permit of a memory limit stands.
 pub(crate) const KIB: usize = 1024;
 
-/// Client for whom a place is counted: an IPv4 address, or the /64 of an IPv6 address, which belongs to one subscriber.
+/// Client to whom limits apply: an IPv4 address, or the /64 of an IPv6 address, which belongs to one subscriber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Peer(IpAddr);
 
@@ -27,12 +27,12 @@ impl Peer {
         })
     }
 
-    /// Returns the peer that the listener stored in the request. Requests without a listener share one peer.
+    /// Returns the client that the listener stored in the request. Requests without a listener share one client.
     pub(crate) fn of_extensions(extensions: &Extensions) -> Self {
         extensions.get().copied().unwrap_or(Self(IpAddr::V4(Ipv4Addr::UNSPECIFIED)))
     }
 
-    /// Runs `work` on behalf of this peer, so that its computations take turns with those of other peers.
+    /// Runs `work` on behalf of this client, so that its computations take turns with those of other clients.
     pub(crate) fn on_behalf<T>(self, work: impl Future<Output = T>) -> impl Future<Output = T> {
         CLIENT.scope(self.0, work)
     }
@@ -59,7 +59,7 @@ impl<S: Sync> FromRequestParts<S> for Peer {
     }
 }
 
-/// Places of one kind, limited in total and per peer. Cheap to clone.
+/// Pool of permits of one kind (for example, simultaneous uploads), limited in total and per client. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Places {
     shared: Arc<Shared>,
@@ -73,15 +73,15 @@ struct Shared {
     taken: Mutex<Taken>,
 }
 
-/// Counts of the places taken. A peer without places has no entry, so the map never has more entries than there are
-/// places.
+/// Counts of the permits taken. A client without permits has no map entry, so the map never has more entries than there
+/// are permits.
 #[derive(Debug, Default)]
 struct Taken {
     all: usize,
     by: HashMap<Peer, usize>,
 }
 
-/// One or more places, released when dropped.
+/// One or more permits taken from a pool, which are returned when this is dropped.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Place {
@@ -90,7 +90,7 @@ pub(crate) struct Place {
     count: usize,
 }
 
-/// A refusal: all places are taken, or all that this peer may have.
+/// Refusal of a permit: all permits are taken, or all that this client may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Full {
     All { kind: &'static str, limit: usize },
@@ -98,30 +98,31 @@ pub(crate) enum Full {
 }
 
 impl Places {
-    /// Creates `all` places, of which one peer gets at most `each`. `kind` names them in messages and metrics.
+    /// Creates a pool of `all` permits, of which one client gets at most `each`. `kind` names the pool in messages and
+    /// metrics.
     pub(crate) fn new(kind: &'static str, all: usize, each: usize) -> Self {
         Self { shared: Arc::new(Shared { kind, all, each, taken: Mutex::default() }) }
     }
 
-    /// Takes `count` places together or none.
+    /// Takes `count` permits for a client, all together or none.
     pub(crate) fn take(&self, peer: Peer, count: usize) -> Result<Place, Full> {
         self.shared.take(peer, count)?;
         Ok(Place { shared: Arc::clone(&self.shared), peer, count })
     }
 
-    /// Places taken by all peers together.
+    /// Returns the number of permits taken by all clients together.
     pub(crate) fn taken(&self) -> usize {
         self.shared.taken().all
     }
 
-    /// Returns the kind and the number of places taken, for metrics.
+    /// Returns the name of a pool of permits and the number of permits taken, for metrics.
     pub(crate) fn figure(&self) -> (&'static str, usize) {
         (self.shared.kind, self.taken())
     }
 }
 
 impl Place {
-    /// Takes `count` further places or none.
+    /// Takes `count` further permits, all together or none.
     pub(crate) fn grow(&mut self, count: usize) -> Result<(), Full> {
         self.shared.take(self.peer, count)?;
         self.count += count;

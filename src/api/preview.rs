@@ -18,28 +18,28 @@ use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of preview pictures of materials.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new().routes(routes!(preview))
 }
 
-/// Size, illuminant and observer of a picture.
+/// Query parameters of a preview picture: size, index, illuminant and observer.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 struct PreviewQuery {
-    /// Pixels along a side, 64 to 512. Default: 256.
+    /// Width and height of the picture in pixels, 64 to 512. Default: 256.
     #[param(value_type = Option<u32>, minimum = 64, maximum = 512)]
     size: Option<usize>,
-    /// Zero-based entry on each leading index axis: `I,J`. Default: the first entry, or every column of a spectral
-    /// table.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. Default: the first
+    /// position, or every column of a spectral table.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     /// Illuminant: `A`, `B`, `C`, `D50`, `D65` (the default), `F11`, `E`, or the id of a stored material that is a
     /// spectrum.
     #[param(value_type = Option<IlluminantText>)]
     illuminant: Option<String>,
-    /// Column of a stored table of illuminants, by name or by number from 1.
+    /// Column of a stored table of illuminants, by its name or by its number, counted from 1.
     #[param(value_type = Option<Text>)]
     illuminant_column: Option<String>,
     /// Observer: `1931` (2°, the default), `1964` (10°), or the id of a stored table of x̄, ȳ, z̄.

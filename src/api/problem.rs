@@ -14,36 +14,37 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-/// Upper bound in characters on a detail. A longer one, which quotes a client's text, loses its middle.
+/// Upper bound in characters on the detail text of an error response. The middle of a longer text is left out; such a
+/// text quotes a long value from the request.
 const LONGEST_DETAIL: usize = 1000;
 
-/// An error as a client sees it.
+/// An error of an HTTP request, as the client sees it.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
     kind: Kind,
     detail: String,
-    /// `Content-Range` of a 416, `Allow` of a 405.
+    /// Extra header of an error response: `Content-Range` for status 416, `Allow` for status 405.
     header: Option<(header::HeaderName, HeaderValue)>,
 }
 
-/// The body of a problem, `application/problem+json`.
+/// JSON body of an error response (RFC 9457, `application/problem+json`).
 #[derive(Clone, Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
 pub(crate) struct ProblemBody {
-    /// `urn:wavelume:problem:` and a stable code.
+    /// Type of the error: `urn:wavelume:problem:` and a stable code.
     #[serde(rename = "type")]
     kind: String,
-    /// Meaning of the type.
+    /// Meaning of the error type in a few words.
     title: &'static str,
-    /// The HTTP status.
+    /// HTTP status of the error response.
     pub(crate) status: u16,
-    /// Description of this occurrence.
+    /// Description of this occurrence of the error.
     pub(crate) detail: String,
 }
 
 macro_rules! kinds {
     ($($(#[$doc:meta])* $variant:ident = $status:ident, $code:literal, $title:literal;)+) => {
-        /// The kinds of problems.
+        /// Kinds of errors that an HTTP response can report.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum Kind { $($(#[$doc])* $variant),+ }
 
@@ -112,18 +113,18 @@ impl Problem {
         self
     }
 
-    /// Prefixes the detail with a place, for example a line number.
+    /// Prefixes the detail text of an error with the location of the error, for example a line number.
     pub(crate) fn at(mut self, place: &str) -> Self {
         self.detail = format!("{place}: {}", self.detail);
         self
     }
 
-    /// Builds the problem of a well-formed request that cannot be fulfilled.
+    /// Builds the error response to a well-formed request that cannot be fulfilled.
     pub(crate) fn invalid(detail: impl Into<String>) -> Self {
         Self::new(Kind::InvalidRequest, detail)
     }
 
-    /// Builds the problem of an internal failure: `error` goes to the log, the client gets `detail`.
+    /// Builds the error response to an internal failure: `error` goes to the log, the client gets `detail`.
     fn inside(kind: Kind, error: &dyn std::fmt::Display, detail: &str) -> Self {
         tracing::error!(%error, problem = kind.code(), "a request failed");
         Self::new(kind, detail)
@@ -133,7 +134,7 @@ impl Problem {
         Self::inside(Kind::Internal, error, "the failure was logged")
     }
 
-    /// Builds the problem of a catalog row that names missing bytes.
+    /// Builds the error response for a catalog row whose bytes are missing from the store.
     pub(crate) fn missing(digest: Digest) -> Self {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }

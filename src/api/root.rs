@@ -10,7 +10,7 @@ use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of the root.
+/// HTTP routes of introduction, health checks, metrics and interface description.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(index))
@@ -43,7 +43,7 @@ async fn index(headers: HeaderMap) -> String {
     )
 }
 
-/// Check that the process answers.
+/// Check that the process answers requests.
 #[utoipa::path(
     get, path = "/healthz", tag = "root",
     responses((status = 200, description = "It does", body = String, content_type = "text/plain"))
@@ -52,8 +52,8 @@ async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Check readiness: the catalog answers, and catalog and store can be written. Never waits for a writer; takes at most
-/// about two seconds.
+/// Check that the service is ready: the catalog answers, and catalog and store can be written. Never waits for a
+/// writer; takes at most about two seconds.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
     responses((status = 200, description = "They can", body = String, content_type = "text/plain"))
@@ -69,7 +69,7 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     Ok("ready\n")
 }
 
-/// Get the metrics in the text format of Prometheus.
+/// Get the metrics of the service in the text format of Prometheus.
 #[utoipa::path(
     get, path = "/metrics", tag = "root",
     responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
@@ -95,7 +95,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     Ok(([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response())
 }
 
-/// Get the description of this interface.
+/// Get the OpenAPI description of this HTTP interface.
 #[utoipa::path(
     get, path = "/openapi.json", tag = "root",
     responses((status = 200, description = "OpenAPI 3.1", body = Described))

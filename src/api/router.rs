@@ -8,7 +8,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::openapi::{OpenApi, OpenApiBuilder};
 use utoipa_axum::router::OpenApiRouter;
 
-/// Every route, as a table of contents.
+/// Returns every HTTP route of the service, grouped by resource.
 fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::with_openapi(OpenApiBuilder::new().info(description::info()).build())
         .merge(super::root::routes())
@@ -22,7 +22,7 @@ fn routes() -> OpenApiRouter<App> {
         .merge(super::known::routes())
 }
 
-/// Builds the routes with the layers around them. Layers below run first.
+/// Builds the HTTP routes with the middleware around them. Middleware that is added later runs first.
 pub(super) fn router(app: App) -> Router {
     let (router, _) = routes().split_for_parts();
     let access = Arc::clone(&app.access);
@@ -38,7 +38,7 @@ pub(super) fn router(app: App) -> Router {
         .layer(axum::middleware::from_fn(layers::observe))
 }
 
-/// The description of every route, generated from the router.
+/// Returns the OpenAPI description of every route, generated from the router.
 pub fn openapi() -> OpenApi {
     description::complete(routes().into_openapi())
 }

@@ -8,12 +8,12 @@ use utoipa::openapi::schema::{ArrayBuilder, ObjectBuilder, OneOfBuilder, Schema,
 use utoipa::openapi::{KnownFormat, Ref, RefOr, SchemaFormat};
 use utoipa::{PartialSchema, ToSchema};
 
-/// The text of a digest.
+/// Regular expression of a digest in text form.
 const DIGEST: &str = "b3-[0-9a-f]{64}";
-/// A decimal number without a sign.
+/// Regular expression of a decimal number without a sign.
 const NUMBER: &str = r"[0-9]{1,6}(\.[0-9]{1,12})?";
 
-/// A decimal number above 0.
+/// Regular expression of a decimal number above 0.
 const POSITIVE: &str = r"([1-9][0-9]{0,4}(\.[0-9]{1,6})?|0\.0{0,3}[1-9][0-9]{0,4})";
 
 macro_rules! described {
@@ -36,7 +36,7 @@ macro_rules! described {
             }
         )+
 
-        /// Every schema of this file by its name.
+        /// Returns every hand-written OpenAPI schema with its name.
         pub(super) fn all() -> Vec<(String, RefOr<Schema>)> {
             vec![$(($type::name().into_owned(), $type::schema())),+]
         }
@@ -44,37 +44,37 @@ macro_rules! described {
 }
 
 described! {
-    /// The id of a job.
+    /// Schema of the id of a job.
     JobIdText = "JobId", text("A UUID.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
-    /// `next` of a page.
+    /// Schema of a cursor, the value `next` of a page of a list.
     CursorText = "Cursor", text("`next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
-    /// A word by which a list is filtered.
+    /// Schema of a text by which a list is filtered.
     Word = "Word", text("A text to compare with; U+0000 is refused.")
         .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));
-    /// The format of an export, or `manifest`.
+    /// Schema of the name of an export's file format, or `manifest` for the description of an exported array.
     ExportName = "ExportFormat", one_of(
         "A format that is written, or `manifest`.",
         ExportFormat::ALL.iter().map(|known| known.name()).chain(["manifest"]),
     );
-    /// An illuminant of a query.
+    /// Schema of the illuminant of a query: a standard name or the id of a stored spectrum.
     IlluminantText = "IlluminantOrId", named("An illuminant, or the id of a stored spectrum.",
         Illuminant::ALL.iter().map(|known| known.name()));
-    /// An observer of a query.
+    /// Schema of the observer of a query: a standard name or the id of a stored table.
     ObserverText = "ObserverOrId", named("An observer, or the id of a stored table of x̄, ȳ, z̄.",
         StandardObserver::ALL.iter().map(|known| known.name()));
-    /// A direction of a query.
+    /// Schema of a direction in a query string, as text.
     DirectionText = "DirectionText", text("`θ,φ` in degrees, θ from 0 to 180.").pattern(Some(
         format!(r"^(180|(1[0-7][0-9]|[1-9]?[0-9])(\.[0-9]{{1,12}})?),-?{NUMBER}$"),
     )).examples(["30,90"]);
-    /// The entry on each index axis that a query selects.
+    /// Schema of the positions on the index axes (tensor axes before the directions) that a query selects.
     IndexText = "IndexText", text("One entry, from 0, for each leading index axis: `I,J`.")
         .pattern(Some("^[0-9]{1,7}(,[0-9]{1,7}){0,7}$")).examples(["0"]);
-    /// The wavelengths of a query.
+    /// Schema of the wavelengths in a query string, as text.
     WavelengthsText = "WavelengthsText", text("`A,B,C` or `START:STOP:STEP` in nm.").pattern(Some(
         format!("^({POSITIVE}(,{POSITIVE})*|{POSITIVE}:{POSITIVE}:{POSITIVE})$"),
     )).examples(["400,550.5,700", "380:720:10"]);
-    /// θ and φ.
+    /// Schema of a direction in JSON: polar angle θ and azimuth φ in degrees.
     Angles = "Direction", ArrayBuilder::new()
         .description(Some("`[θ, φ]` in degrees."))
         .prefix_items([
@@ -84,29 +84,29 @@ described! {
         .items(number())
         .min_items(Some(2))
         .max_items(Some(2));
-    /// θ and φ, once or several times.
+    /// Schema of one or several directions in JSON, each a polar angle θ and an azimuth φ in degrees.
     OneOrMoreAngles = "Directions", OneOfBuilder::new()
         .description(Some("`[θ, φ]` in degrees or a list of such."))
         .item(Ref::from_schema_name(Angles::name()))
         .item(ArrayBuilder::new().items(Ref::from_schema_name(Angles::name())).min_items(Some(1)));
-    /// Bytes of a body.
+    /// Schema of a request or response body of arbitrary bytes.
     Binary = "Bytes", ObjectBuilder::new()
         .schema_type(Type::String)
         .format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)))
         .description(Some("Bytes."));
-    /// A server-sent event.
+    /// Schema of a server-sent event.
     EventText = "Event", ObjectBuilder::new()
         .description(Some("A server-sent event: `state` with a job, or `progress` with `{\"progress\": 0.5}`."))
         .property("event", one_of("The kind of the event.", ["state", "progress"]))
         .property("data", text("JSON."))
         .required("event")
         .required("data");
-    /// The description of the interface.
+    /// Schema of the answer that contains the OpenAPI document of this HTTP interface.
     Described = "OpenApi", ObjectBuilder::new()
         .description(Some("A description in the form of OpenAPI 3.1."))
         .property("openapi", text("The version of the form."))
         .required("openapi");
-    /// Lines of JSON.
+    /// Schema of a body with one JSON object per line.
     Lines = "Lines", text("JSON objects, one a line.");
 }
 

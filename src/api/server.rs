@@ -18,21 +18,22 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::{AbortOnDropHandle, TaskTracker};
 
-/// Shortest time between two log lines about connections that were not accepted. Raising it shortens the log of an
-/// overload.
+/// Shortest time between two log lines about connections that the operating system failed to accept. Raising it
+/// shortens the log of an overload.
 const COMPLAINT: Duration = Duration::from_secs(10);
 
 /// Configuration of a service; [`ServeConfig::new`] has defaults for everything but data directory and address.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
-    /// The address to listen on; port 0 takes a free one.
+    /// Socket address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
     /// Host names that requests may name besides loopback ones. On a loopback address all other names are refused; on
     /// any other address an empty list accepts all.
     pub names: Vec<String>,
-    /// Origins (`https://app.example.org`) whose pages may read and query; pages of other origins may not.
+    /// Web origins (`https://app.example.org`) whose pages may read answers and send queries; pages of other origins
+    /// may not.
     pub origins: Vec<String>,
-    /// Data directory, threads, workers and limits.
+    /// Configuration of stored data and of work: data directory, threads, workers and limits.
     pub work: WorkConfig,
 }
 
@@ -43,42 +44,43 @@ impl ServeConfig {
     }
 }
 
-/// Failure to start the service, or to end it properly.
+/// Failure to start the HTTP service, or to end it properly.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The address cannot be listened on.
+    /// The service cannot listen on the configured address.
     #[error("cannot listen on {address}: {source}; choose another with --listen ADDR")]
     Listen {
-        /// The address.
+        /// Socket address that the service tried to listen on.
         address: SocketAddr,
-        /// Error of the operating system.
+        /// Error of the operating system on binding the socket.
         source: std::io::Error,
     },
     /// A host name or an origin in the configuration is invalid.
-    #[error("{0}")]
+    #[error("invalid setting {0}")]
     Setting(String),
     /// The data directory cannot be used.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
 }
 
-/// Way to stop a service.
+/// Way to stop the HTTP service: after a notice period or at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// Connections are still accepted for the notice time while `/readyz` reports *stopping*.
+    /// After a request to stop, the service still accepts connections for a notice period, during which `/readyz`
+    /// reports *stopping*.
     Announced,
-    /// The listener is closed at once.
+    /// After a request to stop, the service stops accepting connections at once, without a notice period.
     AtOnce,
 }
 
-/// A shutdown signal without details stops the service at once.
+/// Conversion of a shutdown signal that does not say how to stop: the service then stops at once.
 impl From<()> for Stop {
     fn from((): ()) -> Self {
         Self::AtOnce
     }
 }
 
-/// A service that owns its address and its data directory but does not answer yet.
+/// An HTTP service that has bound its address and opened its data directory but does not answer yet.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -102,13 +104,13 @@ impl Server {
         Ok(Self { address, listener, access: Arc::new(access), engine, workers: config.work.workers })
     }
 
-    /// Returns the bound address, with its real port.
+    /// Returns the socket address that the service is bound to, with the port actually in use.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Serves until `shutdown` resolves and its notice time is over, then lets running requests and jobs end within the
-    /// drain time.
+    /// Serves until `shutdown` resolves and its notice period is over. Running requests and jobs may then end within
+    /// the drain time of the configuration.
     pub async fn run<S: Into<Stop>>(
         self,
         shutdown: impl Future<Output = S> + Send + 'static,
@@ -165,7 +167,7 @@ impl Server {
     }
 }
 
-/// Binds a service and runs it.
+/// Binds an HTTP service with this configuration, and runs it until it is stopped.
 pub async fn serve<S: Into<Stop>>(
     config: ServeConfig,
     shutdown: impl Future<Output = S> + Send + 'static,
@@ -173,8 +175,8 @@ pub async fn serve<S: Into<Stop>>(
     Server::bind(config).await?.run(shutdown).await
 }
 
-/// Accepts connections until `closing` resolves; each is a task of the returned tracker. It never waits for a place: a
-/// connection waiting in the system's queue would block health checks.
+/// Accepts connections until `closing` resolves; each one is a task of the returned tracker. It never waits for a free
+/// connection slot: a connection waiting in the system's queue would block health checks.
 async fn accept(
     listener: &TcpListener,
     host: &Arc<Host>,
@@ -214,7 +216,7 @@ async fn accept(
     connections
 }
 
-/// Folds histograms every 5 s; until then they keep every recorded duration.
+/// Folds the histograms of the metrics every 5 s; between two folds they store every recorded duration.
 async fn keep_up(metrics: PrometheusHandle) {
     loop {
         tokio::time::sleep(Duration::from_secs(5)).await;

@@ -8,44 +8,44 @@ use metrics_exporter_prometheus::PrometheusHandle;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// State that every handler shares; cheap to clone.
+/// State that every HTTP handler shares; cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
     pub(crate) engine: Arc<Engine>,
-    /// Hosts and origins that are answered.
+    /// Rules for the request hosts and page origins that are accepted.
     pub(crate) access: Arc<Access>,
-    /// Places that clients hold, per address and in total.
+    /// Counts of what clients occupy at a time (requests, uploads, memory), limited per address and in total.
     pub(crate) held: Held,
     /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,
-    /// Cancelled by the stop signal: `/readyz` reports it while the listener still answers.
+    /// Token that the stop signal cancels: `/readyz` reports it while the listener still answers.
     pub(crate) stopping: CancellationToken,
-    /// Cancelled when the listener is closed: event streams and waits end.
+    /// Token that is cancelled when the listener is closed: event streams and waiting requests end.
     pub(crate) stop: CancellationToken,
-    /// `None` if another recorder of metrics was installed in this process.
+    /// Recorder of metrics; `None` if another one was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
-    /// Description of the interface in JSON, rendered once.
+    /// OpenAPI description of the interface in JSON, rendered once.
     pub(crate) openapi: Arc<str>,
 }
 
-/// All kinds of places that a request can hold.
+/// Counters of everything that requests occupy, each limited in total and per client.
 #[derive(Clone, Debug)]
 pub(crate) struct Held {
-    /// Running requests, until the last byte of the answer is sent.
+    /// Counter of running requests, until the last byte of each answer is sent.
     pub(crate) requests: Places,
-    /// Running queries, until the last byte of the answer is sent.
+    /// Counter of running queries of materials, until the last byte of each answer is sent.
     pub(crate) queries: Places,
-    /// Uploads being received.
+    /// Counter of uploads being received.
     pub(crate) uploads: Places,
-    /// KiB of JSON bodies in memory.
+    /// Counter of KiB of JSON request bodies in memory.
     pub(crate) bodies: Places,
-    /// KiB of whole answers in memory.
+    /// Counter of KiB of response bodies that are whole in memory until they are sent, in contrast to streamed ones.
     pub(crate) answers: Places,
-    /// Batches answered as streams.
+    /// Counter of batch evaluations that are answered as streams.
     pub(crate) streams: Places,
-    /// Exported files that are being made or sent.
+    /// Counter of exported files that are being made or sent.
     pub(crate) exports: Places,
-    /// Clients that follow a job.
+    /// Counter of clients that follow a job through its event stream.
     pub(crate) followers: Places,
 }
 
@@ -64,7 +64,7 @@ impl Held {
         }
     }
 
-    /// Returns every kind of places, for metrics.
+    /// Returns the counters of everything that requests occupy, for metrics.
     pub(crate) fn kinds(&self) -> [&Places; 8] {
         let Self { requests, queries, uploads, bodies, answers, streams, exports, followers } = self;
         [requests, queries, uploads, bodies, answers, streams, exports, followers]

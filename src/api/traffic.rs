@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::Instant;
 
-/// Running requests of one connection.
+/// Running requests of one connection, from which an idle or stalled connection is detected.
 #[derive(Debug)]
 pub(crate) struct Traffic {
     state: Mutex<State>,
@@ -15,23 +15,23 @@ pub(crate) struct Traffic {
 #[derive(Debug)]
 struct State {
     next: u64,
-    /// For each request, the time since which a piece of its answer waits to be sent.
+    /// For each running request, the time since which a piece of its answer waits to be sent; `None` if no piece waits.
     running: HashMap<u64, Option<Instant>>,
-    /// Time at which a request last began or ended.
+    /// Time at which a request of the connection last began or ended.
     last: Instant,
 }
 
-/// One request, until its answer is sent or dropped.
+/// One running request, which counts until its answer is sent or dropped.
 #[derive(Debug)]
 pub(crate) struct Running {
     traffic: Arc<Traffic>,
     id: u64,
 }
 
-/// Reason to close a connection.
+/// Reason to close an inactive connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Silence {
-    /// No request is under way.
+    /// The connection has no running request.
     Idle,
     /// The client does not read its answer.
     Unread,
@@ -52,8 +52,8 @@ impl Traffic {
         Running { traffic: Arc::clone(self), id }
     }
 
-    /// Returns a reason to close the connection at `now`, if nothing has moved on it for `idle`. An answer gets twice
-    /// as long for each piece, because a slow connection takes pieces in bursts.
+    /// Returns a reason to close a connection at time `now`, if nothing has moved on it for `idle`. Answers get twice
+    /// `idle` for each piece, because a slow connection takes pieces in bursts.
     pub(crate) fn silence(&self, idle: Duration, now: Instant) -> Option<Silence> {
         let state = self.state();
         if state.running.is_empty() {
@@ -63,7 +63,7 @@ impl Traffic {
         state.running.values().any(unread).then_some(Silence::Unread)
     }
 
-    /// Number of requests that have begun.
+    /// Returns the number of requests that have begun on the connection.
     pub(crate) fn begun(&self) -> u64 {
         self.state().next
     }

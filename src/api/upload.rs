@@ -19,13 +19,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio_util::io::StreamReader;
 
-/// Bytes hashed and written at a time.
+/// Bytes of an upload hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
-/// Decoded bytes exempt from the limit on the compression ratio: a small file may well be all zeros.
+/// Number of decoded bytes of an upload that are exempt from the limit on the compression ratio: a small file may well
+/// be all zeros.
 const FREE: u64 = 1 << 20;
 
-/// Content coding of the body.
+/// Content coding (compression) of an uploaded body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Coding {
     Identity,
@@ -33,16 +34,16 @@ enum Coding {
     Zstd,
 }
 
-/// Reason for a body that ended early; carried through the decoders inside an I/O error.
+/// Reason for which an uploaded body ended early; carried through the decompressors inside an I/O error.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 enum Cut {
-    #[error("the connection ended")]
+    #[error("the connection ended inside the uploaded body")]
     Broken,
     #[error(transparent)]
     Slow(Slow),
 }
 
-/// Streams a body into a staged file.
+/// Streams an uploaded body into a staging file.
 pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
     let peer = Peer::of_request(&request);

@@ -1,7 +1,7 @@
 //! Text of a client in logs and answers: on one line, without control characters, and bounded.
 
-/// Returns `text` on one line. Control characters, line separators and marks that change the direction of writing are
-/// escaped. Beyond `most` characters the middle is left out.
+/// Returns `text` on one line, safe to display. Control characters, line separators and marks that change the direction
+/// of writing are escaped. Beyond `most` characters the middle is left out.
 pub(crate) fn shown(text: &str, most: usize) -> String {
     // One character has at most four bytes, so that short texts are not counted.
     if text.len() <= most || text.chars().count() <= most {

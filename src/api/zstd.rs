@@ -8,62 +8,65 @@ use std::pin::Pin;
 use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncBufRead, AsyncRead, ReadBuf};
 
-/// Upper bound in bytes on the window of a content coding (RFC 9659: 8 MB).
+/// Upper bound in bytes on the window of a zstd-compressed body (RFC 9659: 8 MB).
 const WINDOW: u64 = 8 << 20;
-/// Magic number of a frame, little-endian (RFC 8878, section 3.1.1).
+/// Magic number at the start of a zstd frame, little-endian (RFC 8878, section 3.1.1).
 const MAGIC: u32 = 0xFD2F_B528;
 const MAGIC_AND_DESCRIPTOR: usize = 5;
-/// Magic number of a skippable frame without its last four bits (section 3.1.2).
+/// Magic number of a skippable zstd frame without its last four bits (RFC 8878, section 3.1.2).
 const SKIPPABLE: u32 = 0x184D_2A50;
-/// Upper bound in bytes on a block (section 3.1.1.2); below, the lengths of its header and of a frame's checksum.
+/// Upper bound in bytes on the content of a zstd block (RFC 8878, section 3.1.1.2).
 const BLOCK: usize = 128 << 10;
+/// Length in bytes of the header of a zstd block.
 const BLOCK_HEADER: usize = 3;
+/// Length in bytes of the checksum of a zstd frame.
 const CHECKSUM: usize = 4;
 
-/// Reader of the decoded bytes of `source`, which contains frames one after another.
+/// Asynchronous reader that decompresses `source`, which contains zstd frames one after another.
 pub(super) struct ZstdReader<R> {
     source: R,
     frames: Frames,
 }
 
-/// The decoder, and the received part of the piece of the body that it takes next.
+/// Decompressor of zstd frames, with the received part of the frame header or block that it decodes next.
 struct Frames {
     decoder: FrameDecoder,
     piece: Vec<u8>,
     next: Piece,
-    /// Frame whose blocks arrive; `None` between frames.
+    /// Zstd frame that is being received; `None` between frames.
     frame: Option<Frame>,
 }
 
-/// Data for the check at the end of a frame.
+/// State of a zstd frame during decompression: facts that the frame header declares, and the length so far. They are
+/// compared at the end of the frame.
 struct Frame {
     has_checksum: bool,
-    /// Bytes of content that the header declares, if it does.
+    /// Size of the decompressed content in bytes that the frame header declares; `None` if it declares none.
     declared: Option<u64>,
-    /// Bytes of content read so far.
+    /// Bytes of decompressed content of the frame read so far.
     read: u64,
 }
 
-/// The kinds of pieces of a body.
+/// Part of a zstd-compressed body that comes next: a frame header, a block, or bytes to skip.
 #[derive(Clone, Copy)]
 enum Piece {
-    /// The header of a frame, or the end of the body.
+    /// Header of a zstd frame, unless the body ends here.
     Header,
-    /// A block, with the checksum after it if it is the last one of a frame with a checksum.
+    /// Block of a zstd frame; the last block of a frame includes the checksum of the frame, if it has one.
     Block,
-    /// Remaining bytes of a skippable frame.
+    /// Content of a skippable zstd frame, with the number of bytes that are still to be skipped.
     Skipped(u32),
 }
 
 impl Piece {
-    /// Returns the rest of a skippable frame, or the next header if nothing is left.
+    /// Returns the piece with the rest of a skippable zstd frame, or the next frame header if nothing is left to skip.
     fn skipped(left: u32) -> Self {
         if left > 0 { Self::Skipped(left) } else { Self::Header }
     }
 }
 
 impl<R> ZstdReader<R> {
-    /// Begins at the first frame.
+    /// Creates a decompressor that begins at the first zstd frame of `source`.
     pub(super) fn new(source: R) -> Self {
         let mut decoder = FrameDecoder::new();
         decoder.set_max_window_size(WINDOW);
@@ -95,8 +98,8 @@ impl<R: AsyncBufRead + Unpin> AsyncRead for ZstdReader<R> {
 }
 
 impl Frames {
-    /// Takes arrived bytes, at most to the end of the current piece, which is then decoded. Returns the number of bytes
-    /// taken.
+    /// Takes bytes that have arrived, at most to the end of the current frame header or block, and decodes it when
+    /// complete. Returns the number of bytes taken.
     fn take(&mut self, arrived: &[u8]) -> io::Result<usize> {
         if let Piece::Skipped(left) = self.next {
             let taken = arrived.len().min(left as usize);
@@ -112,7 +115,8 @@ impl Frames {
         Ok(taken)
     }
 
-    /// Returns the length of the current piece, as far as its first bytes determine it.
+    /// Returns the length in bytes of the next piece to receive: a zstd frame header, or a zstd block with its header.
+    /// If too few bytes have arrived to tell, returns how many bytes are needed to tell it.
     fn length(&self) -> io::Result<usize> {
         match (self.next, self.piece.as_slice()) {
             (Piece::Header, [a, b, c, d, after @ ..]) => match (u32::from_le_bytes([*a, *b, *c, *d]), after) {
@@ -136,7 +140,7 @@ impl Frames {
         }
     }
 
-    /// Decodes the complete piece.
+    /// Decodes the completely received frame header or block.
     fn decode(&mut self) -> io::Result<()> {
         let is_header = matches!(self.next, Piece::Header);
         self.next = match self.piece.as_slice() {
@@ -160,7 +164,7 @@ impl Frames {
         Ok(())
     }
 
-    /// Checks the declared size and the checksum of a frame that has ended, once its content has been read.
+    /// Checks the declared size and the checksum of a zstd frame that has ended, once its content has been read.
     fn check(&mut self) -> io::Result<()> {
         let ended = self.frame.take_if(|_| matches!(self.next, Piece::Header));
         let Some(Frame { has_checksum, declared, read }) = ended else { return Ok(()) };
@@ -173,21 +177,22 @@ impl Frames {
         }
     }
 
-    /// Ends the body; fails inside a frame.
+    /// Accepts the end of the compressed body; fails if it is inside a zstd frame.
     fn end(&self) -> io::Result<()> {
         let is_whole = matches!(self.next, Piece::Header) && self.piece.is_empty();
         if is_whole { Ok(()) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
     }
 }
 
-/// Returns the length of a frame header, which its descriptor determines (section 3.1.1.1.1).
+/// Returns the length in bytes of a zstd frame header, which its descriptor byte determines (RFC 8878, section
+/// 3.1.1.1.1).
 fn header_length(descriptor: u8) -> usize {
     let window = usize::from(!is_one_segment(descriptor));
     let dictionary = [0, 1, 2, 4][usize::from(descriptor & 3)];
     MAGIC_AND_DESCRIPTOR + window + dictionary + content_size_length(descriptor)
 }
 
-/// Returns the length of the content-size field of a frame header; 0 if it is absent.
+/// Returns the length in bytes of the content-size field of a zstd frame header; 0 if the field is absent.
 fn content_size_length(descriptor: u8) -> usize {
     match descriptor >> 6 {
         0 => usize::from(is_one_segment(descriptor)),
@@ -195,7 +200,7 @@ fn content_size_length(descriptor: u8) -> usize {
     }
 }
 
-/// Returns true if the window is as large as the content.
+/// Returns true if the descriptor of a zstd frame says that the window is as large as the content (single segment).
 fn is_one_segment(descriptor: u8) -> bool {
     descriptor & 0x20 != 0
 }
@@ -215,14 +220,14 @@ mod tests {
     use ruzstd::encoding::{CompressionLevel, compress_to_vec};
     use tokio::io::{AsyncReadExt, BufReader};
 
-    /// `text()` as `zstd --check -19` 1.5.4 compresses it: one compressed block and a checksum.
+    /// Test text compressed by `zstd --check -19` 1.5.4: one compressed block and a checksum.
     const OTHER: &[u8] = include_bytes!("../../tests/fixtures/zstd/table.zst");
 
     fn text() -> Vec<u8> {
         (0..600_u32).flat_map(|i| format!("{},{}\n", i % 90, i * i % 977).into_bytes()).collect()
     }
 
-    /// Decodes a body that arrives `step` bytes at a time.
+    /// Decompresses a zstd body that arrives `step` bytes at a time.
     async fn decoded(body: &[u8], step: usize) -> io::Result<Vec<u8>> {
         let mut out = Vec::new();
         ZstdReader::new(BufReader::with_capacity(step, body)).read_to_end(&mut out).await?;
@@ -273,7 +278,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever follows the header of a frame is decoded or refused; nothing panics.
+        /// Arbitrary bytes after the header of a zstd frame are decoded or refused; nothing panics.
         #[test]
         fn hostile_blocks_are_refused(descriptor: u8, body in proptest::collection::vec(any::<u8>(), 0..400)) {
             let body = [&OTHER[..4], &[descriptor], &body[..]].concat();
@@ -281,7 +286,7 @@ mod tests {
             let _ = runtime.block_on(decoded(&body, 64));
         }
 
-        /// A frame with some bytes exchanged is refused, or decodes to the same text.
+        /// A zstd frame in which some bytes are replaced is refused, or decodes to the original text.
         #[test]
         fn damaged_blocks_are_refused(places in proptest::collection::vec((9..OTHER.len(), any::<u8>()), 1..9)) {
             let mut body = OTHER.to_vec();

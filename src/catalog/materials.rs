@@ -197,8 +197,8 @@ const MOST_NAMES: usize = 32;
 /// Its blob must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
-    // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row. The
-    // update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
+    // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
+    // The update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
     let row = sqlx::query(
         "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
          VALUES ('default', $1, $2, $3, $4, NULL, '', $5, $6) \

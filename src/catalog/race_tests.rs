@@ -200,7 +200,7 @@ async fn materials_that_are_made_twice_or_deleted_leave_no_rows_behind() {
             let id = Digest::of(format!("material {}", round % 3).as_bytes());
             let ((first, second), deleted) = meet(
                 round,
-                async { meet(round / 7, a.end(&ends[0].0, &ends[0].1), b.end(&ends[1].0, &ends[1].1)).await },
+                Box::pin(meet(round / 7, a.end(&ends[0].0, &ends[0].1), b.end(&ends[1].0, &ends[1].1))),
                 b.delete_material(id),
             )
             .await;

@@ -6,7 +6,7 @@ use crate::transform::{self, Space};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Print an array of JSON
+    /// Print the list of wavelet bases as one JSON array
     #[arg(long)]
     json: bool,
 }
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&table.render())
 }
 
-/// Formats the length of a filter; the data's own basis has none.
+/// Formats the number of taps of a wavelet filter; 0, for a basis without filters, becomes `-`.
 fn taps(length: usize) -> String {
     if length == 0 { "-".to_owned() } else { length.to_string() }
 }

@@ -7,30 +7,30 @@ use crate::domain::{Direction, Quantity};
 use crate::evaluate::{Directions, EvaluateError, Material};
 use std::path::{Path, PathBuf};
 
-/// Upper bound on the values of a block of answers. Raising it costs memory.
+/// Upper bound on the values that are computed at once for a table of queries. Raising it costs memory.
 const VALUES: usize = 1 << 20;
-/// Upper bound on the rows of a block.
+/// Upper bound on the rows of a table of queries that are read and answered at once. Raising it costs memory.
 const ROWS: usize = 1 << 14;
 
-/// Destination and format of the answers to a table.
+/// Destination and file format of the answers to a table of directions.
 #[derive(Debug, clap::Args)]
 pub(crate) struct BatchArgs {
-    /// File for the answers to --directions, one row each [default: stdout]
+    /// File for the answers to --directions, one row for each query [default: stdout]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Format of the answers to --directions [default: by the name of --output, else csv]
+    /// File format of the answers to --directions [default: by the extension of --output, else csv]
     #[arg(long, value_enum)]
     format: Option<TableFormat>,
 }
 
-/// Queries read from a table.
+/// Queries that are read from a table, one from each row.
 pub(crate) struct Queries {
     rows: Rows,
     path: PathBuf,
     columns: &'static [&'static str],
 }
 
-/// The queries of one block.
+/// Queries from consecutive rows of a table, which are answered together.
 #[derive(Default)]
 pub(crate) struct Block {
     wi: Option<Vec<Direction>>,
@@ -45,17 +45,18 @@ impl Block {
         self.range.len()
     }
 
-    /// Incoming directions.
+    /// Returns the incoming directions of the queries; `None` if the table has no column for them.
     pub(crate) fn wi(&self) -> Option<Directions<'_>> {
         self.wi.as_deref().map(|all| Directions::of(&all[self.range.clone()]))
     }
 
-    /// Outgoing directions.
+    /// Returns the outgoing directions of the queries; `None` if the table has no column for them.
     pub(crate) fn wo(&self) -> Option<Directions<'_>> {
         self.wo.as_deref().map(|all| Directions::of(&all[self.range.clone()]))
     }
 
-    /// Points of the unit square.
+    /// Returns the points (u1, u2) of the unit square that the user's table of queries gives for drawing random
+    /// directions; empty if the table has no columns for them.
     pub(crate) fn points(&self) -> &[[f64; 2]] {
         &self.points[self.range.clone()]
     }
@@ -84,7 +85,7 @@ impl Queries {
         Ok(Self { rows: Rows::open(path, columns)?, path: path.to_owned(), columns })
     }
 
-    /// Builds the queries of a block from `numbers`; `before` rows of the table precede it.
+    /// Builds queries from `numbers`, the values of consecutive rows of a table. `before` counts the rows read earlier.
     fn block(&self, numbers: &[f64], before: u64) -> Result<Block, Failure> {
         let width = self.columns.len();
         let count = numbers.len() / width;
@@ -114,7 +115,7 @@ impl Queries {
     }
 }
 
-/// Returns the directions that the quantity of a material has: (incoming, outgoing).
+/// Returns two flags: true if a material depends on an incoming direction, and true if on an outgoing one.
 fn sides(material: &Material) -> (bool, bool) {
     let layout = material.layout();
     let has_incoming = layout.incoming.is_some() || material.quantity().directions() == 2;
@@ -122,7 +123,7 @@ fn sides(material: &Material) -> (bool, bool) {
 }
 
 impl BatchArgs {
-    /// Refuses options that have no effect without a table.
+    /// Refuses the options for answers to a table of directions if no table is given, because they have no effect.
     pub(crate) fn check_unused(&self) -> Result<(), Failure> {
         let named = [("--output", self.output.is_some()), ("--format", self.format.is_some())];
         match named.iter().find(|(_, is_named)| *is_named) {
@@ -131,7 +132,7 @@ impl BatchArgs {
         }
     }
 
-    /// Answers all queries of a table. `ask` writes one row of `names.len()` values for each query of a block.
+    /// Answers all queries of a table, block by block. `ask` computes `names.len()` values for each query of a block.
     pub(crate) fn answer(
         &self,
         mut queries: Queries,

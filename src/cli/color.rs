@@ -10,21 +10,23 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to describe by its colours
+    /// Material (compressed measurement) whose colour is computed
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Incoming direction in degrees [default: 0,0]
+    /// Incoming direction: polar angle and azimuth in degrees [default: 0,0, normal incidence]
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     wi: Option<Direction>,
-    /// Outgoing direction in degrees [default: all of them together: directional albedo, flux]
+    /// Outgoing direction: polar angle and azimuth in degrees [default: the colour of all outgoing light together,
+    /// directional albedo or flux]
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     wo: Option<Direction>,
-    /// Zero-based entry on each leading index axis [default: every column of a spectral table]
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0 [default: every
+    /// column of a spectral table]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     #[command(flatten)]
     viewing: ViewingArgs,
-    /// Accepted for symmetry with the other commands: the answer is always JSON
+    /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }

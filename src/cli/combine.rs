@@ -16,34 +16,35 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The materials: same quantity, unit and axes
+    /// Materials (compressed measurements) to add; all have the same quantity, unit and axes
     #[arg(value_name = "M.wlm", required = true)]
     materials: Vec<PathBuf>,
-    /// One factor for each material [default: 1 each]
+    /// Factor by which each material is multiplied before the materials are added [default: 1 each]
     #[arg(long, value_name = "W,...", value_parser = query::weights, allow_hyphen_values = true)]
     weights: Option<List<f64>>,
-    /// The material to write
+    /// File to write: the weighted sum of the given materials, as a material
     #[arg(short, long, value_name = "OUT.wlm")]
     output: PathBuf,
     #[command(flatten)]
     target: TargetArgs,
-    /// Policy of a recompression; naming a target, a policy or a basis forces one [default: rd]
+    /// Coding policy if the sum of the materials is compressed anew: rd, conventional, generic, adaptive or lossless
+    /// [default: rd]. That is done where coefficients cannot be added, or if a target, a policy or a basis is named
     #[arg(long)]
     policy: Option<Policy>,
-    /// Spectral basis of a recompression [default: auto]
+    /// Spectral basis of the written material if the sum of the materials is compressed anew [default: auto]
     #[arg(long)]
     basis: Option<String>,
-    /// Leave the provenance out of the file
+    /// Leave the provenance (digests of the summed materials, and the program) out of the file
     #[arg(long)]
     no_metadata: bool,
     #[command(flatten)]
     threads: ThreadsArgs,
-    /// Print one line of JSON
+    /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Result of a combination; `added` holds the errors that combining added.
+/// Report on a weighted sum of materials. `added` compares the stored sum with the exact sum of the decoded materials.
 #[derive(Serialize)]
 struct Answer<'a> {
     digest: String,

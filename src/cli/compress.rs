@@ -17,7 +17,7 @@ use std::time::Instant;
 pub(crate) struct Args {
     #[command(flatten)]
     measurement: MeasurementArgs,
-    /// The material to write; an existing file is replaced whole
+    /// Material (compressed measurement) to write; an existing file is replaced as a whole
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     #[command(flatten)]
@@ -29,7 +29,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Report of `--json`: that of the pipeline, and the elapsed time.
+/// JSON report on a compression: sizes and errors as the library reports them, and the elapsed time.
 #[derive(serde::Serialize)]
 struct Answer<'a> {
     #[serde(flatten)]
@@ -68,10 +68,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&sheet.render(&heading))
 }
 
-/// A progress bar on a terminal; invisible elsewhere.
+/// Progress bar, shown on a terminal and hidden elsewhere.
 struct Bar(ProgressBar);
 
-/// Resolution of the bar in steps.
+/// Number of steps of the progress bar. Raising it moves the bar more smoothly.
 const STEPS: u64 = 1000;
 
 impl Bar {

@@ -7,7 +7,7 @@ use crate::domain::{Quantity, Unit};
 use crate::formats::{Acquisition, Archive};
 use serde::Serialize;
 
-/// Contents of an archive.
+/// Listing of a zip archive, with the measurements in it.
 #[derive(Serialize)]
 pub(crate) struct Contents {
     kind: &'static str,
@@ -15,14 +15,14 @@ pub(crate) struct Contents {
     members: Vec<Inside>,
 }
 
-/// One file of an archive.
+/// Description of one file in a zip archive.
 #[derive(Serialize)]
 struct Inside {
     name: String,
     bytes: u64,
     #[serde(flatten)]
     understood: Option<Understood>,
-    /// Reason why the file is not read.
+    /// Reason why a file of a zip archive cannot be read as a measurement.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<String>,
 }
@@ -36,7 +36,7 @@ struct Understood {
 }
 
 impl Contents {
-    /// Reads every file with the user's reading options.
+    /// Reads every file of a zip archive as a measurement, with the user's reading options.
     pub(crate) fn read(loaded: &Loaded) -> Result<Self, Failure> {
         let mut archive = Archive::open(loaded.bytes()).map_err(Failure::failed)?;
         let members = archive.members().to_vec();
@@ -52,7 +52,7 @@ impl Contents {
         Ok(Self { kind: "archive", bytes: loaded.bytes().len() as u64, members: members.collect() })
     }
 
-    /// Renders a human-readable table.
+    /// Renders the listing of a zip archive as a human-readable table, one line for each file.
     pub(crate) fn render(&self, name: &str) -> String {
         let read = self.members.iter().filter(|member| member.understood.is_some()).count();
         let mut table = Table::new(&["bytes", "name", "quantity", "what it is"]);

@@ -14,23 +14,23 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to decode
+    /// Material (compressed measurement) to decode
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// The array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it
+    /// NumPy array to write (.npy, float32, NaN = masked), with a manifest of its axes, NAME.axes.json, beside it
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
-    /// Level to decode: a grid of fewer angles or larger triangles, as `inspect` lists them; the first bytes of the
-    /// file are then enough
+    /// Resolution to decode: `inspect` lists the levels, from 0, the coarsest, and how many of the first bytes of the
+    /// file each needs. A coarser level has fewer angles or larger triangles
     #[arg(long, value_name = "N")]
     level: Option<u8>,
-    /// Zero-based, row-major entry of the axes before the outgoing directions; writes a slice [outgoing, wavelength].
-    /// A --random-access material has only this entry decoded
+    /// Incoming direction to decode alone, by number from 0 (row-major over all axes before the outgoing directions);
+    /// writes an array [outgoing, wavelength]. Of a material written with --random-access nothing else is decoded
     #[arg(long, value_name = "I", conflicts_with = "level")]
     incoming: Option<usize>,
     #[command(flatten)]
     threads: ThreadsArgs,
-    /// Print what was written as one line of JSON
+    /// Print a report on the written files as one line of JSON
     #[arg(long)]
     json: bool,
 }
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     write_array(&args.output, measurement, None, args.json)
 }
 
-/// Decodes the material in `path`, at its finest level if none is given.
+/// Decodes the material in the file `path` at the resolution `level`; `None` stands for the finest level.
 pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || level.map_or_else(|| compress::decode(&bytes), |level| compress::decode_level(&bytes, level));
@@ -51,7 +51,8 @@ pub(crate) fn decode(path: &Path, level: Option<u8>, threads: &ThreadsArgs) -> R
     threads.run(whole)?.map_err(|error| Failure::from(error).about(path))
 }
 
-/// Decodes the slice of the material in `path` for one entry of the axes before the outgoing directions.
+/// Decodes the samples of one incoming direction of the material in the file `path`. `block` is its row-major number
+/// over all axes before the outgoing directions.
 fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Measurement, Failure> {
     let bytes = read_file(path)?;
     let decode = || {
@@ -63,7 +64,7 @@ fn decode_slice(path: &Path, block: usize, threads: &ThreadsArgs) -> Result<Meas
     threads.run(decode)?.map_err(|error: DecodeError| Failure::from(error).about(path))
 }
 
-/// Writes a measurement as an array with its manifest beside it, and reports the files.
+/// Writes a measurement as a `.npy` array with a manifest of its axes beside it, and reports both files.
 pub(crate) fn write_array(
     path: &Path,
     measurement: Measurement,
@@ -73,8 +74,8 @@ pub(crate) fn write_array(
     write_marked(path, measurement, coverage, &[], json)
 }
 
-/// Like [`write_array`]. If cells are `filled`, a second array marks them: `NAME.filled.npy`, over the axes before the
-/// spectral one, 1 if a cell is filled.
+/// Writes a measurement as [`write_array`] does. If `filled` is not empty, a second array, `NAME.filled.npy`, is 1 for
+/// spectra that were filled in without samples; it has no spectral axis.
 pub(crate) fn write_marked(
     path: &Path,
     measurement: Measurement,

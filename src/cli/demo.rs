@@ -19,15 +19,15 @@ pub(crate) struct Args {
     once: bool,
 }
 
-/// A bundled measurement and its processing.
+/// Measurement that comes with the program, and the options with which the demonstration compresses it.
 struct Exhibit {
-    /// Human-readable title.
+    /// Human-readable title of a measurement.
     title: &'static str,
     file: &'static str,
     bytes: &'static [u8],
-    /// Spectrum to join, as a file of its own.
+    /// Name and bytes of a second file, with the spectrum of a luminaire; `None` for other measurements.
     spectrum: Option<(&'static str, &'static [u8])>,
-    /// Reading options that the file does not state, as query parameters.
+    /// Facts that the measurement file does not state, as names and values of query parameters.
     options: &'static [(&'static str, &'static str)],
     er_l2: f64,
 }
@@ -68,14 +68,14 @@ const EXHIBITS: &[Exhibit] = &[
     },
 ];
 
-/// Interval at which a job is polled.
+/// Interval between two requests for the state of a running job.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Outcome of compressing an exhibit.
+/// Result of compressing a measurement that comes with the program.
 struct Outcome {
     material: Value,
     seconds: f64,
-    /// True if the material existed before.
+    /// True if an earlier start of the demonstration has already made this material.
     kept: bool,
 }
 
@@ -172,7 +172,7 @@ async fn exhibit(base: &str) -> Result<(), Failure> {
     ))
 }
 
-/// A client of the service.
+/// HTTP client of the service.
 struct Visitor {
     client: Client,
     base: String,
@@ -209,7 +209,8 @@ impl Visitor {
         Ok(text(&answer, "id")?.to_owned())
     }
 
-    /// Runs a job to its end. Also returns true if it had ended before.
+    /// Queues a compression job and waits for its end. Also returns true if an earlier start of the demonstration had
+    /// already run the same job.
     async fn job(&self, measurement: &str, er_l2: f64, key: Option<&str>) -> Result<(Value, bool), Failure> {
         let body = json!({ "measurement": measurement, "target": { "er_l2": er_l2 } });
         let mut request = self.client.post(format!("{}/v1/jobs", self.base)).json(&body);
@@ -232,7 +233,7 @@ impl Visitor {
         }
     }
 
-    /// Returns the manifest of a job's material; `None` if it is gone.
+    /// Returns the description of the material that a job made; `None` if the material was deleted.
     async fn material(&self, job: &Value) -> Result<Option<Value>, Failure> {
         let url = format!("{}/v1/materials/{}", self.base, text(job, "material")?);
         let answer = send(self.client.get(url)).await?;
@@ -247,7 +248,7 @@ async fn send(request: RequestBuilder) -> Result<Response, Failure> {
     request.send().await.map_err(|error| Failure::failed(reason(&error)))
 }
 
-/// Returns the JSON of an answer, or the problem that it states.
+/// Returns the JSON body of an HTTP response; fails with the problem that an unsuccessful response describes.
 async fn read(answer: Response) -> Result<Value, Failure> {
     let (status, path) = (answer.status(), answer.url().path().to_owned());
     let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
@@ -262,13 +263,14 @@ fn text<'a>(answer: &'a Value, name: &str) -> Result<&'a str, Failure> {
     answer[name].as_str().ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
 }
 
-/// Returns a number of a manifest, or of its error report.
+/// Returns the number called `name` in the JSON description of a material, or else in `errors`, the report on
+/// compression errors in that description.
 fn number(material: &Value, name: &str) -> Result<f64, Failure> {
     let found = material[name].as_f64().or_else(|| material["errors"][name].as_f64());
     found.ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
 }
 
-/// Percent-encodes `text` as a value in a query.
+/// Percent-encodes `text` as a value in a query string.
 fn escaped(text: &str) -> String {
     text.bytes()
         .map(|byte| match byte {

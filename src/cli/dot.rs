@@ -8,13 +8,13 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// First material
+    /// First of the two materials whose inner product is computed
     #[arg(value_name = "A.wlm")]
     a: PathBuf,
-    /// Second material, on the same axes as the first
+    /// Second of the two materials, with the same axes as the first
     #[arg(value_name = "B.wlm")]
     b: PathBuf,
-    /// Taken for symmetry with the other commands: the answer is always JSON
+    /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }

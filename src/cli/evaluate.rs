@@ -11,70 +11,70 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to evaluate
+    /// Material (compressed measurement) to evaluate
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Incoming direction in degrees, for quantities that have one
+    /// Incoming direction: polar angle and azimuth in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
-    /// Outgoing direction in degrees, for quantities that have one
+    /// Outgoing direction: polar angle and azimuth in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wo: Option<Direction>,
-    /// Table of directions instead of --wi and --wo, one query a row. Columns `theta_i, phi_i, theta_o, phi_o` in
-    /// degrees, as far as the quantity has them: named in the first line of a CSV, in this order in a NumPy array
-    /// [rows, columns]; - is stdin
+    /// Table of directions instead of --wi and --wo, one query for each row: a CSV with column names in its first line,
+    /// or a NumPy array [rows, columns]; - is stdin. Columns are `theta_i, phi_i, theta_o, phi_o` in degrees, in this
+    /// order in an array, without those that the quantity does not have
     #[arg(long, value_name = "FILE.csv|npy|-")]
     directions: Option<PathBuf>,
     #[command(flatten)]
     batch: BatchArgs,
-    /// Zero-based entry on each leading index axis
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
-    /// Wavelengths in nm [default: the material's own]
+    /// Wavelengths in nm at which to evaluate [default: those of the material]
     #[arg(long, value_name = "START:STOP:STEP|A,B,...", value_parser = query::wavelengths)]
     wavelengths: Option<List<f64>>,
-    /// Interpolation over directions
+    /// Interpolation between the stored directions of the material
     #[arg(long, value_enum, default_value_t)]
     interpolation: How,
-    /// Values outside the measured range of wavelengths
+    /// Values to give at wavelengths outside the measured range
     #[arg(long, value_enum, default_value_t)]
     beyond: Outside,
     #[command(flatten)]
     threads: ThreadsArgs,
-    /// Taken for symmetry with the other commands: the answer is always JSON
+    /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum How {
-    /// The sample of the nearest direction of a grid of angles, or of the triangle that holds the direction.
+    /// Value of the nearest direction on a grid of angles, or of the triangle that contains the direction.
     Constant,
-    /// Continuous over directions; on a grid of angles as the file says, cubic or linear.
+    /// Interpolation that is continuous over directions; on a grid of angles cubic or linear, as the material states.
     #[default]
     Smooth,
 }
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum Outside {
-    /// Masked: null.
+    /// No value at wavelengths outside the measured range: null in JSON, NaN in tables.
     #[default]
     Masked,
-    /// Zero: no light.
+    /// Value 0 at wavelengths outside the measured range.
     Zero,
-    /// The sample at the end of the range.
+    /// Value at the first or last measured wavelength, whichever is nearer.
     Nearest,
 }
 
-/// Answer to one query; masked values are null.
+/// Spectrum of a material for one pair of directions; unknown values are null.
 #[derive(serde::Serialize)]
 struct Answer {
     wavelengths: Option<Vec<f64>>,
     values: Vec<f32>,
     unit: Unit,
-    /// True if the incoming direction lies beyond the last measured elevation.
+    /// True if the polar angle of the incoming direction exceeds the largest measured one.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     extrapolated: bool,
 }
@@ -108,7 +108,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print_json(&Answer { wavelengths: Some(wavelengths.clone()), values, unit, extrapolated })
 }
 
-/// Evaluates spectra for the rows of a table.
+/// Evaluates one spectrum for each row of a table of directions.
 fn rows(args: &Args, table: &Path, material: &Material, how: Interpolation, beyond: Beyond) -> Result<(), Failure> {
     let wavelengths = args.wavelengths.as_ref().map(|list| &list.0[..]);
     let names = match (wavelengths, material.axes().last()) {

@@ -16,41 +16,35 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to export
+    /// Material (compressed measurement) to export
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    #[arg(long, value_parser = format, help = format_help())]
+    #[arg(long, value_parser = format, help = export::format_help())]
     format: ExportFormat,
-    /// File to write; an existing one is replaced whole
+    /// File to write; an existing one is replaced as a whole
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Zero-based entry on each leading index axis
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
-    /// Nodes along a side (rgl), polar angles (mbsdf) or cosines (tabphase) [default: from the material's own axes;
-    /// mbsdf: the angles of the source]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = help("side"))]
     side: Option<usize>,
-    /// Degrees between incident directions (rgl) or between angles (lm63, eulumdat) [default: from the material's own
-    /// axes; lm63, eulumdat: the angles of the source]
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, value_name = "DEGREES", help = help("step"))]
     step: Option<f64>,
-    /// Write linear sRGB instead of spectra (rgl)
-    #[arg(long)]
+    #[arg(long, help = help("rgb"))]
     rgb: bool,
-    /// Wavelength in nm (tabphase) [default: the mean over wavelengths]
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", help = help("wavelength"))]
     wavelength: Option<f64>,
     #[command(flatten)]
     threads: ThreadsArgs,
-    /// Print what was written as one line of JSON
+    /// Print a report on the written file as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
-fn format_help() -> String {
-    let names: Vec<&str> = ExportFormat::ALL.iter().map(|format| format.name()).collect();
-    format!("Format to write: {}", names.join(", "))
+/// Returns the help text of an option, without its last full stop.
+fn help(option: &str) -> String {
+    export::option_help(option).unwrap_or_default().trim_end_matches('.').to_owned()
 }
 
 fn format(name: &str) -> Result<ExportFormat, String> {
@@ -69,9 +63,9 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let about = |failure: Failure| failure.about(&args.material);
     let mut answer = json!({ "output": args.output.display().to_string() });
     let mut beside = None;
-    let Exported { bytes, about: summary } = if args.format == ExportFormat::Npy {
+    let Exported { bytes, about: summary } = if args.format.takes_samples() {
         let measurement = decode(&args.material, None, &args.threads)?;
-        let exported = export::array(&measurement, &options).map_err(|error| about(error.into()))?;
+        let exported = export::samples(&measurement, args.format, &options).map_err(|error| about(error.into()))?;
         let axes = measurement.tensor.axes();
         answer["quantity"] = json!(measurement.quantity);
         answer["shape"] = json!(measurement.tensor.shape());

@@ -15,9 +15,9 @@ use std::path::Path;
 pub enum Failure {
     /// The command line does not fit the command or the file: exit code 2.
     Usage(String),
-    /// Any other failure: exit code 1.
+    /// A failure that is neither wrong usage nor an internal error: exit code 1.
     Failed(String),
-    /// The reader of stdout has closed it: exit code 0 without a message.
+    /// The program that reads standard output has closed it: exit code 0 without a message.
     Closed,
     /// Internal error, already reported by the panic hook: exit code 1.
     Bug,
@@ -29,7 +29,7 @@ impl Failure {
         Self::Failed(message.to_string())
     }
 
-    /// Builds a failure of usage, with exit code 2.
+    /// Builds a failure that is caused by a wrong command line, with exit code 2.
     pub fn usage(message: impl fmt::Display) -> Self {
         Self::Usage(message.to_string())
     }
@@ -43,7 +43,7 @@ impl Failure {
         }
     }
 
-    /// Puts the path of the file at fault before the message.
+    /// Puts the path of the file that caused the failure before the message.
     #[must_use]
     pub fn about(self, path: &Path) -> Self {
         match self {
@@ -55,7 +55,7 @@ impl Failure {
 }
 
 impl fmt::Display for Failure {
-    /// Writes one line, even if the message quotes text of a file.
+    /// Writes the message as one line, even if it quotes text with line breaks.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),

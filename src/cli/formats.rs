@@ -6,11 +6,11 @@ use crate::formats;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Print an array of JSON
+    /// Print the list of file formats as one JSON array
     #[arg(long)]
     json: bool,
-    /// Print a template to fill in: radiometric-csv-long, radiometric-csv-wide, npy-manifest, radiometric-arrow-python
-    /// or phase-table
+    /// Print a template of a measurement file to fill in: radiometric-csv-long, radiometric-csv-wide, npy-manifest,
+    /// radiometric-arrow-python or phase-table
     #[arg(long, value_name = "NAME", conflicts_with = "json")]
     template: Option<String>,
 }

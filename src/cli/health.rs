@@ -6,15 +6,15 @@ use super::runtime::block_on;
 use super::serve::DEFAULT_LISTEN;
 use std::time::Duration;
 
-/// Longest wait for an answer. Raising it tolerates slower services.
+/// Longest wait for the answer to a health check. Raising it tolerates slower services.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The address that the service listens on
+    /// Address on which the running service listens
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, conflicts_with = "url")]
     listen: String,
-    /// The service's URL, instead of its address
+    /// URL of the service, instead of the address that it listens on
     #[arg(value_name = "URL")]
     url: Option<String>,
 }
@@ -33,7 +33,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     })
 }
 
-/// Returns an address to connect to. An unspecified listen address (`0.0.0.0`, `[::]`) becomes a loopback address.
+/// Returns the address at which to reach a service that listens on `listen`. An unspecified address (`0.0.0.0`, `[::]`)
+/// becomes a loopback address.
 pub(crate) fn reachable(listen: &str) -> String {
     let listen = listen.strip_prefix("http://").unwrap_or(listen);
     match listen.parse::<std::net::SocketAddr>() {
@@ -43,7 +44,7 @@ pub(crate) fn reachable(listen: &str) -> String {
     }
 }
 
-/// Returns the innermost cause of an error, which a user can act on.
+/// Returns the innermost cause of a failed HTTP request, the one that a user can act on.
 pub(crate) fn reason(error: &reqwest::Error) -> String {
     if error.is_timeout() {
         return "no answer in time".to_owned();

@@ -1,47 +1,24 @@
 //! Input files: the measurement, its spectrum and its manifest, read within a limit, and the user's reading options.
 
 use super::failure::Failure;
-use crate::domain::Unit;
-use crate::formats::{Interpretation, Normalization, StatedQuantity};
+use super::reading::ReadingArgs;
+use crate::formats::Interpretation;
 use crate::pipeline::Input;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use wavelume_formats::{MAX_FILE_BYTES, MAX_MANIFEST_BYTES, manifest_beside};
 
-/// A measurement file and the user's reading options.
+/// Measurement file to read, and options for the facts that it does not state.
 #[derive(Debug, clap::Args)]
 pub(crate) struct MeasurementArgs {
-    /// The file: any format that `wavelume formats` lists; its content decides, not its name
+    /// Input file in any format that `wavelume formats` lists; the content decides the format, not the name
     #[arg(value_name = "IN")]
     pub(crate) input: PathBuf,
-    /// Spectrum to join with a luminaire
-    #[arg(long, value_name = "SPD")]
-    spectrum: Option<PathBuf>,
-    /// Quantity, if the file does not state it: spectrum, reflectance, edf, brdf, btdf, bsdf, phase, or
-    /// reflectance-factor (BRF, HCRF: divided by pi, which makes it a BRDF in 1/sr)
-    #[arg(long)]
-    quantity: Option<StatedQuantity>,
-    /// Unit of a value, e.g. 1/sr, cd, mW/sr
-    #[arg(long)]
-    unit: Option<Unit>,
-    /// Unit of the wavelengths of a spectral table: nm, um, angstrom or 1/cm
-    #[arg(long, value_name = "UNIT")]
-    wavelength_unit: Option<String>,
-    /// Column of a spectral table, by name or by number from 1
-    #[arg(long)]
-    column: Option<String>,
-    /// Integral of the values of a phase table over the sphere: 1, 4pi, vsf (a volume scattering function) or relative
-    #[arg(long, value_name = "1|4pi|vsf|relative")]
-    normalization: Option<Normalization>,
-    /// File of a zip archive, by name; `inspect` lists them
-    #[arg(long, value_name = "NAME")]
-    member: Option<String>,
-    /// Manifest of an array's axes [default: NAME.axes.json beside NAME.npy]
-    #[arg(long, value_name = "MANIFEST")]
-    axes: Option<PathBuf>,
+    #[command(flatten)]
+    reading: ReadingArgs,
 }
 
-/// The bytes of a measurement, in memory.
+/// Bytes of a measurement file and of the file with its spectrum, and the options for reading them.
 pub(crate) struct Loaded {
     bytes: Vec<u8>,
     spectrum: Option<Vec<u8>>,
@@ -49,54 +26,47 @@ pub(crate) struct Loaded {
 }
 
 impl MeasurementArgs {
-    /// Reads the named files. `wavelengths` are those of an array whose manifest states only `"lambda"`.
+    /// Reads the files that the command line names. `wavelengths` (`START:STOP:STEP` in nm) serve an array whose
+    /// manifest names the wavelength axis `"lambda"` without values.
     pub(crate) fn load(&self, wavelengths: Option<String>) -> Result<Loaded, Failure> {
         let bytes = read_file(&self.input)?;
-        let spectrum = self.spectrum.as_deref().map(read_file).transpose()?;
+        let spectrum = self.reading.spectrum().map(read_file).transpose()?;
         Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
     }
 
-    /// Returns true if no file of an archive is selected, so that all are meant.
+    /// Returns true if the command line selects no single file of a zip archive.
     pub(crate) fn names_no_member(&self) -> bool {
-        self.member.is_none()
+        self.reading.stated().member.is_none()
     }
 
     fn interpretation(&self, wavelengths: Option<String>) -> Result<Interpretation, Failure> {
-        let manifest = match &self.axes {
-            Some(path) => Some(path.clone()),
+        let manifest = match self.reading.axes() {
+            Some(path) => Some(path.to_owned()),
             None => manifest_beside(&self.input).filter(|path| path.exists()),
         };
-        Ok(Interpretation {
-            quantity: self.quantity,
-            unit: self.unit,
-            wavelength_unit: self.wavelength_unit.clone(),
-            column: self.column.clone(),
-            normalization: self.normalization,
-            member: self.member.clone(),
-            axes: manifest.as_deref().map(read_manifest).transpose()?,
-            wavelengths,
-        })
+        let axes = manifest.as_deref().map(read_manifest).transpose()?;
+        Ok(Interpretation { axes, wavelengths, ..self.reading.stated().clone() })
     }
 }
 
 impl Loaded {
-    /// The file's bytes.
+    /// Returns the bytes of the measurement file.
     pub(crate) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Returns the user's reading options.
+    /// Returns the user's options for reading the measurement.
     pub(crate) fn interpretation(&self) -> &Interpretation {
         &self.interpretation
     }
 
-    /// Returns the input of the pipeline.
+    /// Returns the bytes and reading options in the form that the library takes.
     pub(crate) fn input(&self) -> Input<'_> {
         Input { bytes: &self.bytes, spectrum: self.spectrum.as_deref(), interpretation: &self.interpretation }
     }
 }
 
-/// Reads a whole file within the limit.
+/// Reads a whole file. A file larger than [`MAX_FILE_BYTES`] is refused.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     read_within(path, MAX_FILE_BYTES)
 }

@@ -22,7 +22,7 @@ pub(crate) struct Args {
     measurement: MeasurementArgs,
     #[command(flatten)]
     axes: AxesArgs,
-    /// Print one line of JSON
+    /// Print the description of the file as one line of JSON
     #[arg(long)]
     json: bool,
 }
@@ -55,9 +55,9 @@ struct Measured {
     quantity: Quantity,
     unit: Unit,
     sampling: Sampling,
-    /// Axes of the file, outermost first.
+    /// Axes on which the file states its values, described in words, outermost first.
     source_axes: Vec<String>,
-    /// Axes of the tensor, outermost first.
+    /// Axes of the tensor that would be compressed, described in words, outermost first.
     axes: Vec<String>,
     shape: Vec<usize>,
     samples: u64,
@@ -67,7 +67,7 @@ struct Measured {
     /// The smallest and the largest sample.
     range: Option<(f32, f32)>,
     coverage: Coverage,
-    /// Angles of the instrument in degrees, as far as the file states them.
+    /// Detector aperture and source divergence of the instrument in degrees, as far as the file states them.
     instrument: Instrument,
     notes: Vec<Note>,
     metadata: Vec<(String, String)>,
@@ -196,7 +196,7 @@ fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
     axes
 }
 
-/// Description of a material from its header; the material is opened only for its warnings.
+/// Description of a compressed file, from its header; samples are decoded only to find warnings.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,
@@ -212,29 +212,32 @@ struct Material {
     basis: String,
     kept_coefficients: Option<u64>,
     ratio_coefficients: Option<f64>,
-    /// Quantiser step of the coefficients; `null` for policies other than `rd`.
+    /// Quantiser step of the wavelet coefficients; `null` for coding policies other than `rd` (rate-distortion).
     step: Option<f64>,
     ratio_bytes: f64,
     floor: f64,
-    /// Share of linear interpolation between stated directions; `null` if they are not on a grid of angles.
+    /// Share (0 to 1) of linear interpolation between the directions of a grid of angles; the rest is cubic. `null` if
+    /// the directions make no such grid.
     straight_lines: Option<f64>,
-    /// Interpolation between incidences.
+    /// Interpolation between incoming directions.
     between: compress::Between,
-    /// Lobe stored beside the cells; absent without one.
+    /// Narrow reflection lobe that the file stores as a formula beside the samples; absent if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     lobe: Option<Lobe>,
     #[serde(flatten)]
     errors: ErrorReport,
-    /// Levels, coarsest first; the last one is the whole material.
+    /// Coarser versions that can be decoded from the first bytes of the file, coarsest first; the last is the whole
+    /// material.
     levels: Vec<LevelInfo>,
-    /// Warnings about incoming directions that are too sparse for the lobe, and those about scattered samples that the
-    /// metadata chunk states.
+    /// Warnings that the incoming directions are too sparse to interpolate a lobe, and the warnings about scattered
+    /// samples that the metadata of the file states.
     warnings: Vec<String>,
-    /// The metadata chunk; `null` if the file has none.
+    /// Provenance from the metadata of the file; `null` if there is none.
     provenance: Option<serde_json::Value>,
 }
 
-/// Describes the function between stated directions.
+/// Describes in words the interpolation between the directions of a grid of angles. `straight_lines` is the share of
+/// linear interpolation, from 0 to 1.
 fn interpolation(straight_lines: f64) -> String {
     match straight_lines {
         0.0 => "cubics of logarithms".to_owned(),

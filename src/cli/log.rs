@@ -6,21 +6,22 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{fmt, registry};
 
-/// Upper bound in bytes on a line; the rest of a longer one is left out. Events of the service are far shorter.
+/// Upper bound in bytes on a line of the log; the rest of a longer line is left out. Events of the service are far
+/// shorter.
 const LONGEST_LINE: usize = 8 << 10;
 
 /// Format of the log on stderr.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
-    /// Human-readable lines.
+    /// One human-readable line of text for each logged event.
     #[default]
     Human,
-    /// One JSON object per line.
+    /// One line with a JSON object for each logged event.
     Json,
 }
 
-/// Starts the log. `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: levels, optionally by the beginning of a
-/// target); otherwise `level` does.
+/// Starts the log on stderr. `RUST_LOG` filters it (`warn` or `info,sqlx=debug`: a level for all modules, or by the
+/// beginning of a module name). Without this variable, `level` is the lowest severity that is logged.
 pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let asked = std::env::var("RUST_LOG").ok().and_then(|levels| levels.parse::<Targets>().ok());
     let log = registry().with(asked.unwrap_or_else(|| Targets::new().with_default(level)));
@@ -35,7 +36,7 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
     }
 }
 
-/// Returns true if the log is in colour: on a terminal that has colours, unless `NO_COLOR` is set and not empty
+/// Returns true if the log is coloured: on a terminal that has colours, unless `NO_COLOR` is set and not empty
 /// (<https://no-color.org>).
 fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool {
     terminal
@@ -43,15 +44,16 @@ fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool 
         && variable("TERM").is_none_or(|term| term != "dumb")
 }
 
-/// Writer of one event.
+/// Writer that puts one event of the log on one line.
 struct Line<W> {
     to: W,
-    /// True if the log's own escape sequences pass; the formatter has escaped those of values.
+    /// True if escape sequences are kept, because the log colours its text. Those inside logged values are escaped
+    /// earlier.
     colours: bool,
 }
 
 impl<W: Write> Write for Line<W> {
-    /// Writes one event, which is formatted whole.
+    /// Writes one event of the log; `event` is its whole text.
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(event);
         let mut line = String::with_capacity(text.len() + 1);

@@ -6,6 +6,7 @@ mod color;
 mod combine;
 mod compress;
 mod contents;
+mod declared;
 mod decode;
 mod demo;
 mod dot;
@@ -28,6 +29,7 @@ mod physics;
 mod preview;
 mod project;
 mod query;
+mod reading;
 mod reflectance;
 mod report;
 mod request;
@@ -65,13 +67,13 @@ enum Command {
     Compress(compress::Args),
     /// Describe a measurement or material: axes, units, coverage, errors
     Inspect(inspect::Args),
-    /// Write the float32 tensor that would be compressed
+    /// Write the float32 tensor that `compress` would encode, without encoding it
     Project(project::Args),
-    /// Write the samples of a material as a dense float32 tensor
+    /// Decode a material to a dense float32 array
     Decode(decode::Args),
     /// Evaluate the spectrum of a material for a pair of directions
     Evaluate(evaluate::Args),
-    /// Draw directions from a material
+    /// Draw random directions in proportion to the light that a material sends
     Sample(sample::Args),
     /// Compute the colour of a material: XYZ, Lab, sRGB
     Color(color::Args),
@@ -79,23 +81,23 @@ enum Command {
     Preview(preview::Args),
     /// Report the energy, flux and reciprocity of a material
     Physics(physics::Args),
-    /// Write the directional albedo of a material as a material of its own
+    /// Compute the directional albedo of a material and store it as another material
     Reflectance(reflectance::Args),
-    /// Write a material in an exchange format
+    /// Write a material in a file format of renderers or lighting programs
     Export(export::Args),
-    /// Add materials, each times a factor; adds coefficients where these are linear in the samples
+    /// Add materials, each times a factor, without decoding them where possible
     Combine(combine::Args),
-    /// Compute the sum of products of two materials' samples
+    /// Compute the inner product of two materials: the sum of the products of their samples
     Dot(dot::Args),
-    /// List the spectral bases
+    /// List the wavelet bases for spectra and for directions
     Bases(bases::Args),
-    /// List the file formats
+    /// List the file formats that can be read or written
     Formats(formats::Args),
-    /// Recompute the paper's tables, beside the printed figures
+    /// Recompute the tables of the paper (Claustres et al. 2006), beside the published figures
     Paper(paper::Args),
-    /// Start the service on real measurements, compress them and show how to use it
+    /// Start the HTTP service, compress four real measurements with it and show how to use it
     Demo(demo::Args),
-    /// Start the service
+    /// Start the HTTP service
     Serve(serve::Args),
     /// Run jobs without serving HTTP
     Worker(worker::Args),
@@ -103,17 +105,17 @@ enum Command {
     Jobs(jobs::Args),
     /// Bring the schema of the catalog up to date
     Migrate(migrate::Args),
-    /// Check the health of a running service
+    /// Check that a running service answers
     Health(health::Args),
-    /// Check every digest, and rows and stored objects against each other
+    /// Check every stored file of a data directory against its digest, and every reference to one
     Fsck(fsck::Args),
-    /// Remove bytes that no row names, old jobs and abandoned files
+    /// Remove unreferenced files and abandoned temporary files from a data directory
     Gc(gc::Args),
-    /// Print the description of the HTTP interface
+    /// Print the OpenAPI description of the HTTP interface
     Openapi(openapi::Args),
 }
 
-/// A parsed command line.
+/// Command line after parsing: a command to run, or a text to show.
 #[derive(Debug)]
 pub enum Parsed {
     /// A command to run.
@@ -143,7 +145,7 @@ impl Cli {
         log::start(self.log_format, level);
     }
 
-    /// Runs the command.
+    /// Runs the subcommand that the command line names, such as `compress`.
     pub fn run(self) -> Result<(), Failure> {
         match self.command {
             Command::Compress(args) => compress::run(&args),
@@ -176,7 +178,7 @@ impl Cli {
 }
 
 impl Parsed {
-    /// Prints text for stdout.
+    /// Prints `text` on standard output.
     pub fn show(text: &str) -> Result<(), Failure> {
         output::print(text)
     }

@@ -33,12 +33,12 @@ fn replace(target: &Path, bytes: &[u8], permissions: Permissions) -> std::io::Re
     put(stage, target)
 }
 
-/// Creates an empty file beside `target`.
+/// Creates an empty temporary file in the directory of `target`.
 fn stage_for(target: &Path, permissions: Permissions) -> std::io::Result<tempfile::NamedTempFile> {
     tempfile::Builder::new().prefix(".wavelume-").permissions(permissions).tempfile_in(directory_of(target))
 }
 
-/// Replaces `target` by a complete file, which is on the disk when this returns.
+/// Replaces `target` by the complete temporary file `stage`. The new file is on the disk when this returns.
 fn put(stage: tempfile::NamedTempFile, target: &Path) -> std::io::Result<()> {
     stage.as_file().sync_all()?;
     stage.persist(target).map_err(|error| error.error)?;
@@ -54,9 +54,9 @@ fn directory_of(target: &Path) -> PathBuf {
 
 /// A file that is written part by part. It replaces its target once it is complete, and otherwise changes nothing.
 pub(crate) enum Staged {
-    /// A file beside the one that it will replace.
+    /// Temporary file in the directory of the target that it will replace.
     Beside { stage: tempfile::NamedTempFile, target: PathBuf },
-    /// A device or a pipe, written to as it is.
+    /// Device or pipe, which is written to directly instead of being replaced.
     Through(File),
 }
 
@@ -79,7 +79,8 @@ impl Staged {
         Ok(Self::Beside { stage, target })
     }
 
-    /// Moves the complete file to its target.
+    /// Replaces the target file by the temporary file, which is complete. A device or pipe was written to directly and
+    /// is left as it is.
     pub(crate) fn finish(self) -> std::io::Result<()> {
         match self {
             Self::Beside { stage, target } => put(stage, &target),
@@ -132,13 +133,13 @@ pub(crate) struct Sheet {
 }
 
 impl Sheet {
-    /// Adds a line.
+    /// Adds a line to the labelled lines that are printed: a label in the first column, a value in the second.
     pub(crate) fn line(&mut self, label: &str, value: impl std::fmt::Display) -> &mut Self {
         self.lines.push((label.to_owned(), value.to_string()));
         self
     }
 
-    /// Renders the lines under a heading.
+    /// Renders all labelled lines as text for the terminal, indented below the line `heading`.
     pub(crate) fn render(&self, heading: &str) -> String {
         let width = self.lines.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);
         let mut text = format!("{heading}\n");
@@ -153,7 +154,7 @@ impl Sheet {
     }
 }
 
-/// Human-readable rows under headings; columns of numbers are right-aligned.
+/// Human-readable table with a heading for each column; columns of numbers are right-aligned.
 #[derive(Debug)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -161,13 +162,13 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Creates a table with these headings; a leading `>` right-aligns a column.
+    /// Creates a table with these column headings; a leading `>` right-aligns a column and is not shown.
     pub(crate) fn new(headings: &[&str]) -> Self {
         let right = headings.iter().map(|heading| heading.starts_with('>')).collect();
         Self { rows: vec![headings.iter().map(|h| h.trim_start_matches('>').to_owned()).collect()], right }
     }
 
-    /// Adds a row, one cell a heading.
+    /// Adds a row with one cell for each heading.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());
     }
@@ -190,7 +191,7 @@ impl Table {
     }
 }
 
-/// Formats `1228800` as `1,228,800`.
+/// Formats a count with commas between the thousands: `1,228,800`.
 pub(crate) fn count(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);

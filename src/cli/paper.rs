@@ -7,13 +7,13 @@ use crate::paper::{self, PaperError, TABLES};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Make only this table (1 to 7); may be repeated
+    /// Recompute only this table of the paper (1 to 7); may be repeated
     #[arg(long = "table", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=7))]
     tables: Vec<u8>,
-    /// Print an array of JSON
+    /// Print the recomputed tables of the paper as one JSON array
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print CSV, one line for each number of a table
+    /// Print the recomputed tables of the paper as CSV, one line for each number
     #[arg(long)]
     csv: bool,
 }

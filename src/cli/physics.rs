@@ -12,20 +12,20 @@ use crate::evaluate::{EvaluateError, Material};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Relative error that is assumed for a file that states none.
+/// Relative error (0.01 is 1 %) that a file is assumed to promise if it states none. Raising it brings fewer warnings.
 const PROMISED: f64 = 0.01;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to report on
+    /// Material (compressed measurement) to check
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Print one line of JSON, with the albedo of every incoming direction
+    /// Print the report as one line of JSON, with the albedo of every incoming direction
     #[arg(long)]
     json: bool,
 }
 
-/// Reports that apply to the quantity of a material.
+/// Results of the physical checks on a material; reciprocity is checked for a BRDF, BSDF or phase function only.
 #[derive(Serialize)]
 struct Answer {
     quantity: Quantity,
@@ -249,7 +249,7 @@ mod tests {
         assert!(text(Verdict::Broken, 0.2).contains("2 are negative, as samples are"));
     }
 
-    /// Renders the report of a virtual measurement, opened without compression.
+    /// Renders the physics report of an analytic model that is sampled on `axes`, without compressing the samples.
     fn printed(quantity: &str, model: &str, axes: &str) -> String {
         let document =
             format!("{{\"wavelume\":\"virtual\",\"quantity\":\"{quantity}\",\"model\":{model},\"axes\":{axes}}}");

@@ -10,16 +10,17 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to draw
+    /// Material (compressed measurement) to draw
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// PNG to write; an existing one is replaced whole
+    /// PNG picture to write; an existing file is replaced as a whole
     #[arg(short, long, value_name = "P.png")]
     output: PathBuf,
-    /// Pixels along a side, 64 to 512
+    /// Width and height of the picture in pixels, 64 to 512
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SIZE, value_parser = size)]
     size: usize,
-    /// Zero-based entry on each leading index axis [default: the first; every column of a spectral table]
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0 [default: the
+    /// first; every column of a spectral table]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     #[command(flatten)]

@@ -11,8 +11,8 @@ use std::path::PathBuf;
 pub(crate) struct Args {
     #[command(flatten)]
     measurement: MeasurementArgs,
-    /// Array to write (.npy, float32, NaN = masked), with NAME.axes.json beside it, and NAME.filled.npy if cells are
-    /// filled
+    /// NumPy array to write (.npy, float32, NaN = masked), with a manifest of its axes, NAME.axes.json, beside it.
+    /// NAME.filled.npy marks directions that were filled in without samples, if there are any
     #[arg(short, long, value_name = "T.npy")]
     output: PathBuf,
     // The target and the policy do not change the tensor; they are accepted so that both commands have the same
@@ -21,7 +21,7 @@ pub(crate) struct Args {
     request: RequestArgs,
     #[command(flatten)]
     threads: ThreadsArgs,
-    /// Print what was written as one line of JSON
+    /// Print a report on the written files as one line of JSON
     #[arg(long)]
     json: bool,
 }

@@ -7,11 +7,11 @@ use crate::domain::{Direction, WavelengthGrid};
 use crate::evaluate::Material;
 use std::path::Path;
 
-/// A list on the command line. A type of its own makes one option take all of it.
+/// List that is the value of one command-line option. The option parser would take a bare `Vec` for a repeated option.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct List<T>(pub(crate) Vec<T>);
 
-/// Parses `THETA,PHI` in degrees.
+/// Parses `THETA,PHI`, the polar angle and the azimuth of a direction in degrees.
 pub(crate) fn direction(text: &str) -> Result<Direction, String> {
     let refused = || format!("`{text}` is no direction, expected THETA,PHI in degrees with THETA from 0 to 180");
     let angles = text.split(',').map(|part| part.trim().parse::<f64>()).collect::<Result<Vec<_>, _>>();
@@ -22,7 +22,7 @@ pub(crate) fn direction(text: &str) -> Result<Direction, String> {
     }
 }
 
-/// Parses `3` or `3,4`: a zero-based entry on each leading index axis.
+/// Parses `3` or `3,4`: the entry to use on each leading index axis (columns of a table, scan positions), from 0.
 pub(crate) fn index(text: &str) -> Result<List<usize>, String> {
     let entries = text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>();
     entries.map(List).map_err(|_| format!("`{text}` is no index, expected numbers from 0 with commas between them"))

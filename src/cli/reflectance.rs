@@ -15,30 +15,30 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The material: a brdf, btdf or bsdf
+    /// Material (compressed measurement) of a BRDF, BTDF or BSDF
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Reflectance to write: a material, or an array with its manifest if the name ends in .npy
+    /// Directional albedo to write: a material, or a NumPy array with its manifest if the name ends in .npy
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Light that is counted
+    /// Side of the surface on which leaving light is counted
     #[arg(long, value_enum, default_value_t)]
     side: Which,
     #[command(flatten)]
     target: TargetArgs,
-    /// Print what was written as one line of JSON
+    /// Print a report on the written file as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum Which {
-    /// All light that leaves.
+    /// All light that leaves the surface, on both sides.
     #[default]
     Both,
-    /// Light that leaves on the side of the source.
+    /// Reflected light, which leaves on the side of the source.
     Reflected,
-    /// Light that leaves on the other side.
+    /// Transmitted light, which leaves on the side away from the source.
     Transmitted,
 }
 
@@ -89,7 +89,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&sheet.render(&heading))
 }
 
-/// Provenance of the output: the digest of the material it was computed from, and the side.
+/// Returns the provenance of a directional albedo as JSON: the digest of the material that it was computed from, and
+/// the side of the surface on which light was counted.
 fn provenance(bytes: &[u8], side: Side) -> String {
     json!({
         "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")),

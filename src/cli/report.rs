@@ -66,7 +66,8 @@ pub(crate) fn compressed_sheet(report: &Report, file_bytes: u64) -> Sheet {
     sheet
 }
 
-/// Adds the interpolation between incidences, and its leave-one-out and estimated errors.
+/// Adds the report lines on the interpolation between incoming directions: its method, its leave-one-out error and its
+/// estimated error.
 fn incidence_lines(sheet: &mut Sheet, report: &IncidenceReport) {
     sheet.line("between incidences", report.interpolation);
     sheet.line("one incidence left out", format!("er(L2) {}", per_cent(report.left_out_er_l2)));
@@ -78,25 +79,26 @@ fn incidence_lines(sheet: &mut Sheet, report: &IncidenceReport) {
     sheet.line("between incidences, estimated", text);
 }
 
-/// `name (detail)`, or the name alone.
+/// Returns `name (detail)`, or `name` alone if there is no detail.
 pub(crate) fn labelled(name: &str, detail: &str) -> String {
     if detail.is_empty() { name.to_owned() } else { format!("{name} ({detail})") }
 }
 
-/// Adds one line with the axes, outermost first.
+/// Adds the report line on the axes of a tensor, outermost first.
 pub(crate) fn axes_lines(sheet: &mut Sheet, axes: &[String]) {
     let axes = if axes.is_empty() { "none: one value".to_owned() } else { axes.join(" × ") };
     sheet.line("axes", axes);
 }
 
-/// Adds the number of kept coefficients.
+/// Adds the report line on kept coefficients: their number, and the number of samples for each of them.
 pub(crate) fn coefficient_line(sheet: &mut Sheet, kept: Option<u64>, ratio: Option<f64>) {
     if let (Some(kept), Some(ratio)) = (kept, ratio) {
         sheet.line("coefficients", format!("{} kept, {} samples each", count(kept), three_digits(ratio)));
     }
 }
 
-/// Adds the number of samples, and the numbers of special ones among them.
+/// Adds the report line on samples: their number, and how many are masked, zero, negative, or positive but too small to
+/// count in relative errors.
 pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     let special = [
         ("masked", errors.masked_samples),
@@ -108,7 +110,7 @@ pub(crate) fn sample_lines(sheet: &mut Sheet, errors: &ErrorReport) {
     sheet.line("samples", format!("{}{}", count(errors.samples), special.collect::<String>()));
 }
 
-/// Adds the levels that the first bytes of a file decode to, if there are several.
+/// Adds the report lines on the coarser levels that the first bytes of a file decode to, if there are several levels.
 pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
     for LevelInfo { level, bytes, er_l2 } in levels.iter().filter(|_| levels.len() > 1) {
         let text = format!("{level} in the first {} bytes, er(L2) {}", count(*bytes), per_cent(*er_l2));
@@ -116,7 +118,7 @@ pub(crate) fn level_lines(sheet: &mut Sheet, levels: &[LevelInfo]) {
     }
 }
 
-/// Adds the errors, relative ones in per cent.
+/// Adds the report lines on errors; relative errors are in per cent.
 pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) {
     sheet.line(
         label,
@@ -143,7 +145,7 @@ pub(crate) fn error_lines(sheet: &mut Sheet, label: &str, errors: &ErrorReport) 
     }
 }
 
-/// Adds the colour differences.
+/// Adds the report lines on the colour differences between decoded and original spectra.
 fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     let (largest, mean) = (three_digits(colour.largest), three_digits(colour.mean));
     sheet.line("colour", format!("CIEDE2000 largest {largest}, mean {mean}, illuminant {}", colour.illuminant));
@@ -153,7 +155,8 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     }
 }
 
-/// Adds the coverage: numbers of measured, interpolated, filled and empty cells.
+/// Adds the report lines on coverage: the numbers of cells that were measured, interpolated, filled by a rule or left
+/// empty.
 pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     let filled = if coverage.filled > 0 { format!("{} filled, ", count(coverage.filled)) } else { String::new() };
     sheet.line(
@@ -174,7 +177,7 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     }
 }
 
-/// Adds the number, noise and outliers of scattered samples.
+/// Adds the report lines on scattered samples: their number, their noise and their outliers.
 fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     let negative = if report.negative > 0 { format!(", {} negative", count(report.negative)) } else { String::new() };
     sheet.line(
@@ -184,7 +187,8 @@ fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     scatter_noise_lines(sheet, report.noise, report.rejected, (Some(report.isolated), report.lobe));
 }
 
-/// Adds the noise and outliers of scattered samples, and the numbers of those that lie alone or form a lobe.
+/// Adds the report lines on the noise and the outliers of scattered samples. `isolated` are the outliers without others
+/// near them; `lobe` counts values of a narrow lobe, which are no outliers.
 fn scatter_noise_lines(
     sheet: &mut Sheet,
     noise: Option<f64>,
@@ -222,7 +226,7 @@ fn scatter_noise_lines(
     }
 }
 
-/// Adds the line that states the errors at scattered samples.
+/// Adds the report lines on the errors of a material at scattered samples.
 fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
     let text = format!(
         "er(L2) {} at the samples that were not rejected; the material adds {} to their noise, at most {} is allowed",
@@ -240,7 +244,7 @@ fn fit_line(sheet: &mut Sheet, fit: &FitReport) {
     uncertainty_line(sheet, fit.within_2u);
 }
 
-/// Adds the line that states which share of the values is kept within twice their uncertainty.
+/// Adds the report line on the share of the values that the material keeps within twice their stated uncertainty.
 fn uncertainty_line(sheet: &mut Sheet, within: Option<f64>) {
     if let Some(within) = within {
         let text = format!("{} of the values with a stated uncertainty u are kept within 2u", per_cent(within));
@@ -248,7 +252,7 @@ fn uncertainty_line(sheet: &mut Sheet, within: Option<f64>) {
     }
 }
 
-/// Describes the bound at which `auto` stopped, and the other bound.
+/// Describes where a compression with the target `auto` stopped: at the estimated noise or at the stated uncertainty.
 fn stopped_at(auto: &AutoReport) -> String {
     let uncertainty =
         |u: f64| format!("uncertainty of {} that the file states (relative root mean square)", per_cent(u));
@@ -279,13 +283,13 @@ fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
     format!("{kept}; with the rejected samples that lie together {together}, with all rejected ones {all}")
 }
 
-/// Adds noise, outliers and errors at scattered samples as a file states them.
+/// Adds the report lines on noise, outliers and errors at scattered samples, as the metadata of a material states them.
 pub(crate) fn stated_fit_lines(sheet: &mut Sheet, fit: &FitReport) {
     scatter_noise_lines(sheet, fit.noise, fit.rejected, (fit.isolated, fit.lobe));
     fit_line(sheet, fit);
 }
 
-/// Adds the estimated noise of the samples.
+/// Adds the report line on the estimated noise of the samples.
 fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
     let Some(noise) = noise else { return };
     let own = (noise.relative > 0.0).then(|| {
@@ -297,7 +301,7 @@ fn noise_line(sheet: &mut Sheet, noise: Option<&Noise>) {
     sheet.line("noise", both.join(", "));
 }
 
-/// Adds everything a parser assumed, filled, skipped or warns of.
+/// Adds one report line for each note of a file reader: a fact that it assumed, filled in, skipped or warns of.
 pub(crate) fn note_lines(sheet: &mut Sheet, notes: &[Note]) {
     for note in notes {
         sheet.line(note.kind.name(), &note.message);

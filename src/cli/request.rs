@@ -1,30 +1,29 @@
 //! Options of a compression on the command line, derived from the declarations of the request and its targets.
 
+use super::declared::{all_stated, argument, help, refusal, stated};
 use super::failure::Failure;
 use crate::compress::{DeltaE, Target};
 use crate::domain::colour::Illuminant;
 use crate::domain::{Declared, Values};
 use crate::pipeline::Request;
 use clap::builder::ValueParser;
-use clap::error::ErrorKind;
-use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgGroup, ArgMatches, Command, FromArgMatches};
-use serde_json::{Map, Value, json};
+use clap::{Arg, ArgGroup, ArgMatches, Command, FromArgMatches};
+use serde_json::{Value, json};
 
-/// Target if none is given.
+/// Promise of a compression if the command line gives none: a root mean square relative error of at most 1 %.
 const DEFAULT_TARGET: Target = Target::ErL2(0.01);
-/// Keyword that `--er-l2` takes instead of a number: the error then stops at the noise of the measurement.
+/// Keyword that `--er-l2` takes instead of a number. The error is then about as large as the noise of the measurement.
 const AUTO: &str = "auto";
-/// Option that names the illuminant of `--delta-e`.
+/// Name of the option for the illuminant under which `--delta-e` compares colours.
 const ILLUMINANT: &str = "illuminant";
-/// Options that decide on the axes of the tensor.
+/// Names of the options that choose the axes of the tensor to compress.
 const AXES: [&str; 5] = ["domain", "reciprocal", "incoming_level", "outgoing_level", "wavelengths"];
 
-/// Axes of the tensor; by default chosen from the density of the data.
+/// Axes of the tensor to compress; by default chosen from the density of the data.
 #[derive(Clone, Debug)]
 pub(crate) struct AxesArgs(Request);
 
-/// Target: at most one of the options; er(L2) 0.01 by default.
+/// Promise of a compression (error bound, size or ratio) that the command line gives; `None` without one.
 #[derive(Clone, Debug)]
 pub(crate) struct TargetArgs(Option<Target>);
 
@@ -35,90 +34,49 @@ pub(crate) struct RequestArgs(Request);
 /// Number of threads that compute.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
-    /// Threads to use [default: one per core]; the bytes do not depend on it
+    /// Number of threads [default: one per core]; results do not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }
 
 impl AxesArgs {
-    /// Returns a request for these axes with the default target.
+    /// Returns a compression request with these axes and the default target.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
 }
 
 impl TargetArgs {
-    /// Returns the target that is given.
+    /// Returns the compression target that the command line gives; `None` without one.
     pub(crate) fn named(&self) -> Option<Target> {
         self.0
     }
 
-    /// Returns the target, or the default if none is given.
+    /// Returns the compression target that the command line gives, or the default target.
     pub(crate) fn or_default(&self) -> Target {
         self.0.unwrap_or(DEFAULT_TARGET)
     }
 }
 
 impl RequestArgs {
-    /// Returns the request.
+    /// Returns the compression request.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
 }
 
-/// Returns the name of an option on the command line.
-fn long(declared: &Declared) -> String {
-    let name = declared.name.replace('_', "-");
-    if matches!(declared.values, Values::SwitchOff) { format!("no-{name}") } else { name }
-}
-
-/// Returns a declared help text without its last full stop, as help texts of options are written.
-fn help(declared: &Declared) -> String {
-    declared.help.trim().trim_end_matches('.').to_owned()
-}
-
-/// Makes the argument of a declared option.
-fn argument(declared: &'static Declared) -> Arg {
-    let argument = Arg::new(declared.name).long(long(declared)).help(help(declared));
-    let (shown, default) = match declared.values {
-        Values::Number { shown, .. } | Values::Whole { shown, .. } => (shown, None),
-        Values::Name { shown, default, .. } | Values::Text { shown, default, .. } => (shown, default),
-        _ => return argument.action(ArgAction::SetTrue),
-    };
-    let read = move |text: &str| declared.read(text);
-    argument.value_name(shown).value_parser(ValueParser::new(read)).default_values(default)
-}
-
-/// Returns the value of a declared option, if it is stated.
-fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value> {
-    if matches.value_source(declared.name) != Some(ValueSource::CommandLine) {
-        return None;
-    }
-    match declared.values {
-        Values::Switch => Some(Value::Bool(true)),
-        Values::SwitchOff => Some(Value::Bool(false)),
-        _ => matches.get_one::<Value>(declared.name).cloned(),
-    }
-}
-
 /// Builds a request for `target` from the stated options, of those that `takes` accepts.
 fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -> Result<Request, clap::Error> {
-    let options = Request::OPTIONS.iter().filter(|declared| takes(declared));
-    let options = options.filter_map(|declared| Some((declared.name.to_owned(), stated(matches, declared)?)));
-    let mut options: Map<String, Value> = options.collect();
+    let mut options = all_stated(matches, Request::OPTIONS.iter().filter(|declared| takes(declared)));
     options.insert("target".to_owned(), json!(target));
     serde_json::from_value(Value::Object(options)).map_err(refusal)
-}
-
-fn refusal(error: impl std::fmt::Display) -> clap::Error {
-    clap::Error::raw(ErrorKind::ValueValidation, error)
 }
 
 fn is_of_axes(declared: &Declared) -> bool {
     AXES.contains(&declared.name)
 }
 
-/// Makes the argument of a target. That of er(L2) also takes `auto`.
+/// Builds the command-line argument of a compression target. `--er-l2` also takes `auto`.
 fn target_argument(declared: &'static Declared) -> Arg {
     if declared.name != DEFAULT_TARGET.name() {
         return argument(declared);
@@ -131,12 +89,12 @@ fn target_argument(declared: &'static Declared) -> Arg {
         .help(format!("{} [default: 0.01]. `auto` stands for: {auto}", help(declared)))
 }
 
-/// Targets that have an option of their own.
+/// Returns the declarations of all compression targets that have a command-line option of their own.
 fn targets() -> impl Iterator<Item = &'static Declared> {
     Target::DECLARED.iter().filter(|declared| declared.name != AUTO)
 }
 
-/// Builds the target that is stated, if one is.
+/// Builds the compression target that the command line gives; `None` without one.
 fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option<Target>, clap::Error> {
     let found = targets().find_map(|declared| Some((declared, stated(matches, declared)?)));
     let Some((declared, value)) = found else { return Ok(None) };
@@ -222,7 +180,7 @@ impl FromArgMatches for RequestArgs {
 }
 
 impl ThreadsArgs {
-    /// Runs `work` on the number of threads asked for.
+    /// Runs `work` on as many threads as the user chose, or on one for each core.
     pub(crate) fn run<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, Failure> {
         let Some(threads) = self.threads else { return Ok(work()) };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build();

@@ -7,22 +7,22 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 
-/// Upper bound in bytes on a line of a table.
+/// Upper bound in bytes on a line of a CSV table; longer lines are refused.
 const MAX_LINE: u64 = 1 << 16;
 
-/// The rows of a table, from which some columns are read.
+/// Reader of some columns of a table, row by row.
 pub(crate) struct Rows {
     path: PathBuf,
     names: &'static [&'static str],
     source: Source,
-    /// Rows read so far.
+    /// Number of rows read so far.
     read: u64,
 }
 
 enum Source {
-    /// A text, and the positions of the columns in its lines.
+    /// CSV text, and the positions from 0 of the wanted columns in each line.
     Text { lines: Box<dyn BufRead>, columns: Vec<usize> },
-    /// An array, and the number of its rows that are left.
+    /// `NumPy` array, and the number of its rows that are not read yet.
     Array { input: Box<dyn Read>, rows: ArrayRows, left: usize },
 }
 
@@ -54,7 +54,8 @@ impl Rows {
         Ok(Self { path: path.to_owned(), names, source, read: 0 })
     }
 
-    /// Appends up to `most` rows to `numbers`, one number for each name. Returns the number of rows, 0 at the end.
+    /// Reads up to `most` rows and appends one number for each wanted column to `numbers`. Returns the number of rows
+    /// read, 0 at the end of the table.
     pub(crate) fn read(&mut self, most: usize, numbers: &mut Vec<f64>) -> Result<usize, Failure> {
         let mut count = 0;
         match &mut self.source {
@@ -118,7 +119,7 @@ fn next_line(lines: &mut Box<dyn BufRead>) -> Result<Option<String>, Failure> {
     }
 }
 
-/// Returns the positions of the named columns in a header.
+/// Returns the positions from 0 of the columns `names` in the header line of a CSV table.
 fn columns(header: &str, names: &[&str]) -> Result<Vec<usize>, String> {
     let found: Vec<String> = header.split(',').map(|name| name.trim().trim_matches('"').to_lowercase()).collect();
     let at = |name: &&str| {

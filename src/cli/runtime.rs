@@ -5,15 +5,15 @@ use crate::api::Stop;
 use std::io::IsTerminal;
 use tokio::signal::unix::{SignalKind, signal};
 
-/// Runs `work` to its end.
+/// Runs the asynchronous `work` to its end, on a runtime of its own.
 pub(crate) fn block_on<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
     runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))?.block_on(work)
 }
 
-/// Resolves at the first signal that ends the service: SIGTERM with a notice, SIGINT at once. SIGHUP ends a service
-/// whose terminal was closed, at once too, and is ignored by one without a terminal. The call installs the handlers,
-/// not the first poll, and they stay: a later signal does not end the drain.
+/// Returns a future that resolves at the first signal to stop the service. SIGTERM gives notice first, SIGINT stops at
+/// once, and so does SIGHUP if the service has a terminal. The call itself installs the handlers and they stay: a later
+/// signal does not cut short the end of running work.
 pub(crate) fn stop_signal() -> Result<impl Future<Output = Stop> + Send + 'static, Failure> {
     let install = |kind| signal(kind).map_err(|error| Failure::failed(format!("cannot listen for signals: {error}")));
     let mut terminate = install(SignalKind::terminate())?;

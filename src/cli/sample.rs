@@ -11,25 +11,26 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use std::path::PathBuf;
 
-/// Upper bound on the directions in one answer.
+/// Upper bound on the directions that one call draws. Raising it costs memory.
 const MAX_DIRECTIONS: u64 = 10_000_000;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material to draw directions from
+    /// Material (compressed measurement) to draw directions from
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
-    /// Incoming direction in degrees, for quantities that have one
+    /// Incoming direction: polar angle and azimuth in degrees, for quantities that have one
     #[arg(long, value_name = "THETA,PHI", value_parser = query::direction, allow_hyphen_values = true)]
     #[arg(conflicts_with = "directions")]
     wi: Option<Direction>,
-    /// Number of directions
+    /// Number of directions to draw
     #[arg(short = 'n', long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MAX_DIRECTIONS))]
     #[arg(required_unless_present = "directions", conflicts_with = "directions")]
     count: Option<u64>,
-    /// Table instead of --wi, -n and --seed; each row draws one direction. Columns `theta_i, phi_i` in degrees, if the
-    /// quantity has them, and u1, u2 of the unit square: named in the first line of a CSV, in this order in a NumPy
-    /// array [rows, columns]; - is stdin. Answers are `theta_o, phi_o, pdf, weight`; nan, nan, 0, 0 if nothing is drawn
+    /// Table instead of --wi, -n and --seed, one drawn direction for each row: a CSV with column names in its first
+    /// line, or a NumPy array [rows, columns]; - is stdin. Columns are `theta_i, phi_i` in degrees, if the quantity has
+    /// them, and random numbers u1, u2 from 0 to less than 1, in this order in an array. Answers are `theta_o, phi_o,
+    /// pdf, weight`; nan, nan, 0, 0 if nothing is drawn
     #[arg(long, value_name = "FILE.csv|npy|-")]
     directions: Option<PathBuf>,
     #[command(flatten)]
@@ -41,15 +42,16 @@ pub(crate) struct Args {
     /// material's own]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_LEVEL)))]
     level: Option<u8>,
-    /// Zero-based entry on each leading index axis
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
-    /// Taken for symmetry with the other commands: the answer is always JSON
+    /// No effect, since the answer is always JSON; accepted because other commands have this option
     #[arg(long, hide = true)]
     json: bool,
 }
 
-/// Answer as parallel arrays. If nothing is emitted or reflected, the direction is null, and pdf and weight are 0.
+/// Drawn directions `[theta, phi]` in degrees, their probability densities and their weights, as parallel arrays. Where
+/// nothing is emitted or reflected, the direction is null and the numbers are 0.
 #[derive(Default, serde::Serialize)]
 struct Answer {
     directions: Vec<Option<[f64; 2]>>,

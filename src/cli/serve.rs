@@ -9,7 +9,7 @@ use crate::api::{ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 
-/// Options of the service, with every limit.
+/// Command-line options of the HTTP service, with all its limits.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table")]
 pub(crate) struct Args {
@@ -19,7 +19,7 @@ pub(crate) struct Args {
     settings: Settings,
 }
 
-/// Data directory and address of a service.
+/// Data directory, address and accepted host names of a service.
 #[derive(Debug, clap::Args)]
 #[group(id = "service")]
 pub(crate) struct Place {
@@ -28,11 +28,12 @@ pub(crate) struct Place {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
-    /// Host name that requests may name besides localhost and loopback addresses; may be repeated. A service on any
-    /// other address accepts every host if none is given
+    /// Further host name that requests may address, besides localhost and loopback addresses; may be repeated. Without
+    /// one, a service on an address other than loopback accepts every host name
     #[arg(long = "name", value_name = "HOST", env = "WAVELUME_NAMES", value_delimiter = ',', hide_env_values = true)]
     pub(crate) names: Vec<String>,
-    /// Origin whose pages may read: `SCHEME://HOST` or `SCHEME://HOST:PORT`; may be repeated
+    /// Web origin whose pages may read from the service (CORS): `SCHEME://HOST` or `SCHEME://HOST:PORT`; may be
+    /// repeated
     #[arg(
         long = "origin",
         value_name = "ORIGIN",
@@ -68,7 +69,7 @@ impl Place {
     }
 }
 
-/// Opens the data directory and takes the address.
+/// Opens the data directory of a service and binds its address.
 pub(crate) async fn bind(config: ServeConfig) -> Result<Server, Failure> {
     raise_descriptor_limit();
     Server::bind(config).await.map_err(|error| match &error {

@@ -20,7 +20,7 @@ const WORK: [&str; 3] = ["Work", "Keeping", "Stopping"];
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
 const WORKER_DRAIN: &str = "10min";
 
-/// Names of one setting on the surfaces of the program.
+/// Flag, environment variable, default and help text of one setting of the service.
 struct Names {
     flag: String,
     variable: String,
@@ -39,7 +39,7 @@ static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
     SETTINGS.iter().map(names).collect()
 });
 
-/// Settings that the short help also lists.
+/// Names of the settings that the short help of `wavelume serve` lists; `--help` lists all.
 const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
 
 impl<const ALL: bool> Chosen<ALL> {
@@ -102,7 +102,7 @@ mod tests {
     const BEGIN: &str = "<!-- settings: begin -->\n";
     const END: &str = "<!-- settings: end -->\n";
 
-    /// Renders the table of the documentation from the command line as the program reads it.
+    /// Renders the table of all settings in `docs/settings.md` from the declared command-line options.
     fn table() -> String {
         let command = Cli::command();
         let serve = command.find_subcommand("serve").unwrap();

@@ -8,25 +8,25 @@ use std::fmt::Write as _;
 use std::io::{BufWriter, ErrorKind, Seek, SeekFrom, Stdout, Write};
 use std::path::{Path, PathBuf};
 
-/// Formats of a table of answers.
+/// File formats of a table of computed values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum TableFormat {
-    /// A line of names, then a line of numbers for each row; masked values are nan.
+    /// Text: a line of column names, then one line of numbers for each query; unknown values are nan.
     Csv,
-    /// A `NumPy` array of float32, [rows, values]; masked values are NaN.
+    /// NumPy array of float32 with one row for each query; unknown values are NaN.
     Npy,
-    /// Little-endian float32 without a header; masked values are NaN.
+    /// Little-endian float32 numbers, one query after the other, without a header; unknown values are NaN.
     F32,
 }
 
-/// A table that is being written.
+/// Table of computed values that is being written to a file or to standard output.
 pub(crate) struct Table {
     sink: Sink,
     path: PathBuf,
     format: TableFormat,
     width: usize,
     rows: usize,
-    /// Bytes before the first row, until they are written.
+    /// Header bytes of the table; `None` once they are written.
     head: Option<Vec<u8>>,
     text: String,
 }
@@ -37,7 +37,8 @@ enum Sink {
 }
 
 impl Table {
-    /// Opens a table with these columns in `output` or on stdout. Without a format, the name of the file decides.
+    /// Starts a table with the columns `names` in the file `output`, or on stdout. Without a format, the extension of
+    /// the file decides.
     pub(crate) fn new(output: Option<&Path>, format: Option<TableFormat>, names: &[String]) -> Result<Self, Failure> {
         let extension = output.and_then(Path::extension).and_then(|extension| extension.to_str());
         let format = format.unwrap_or(match extension {
@@ -69,7 +70,7 @@ impl Table {
         Ok(Self { sink, path, format, width: names.len(), rows: 0, head: Some(head), text: String::new() })
     }
 
-    /// Appends rows, the values of one after those of the other.
+    /// Appends rows to the table; `values` holds one row after the other.
     pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), Failure> {
         // The header is written with the first row: an early failure leaves stdout empty.
         if let Some(head) = self.head.take() {
@@ -102,7 +103,8 @@ impl Table {
         done.map_err(|error| failed(&self.path, &error))
     }
 
-    /// Ends the table; a file then replaces its target.
+    /// Completes a table of computed values. If it goes to a file, an earlier file of that name is replaced only by
+    /// this call.
     pub(crate) fn finish(mut self) -> Result<(), Failure> {
         self.write(&[])?;
         let Self { sink, path, format, width, rows, .. } = self;

@@ -11,19 +11,20 @@ use std::path::Path;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct ViewingArgs {
-    /// Illuminant: A, B, C, D50, D65, F11 or E, or a file with a spectrum: a table or a material [default: D65]
+    /// Illuminant: A, B, C, D50, D65, F11 or E, or a file with its spectrum: a table or a material [default: D65]
     #[arg(long, value_name = "NAME|FILE")]
     illuminant: Option<String>,
-    /// Column of a table of illuminants, by name or by number from 1
+    /// Column of the illuminant in the table of --illuminant, by name or by number from 1
     #[arg(long, value_name = "COLUMN", requires = "illuminant")]
     illuminant_column: Option<String>,
-    /// Observer: 1931 (2 degrees) or 1964 (10 degrees), or a file with the columns wavelength, x, y, z [default: 1931]
+    /// CIE standard observer: 1931 (2 degrees) or 1964 (10 degrees), or a file with the columns wavelength, x, y, z
+    /// [default: 1931]
     #[arg(long, value_name = "NAME|FILE")]
     observer: Option<String>,
 }
 
 impl ViewingArgs {
-    /// Builds the viewing conditions, reading the named files.
+    /// Builds the illuminant and the observer for computing colours, from known names or from files.
     pub(crate) fn viewing(&self) -> Result<Viewing, Failure> {
         let known_observer = self.observer.as_deref().map(str::parse::<StandardObserver>);
         let known_light = self.illuminant.as_deref().map(str::parse::<Illuminant>);
@@ -48,7 +49,8 @@ impl ViewingArgs {
     }
 }
 
-/// Reads the table in the file `name`, which is none of the known names.
+/// Reads the spectral table of an illuminant or observer from the file `name`; refuses a name that is neither known nor
+/// a file.
 fn table(name: &str, what: &str, known: impl Iterator<Item = &'static str>) -> Result<Tensor, Failure> {
     let path = Path::new(name);
     if !path.exists() {

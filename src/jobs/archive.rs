@@ -25,10 +25,10 @@ pub struct Archive {
 /// Failure to open or to maintain an archive.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
-    /// The directory cannot be used.
+    /// The data directory of the service cannot be created, opened or written.
     #[error("data directory {}: {source}", directory.display())]
     Directory {
-        /// The directory.
+        /// Path of the data directory that cannot be created, opened or written.
         directory: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
@@ -39,7 +39,7 @@ pub enum ArchiveError {
     /// The store of objects failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The catalog failed.
+    /// The database of measurements, materials and jobs failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
     /// The pools of threads could not be built.

@@ -8,26 +8,28 @@ use super::publish::Published;
 use crate::catalog::{CatalogError, Ended};
 use crate::store::StoreError;
 
-/// Reason why an attempt made nothing.
+/// Reason why an attempt to run a job ended without a result.
 pub(crate) enum Failure {
-    /// Permanent: another attempt would end the same way.
+    /// The attempt to run the job failed for a permanent reason: another attempt would fail, too.
     Final(JobProblem),
-    /// Transient; retry.
+    /// The attempt to run the job failed for a transient reason, such as an error of the disk or database: another
+    /// attempt may succeed.
     Passing(String),
-    /// Stopped on request.
+    /// The attempt to run the job was stopped on request.
     Stopped,
     /// The job, or its measurement, contains something that only a newer version understands: a newer worker must take
     /// it.
     Newer(String),
 }
 
-/// A successful attempt: its end, and the published bytes that the end names.
+/// Result of a successful attempt to run a job: the database entry to write, and the stored file that the entry refers
+/// to.
 pub(crate) struct Made {
     pub(crate) ended: Ended,
     pub(crate) published: Published,
 }
 
-/// Publishes the bytes that a job made.
+/// Stores the bytes of a job's result as a file, protected from removal until a database entry refers to it.
 pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<Published, Failure> {
     let staging = engine.archive.staging.clone();
     let staged = tokio::task::spawn_blocking(move || staging.stage(&bytes))
@@ -43,7 +45,7 @@ pub(super) fn unread(what: &str, error: &serde_json::Error) -> Failure {
     if error.is_data() { Failure::Newer(detail) } else { last(Code::Internal, detail) }
 }
 
-/// Builds a permanent failure.
+/// Builds the permanent failure of a job, from its kind and a sentence for the user.
 pub(super) fn last(code: Code, detail: impl std::fmt::Display) -> Failure {
     Failure::Final(JobProblem::new(code, detail.to_string()))
 }

@@ -9,15 +9,40 @@ use super::hub::Control;
 use super::ingest::IngestError;
 use super::options::Options;
 use super::problem::{Code, JobProblem};
-use super::request::CompressRequest;
+use super::request::{CompressRequest, RequestError};
+use super::work::Work;
 use crate::catalog::{Ended, NewMaterial};
 use crate::compress::CompressError;
 use crate::pipeline::{self, Input, Outcome, PipelineError, Report};
+use crate::store::Digest;
 use serde::Deserialize;
 use std::sync::Arc;
 
-/// Runs one attempt and publishes what it made.
-pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Made, Failure> {
+impl Work for CompressRequest {
+    type Arguments = String;
+
+    fn check(&self) -> Result<(), RequestError> {
+        self.check_texts().map_err(RequestError::Text)?;
+        self.options.check().map_err(RequestError::Option)
+    }
+
+    fn measurement(&self) -> Option<Digest> {
+        Some(self.measurement)
+    }
+
+    /// Returns the request as JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that
+    /// is not self-describing.
+    fn arguments(&self) -> Result<String, String> {
+        serde_json::to_string(self).map_err(|error| error.to_string())
+    }
+
+    async fn run(engine: &Arc<Engine>, request: String, control: &Arc<Control>) -> Result<Made, Failure> {
+        run(engine, &request, control).await
+    }
+}
+
+/// Runs one attempt at a compression job and stores the material that it made.
+async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Made, Failure> {
     let request: CompressRequest = serde_json::from_str(request).map_err(|e| unread("request", &e))?;
     let row = engine.archive.catalog.measurement(request.measurement).await?;
     let row = row.ok_or_else(|| {
@@ -32,10 +57,8 @@ pub(crate) async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Contr
     };
     let work = {
         let (request, control) = (request.clone(), Arc::clone(control));
-        let mut interpretation = options.interpretation();
-        interpretation.axes = request.axes.clone().or(interpretation.axes);
+        let mut interpretation = request.reading.clone().replace(options.interpretation());
         interpretation.wavelengths.clone_from(&request.options.wavelengths);
-        interpretation.quantity = request.quantity.or(interpretation.quantity);
         move || {
             let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
             let source = pipeline::read(&input)?;
@@ -90,7 +113,8 @@ async fn end(
     Ok(Made { ended, published })
 }
 
-/// Returns the reading options with which a measurement was uploaded.
+/// Returns the options for reading a measurement (quantity, unit, column and so on) that were given at its upload, from
+/// its stored description.
 fn kept_options(document: &str) -> Result<Options, Failure> {
     #[derive(Deserialize)]
     struct Kept {

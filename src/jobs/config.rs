@@ -5,16 +5,17 @@ use super::unit::{Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Data directory, and the share of the machine to use.
+/// Configuration of the work of a service: data directory, threads, jobs at a time and limits.
 #[derive(Clone, Debug)]
 pub struct WorkConfig {
     /// Data directory, catalog and store.
     pub site: Site,
     /// Threads of each pool that computes; 0 = one per core.
     pub threads: usize,
-    /// Jobs that this process runs at the same time; 0 leaves them to other processes.
+    /// Number of jobs that this process runs at the same time; 0 leaves all jobs to other processes.
     pub workers: usize,
-    /// Sizes and times.
+    /// Limits of the service, such as the number of waiting jobs, the number of open connections, and the size of
+    /// uploads.
     pub limits: Limits,
 }
 
@@ -28,24 +29,24 @@ impl WorkConfig {
 /// A number that a user may set, declared once in [`SETTINGS`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Setting {
-    /// Name in `snake_case`; flag and environment variable follow from it.
+    /// Name of the setting in `snake_case`; flag and environment variable follow from it.
     pub field: &'static str,
-    /// Group under which help and documentation list it.
+    /// Group under which help and documentation list the setting.
     pub heading: &'static str,
-    /// Explanation, one sentence or two.
+    /// Help text of the setting, one or two sentences.
     pub help: &'static str,
-    /// Unit in which its text is read.
+    /// Unit of the setting, which decides how its text is read.
     pub unit: Unit,
-    /// Smallest value that is accepted.
+    /// Smallest value that the setting accepts; times are in milliseconds.
     pub least: u64,
-    /// Reads the value, times in milliseconds.
+    /// Returns the value of the setting from a configuration; times are in milliseconds.
     pub get: fn(&WorkConfig) -> u64,
-    /// Sets the value; `None` if it does not fit the machine's integers.
+    /// Writes the value of the setting into a configuration; `None` if it exceeds the integer type of the field.
     pub set: fn(&mut WorkConfig, u64) -> Option<()>,
 }
 
 impl Setting {
-    /// Reads text as a value of this setting.
+    /// Parses a text as the value of this setting, and checks its range.
     pub(crate) fn parse(&self, text: &str) -> Result<u64, String> {
         let expected = self.unit.expected();
         let value = self.unit.parse(text.trim()).ok_or_else(|| format!("expected {expected}"))?;
@@ -75,12 +76,12 @@ macro_rules! limits {
             }
         }
 
-        /// Every number that a person may set, in the order of the documentation.
+        /// All numeric settings of the service, in the order of the documentation.
         pub(crate) const SETTINGS: &[Setting] = &[
             Setting {
                 field: "workers",
                 heading: "Work",
-                help: "Jobs that this process runs at the same time; 0 leaves them to other processes.",
+                help: "Jobs that this process runs at the same time; 0 leaves all jobs to other processes.",
                 unit: Unit::Count,
                 least: 0,
                 get: |config| config.workers.number(),
@@ -89,7 +90,7 @@ macro_rules! limits {
             Setting {
                 field: "threads",
                 heading: "Work",
-                help: "Threads of each pool that computes; 0 takes one per core.",
+                help: "Number of threads in each thread pool; 0 takes one per core.",
                 unit: Unit::Count,
                 least: 0,
                 get: |config| config.threads.number(),
@@ -110,123 +111,135 @@ macro_rules! limits {
 
 limits! {
     "Work" {
-        /// Jobs that may wait in the queue; further ones get 429.
+        /// Upper bound on the jobs that wait in the queue; a further job is refused with 429.
         queued_jobs: u64 = 10_000, Count >= 0;
-        /// Attempts at a job whose disk, store or database failed, before the job is dead.
+        /// Upper bound on the attempts at a job whose disk, store or database failed; after the last one its state is
+        /// `dead`.
         attempts: u32 = 5, Count >= 1;
-        /// Attempts at a job whose worker vanished, before the job is dead: it may be the job that ends its worker.
+        /// Upper bound on the attempts at a job whose worker process died; after the last one its state is `dead`,
+        /// because the job may be what ends its workers.
         lost: u32 = 5, Count >= 1;
-        /// Lease: time without a sign of life after which a job is taken back from its worker.
+        /// Time without a sign of life from a worker after which its job goes back to the queue.
         lease: Duration = Duration::from_secs(30), Time >= 1000;
-        /// Pause after the first failed attempt; it doubles with each further one.
+        /// Pause between the first failed attempt at a job and the second one; it doubles with each further failure.
         backoff: Duration = Duration::from_secs(2), Time >= 0;
-        /// Age at which a staging file counts as abandoned and is removed.
+        /// Age at which a temporary file of the data directory counts as abandoned and is removed.
         stale: Duration = Duration::from_hours(1), Time >= 1000;
     }
     "Keeping" {
-        /// Time for which bytes that no row names any more stay in the store. At least the time for which a backup or a
-        /// signed address may still refer to them.
+        /// Time for which the bytes of deleted measurements and materials stay in the store. A backup of the database
+        /// must not be older when it is restored.
         grace: Duration = Duration::from_hours(24), Time >= 0;
-        /// Age at which a job that has succeeded or was cancelled is forgotten, with its report; its material stays.
+        /// Age at which the entry of a job that has succeeded or was cancelled is deleted, with its report; its material
+        /// stays.
         keep_succeeded: Duration = Duration::from_hours(30 * 24), Time >= 0;
-        /// Age at which a job that has failed is forgotten.
+        /// Age at which the entry of a job that has failed or is dead is deleted.
         keep_failed: Duration = Duration::from_hours(90 * 24), Time >= 0;
-        /// Time between two looks for bytes and rows to remove.
+        /// Interval at which the service looks for deleted bytes and old entries to remove.
         sweep: Duration = Duration::from_hours(1), Time >= 1000;
     }
     "Connections" {
-        /// Connections held at once, over all addresses; fewer where the limit on descriptors is lower.
+        /// Upper bound on the connections that are open at once, over all addresses; lower where the system allows
+        /// fewer file descriptors.
         connections: usize = 2048, Count >= 1;
-        /// Connections held at once by one address (IPv6: one /64).
+        /// Upper bound on the connections that are open at once from one address (IPv6: one /64).
         connections_each: usize = 128, Count >= 1;
-        /// Connections beyond those that are still accepted, for `/healthz` and `/readyz` alone.
+        /// Reserve of connections that are accepted when `connections` or `connections-each` is reached, for the health
+        /// checks `/healthz` and `/readyz` alone.
         health_connections: usize = 64, Count >= 1;
-        /// Such connections of one address.
+        /// Upper bound on the connections from one address in the reserve `health-connections`.
         health_connections_each: usize = 4, Count >= 1;
-        /// Requests under way at once, over all addresses; fewer where the limit on descriptors is lower.
+        /// Upper bound on the requests that are under way at once, over all addresses; lower where the system allows
+        /// fewer file descriptors.
         requests: usize = 1024, Count >= 1;
-        /// Requests under way at once from one address.
+        /// Upper bound on the requests that are under way at once from one address.
         requests_each: usize = 256, Count >= 1;
-        /// Time that a new connection has to send its first bytes, which tell HTTP/1 and HTTP/2 apart.
+        /// Time within which a new connection must send its first bytes, which tell HTTP/1 and HTTP/2 apart.
         first_bytes: Duration = Duration::from_secs(10), Time >= 100;
-        /// Time without any progress after which a connection is closed: no request, an unfinished header, no piece of
-        /// a body, no reading of an answer.
+        /// Time after which a connection without progress is closed. Progress is a request, a complete header, a piece
+        /// of a body, or a client that reads its answer.
         idle: Duration = Duration::from_secs(30), Time >= 100;
-        /// Size of the request line and headers of one request.
+        /// Upper bound on the size of the request line and the headers of one request.
         header_bytes: usize = 32 << 10, Bytes >= 4096;
-        /// Requests under way at once on one HTTP/2 connection.
+        /// Upper bound on the requests that are under way at once on one HTTP/2 connection.
         h2_streams: u32 = 128, Count >= 1;
-        /// Streams of one HTTP/2 connection that the client may reset before the service handles them; more close the
-        /// connection.
+        /// Upper bound on the streams of one HTTP/2 connection that the client resets before the service handles them;
+        /// more close the connection.
         h2_resets: usize = 20, Count >= 1;
     }
     "Uploads and bodies" {
-        /// Size of a measurement after decoding.
+        /// Upper bound on the size of an uploaded measurement, after decompression.
         upload_bytes: u64 = 256 << 20, Bytes >= 1;
-        /// Upper bound on decoded bytes per encoded byte of an upload, after the first MiB.
+        /// Upper bound on the compression ratio of an upload: decompressed bytes, after the first MiB, for each
+        /// received byte.
         upload_ratio: u64 = 200, Count >= 1;
-        /// Uploads received at once, over all addresses.
+        /// Upper bound on the uploads that are received at once, over all addresses.
         uploads: usize = 32, Count >= 0;
-        /// Uploads received at once from one address.
+        /// Upper bound on the uploads that are received at once from one address.
         uploads_each: usize = 8, Count >= 0;
-        /// Time that one upload or JSON body may take.
+        /// Upper bound on the time that one upload or one JSON body takes to arrive.
         upload_time: Duration = Duration::from_mins(15), Time >= 100;
-        /// Lower bound on the rate at which an upload or a JSON body arrives, measured over any `body-window` after
-        /// `body-grace`.
+        /// Lower bound on the rate at which an upload or a JSON body arrives, averaged over any `body-window` that
+        /// follows `body-grace`.
         body_rate: u64 = 16 << 10, Rate >= 0;
-        /// Time over which `body-rate` is measured.
+        /// Time over which the rate of an arriving body is averaged, to compare it with `body-rate`.
         body_window: Duration = Duration::from_secs(30), Time >= 100;
-        /// Time at the beginning of a body in which `body-rate` does not apply.
+        /// Time at the beginning of an upload or a JSON body in which it may arrive more slowly than `body-rate`.
         body_grace: Duration = Duration::from_secs(10), Time >= 0;
-        /// Size of a JSON body.
+        /// Upper bound on the size of the JSON body of one request.
         json_bytes: usize = 64 << 20, Bytes >= 1024;
-        /// Memory for JSON bodies at once, over all addresses.
+        /// Upper bound on the memory for all JSON bodies that are held at once, over all addresses.
         bodies_bytes: usize = 512 << 20, Bytes >= 1024;
-        /// Memory for JSON bodies at once from one address.
+        /// Upper bound on the memory for all JSON bodies that are held at once for one address.
         bodies_bytes_each: usize = 128 << 20, Bytes >= 1024;
     }
     "Answers" {
-        /// Queries running at once, over all addresses, from the request until the last byte of the answer is sent.
+        /// Upper bound on the queries to materials that run at once, over all addresses. A query runs until the last
+        /// byte of its answer is sent.
         queries: usize = 256, Count >= 0;
-        /// Queries running at once from one address; lower than `queries-waiting`, so that other addresses can wait
-        /// beside it.
+        /// Upper bound on the queries to materials that run at once from one address. Below `queries-waiting` it leaves
+        /// room for queries of other addresses to wait.
         queries_each: usize = 32, Count >= 0;
-        /// Queries that wait for a thread at once; further ones get 503.
+        /// Upper bound on the queries to materials that wait for a free thread at once; a further query is refused with
+        /// 503.
         queries_waiting: usize = 64, Count >= 0;
-        /// Directions or pairs in one batch.
+        /// Upper bound on the directions, or pairs of directions, of one request that is asked and answered in JSON.
         batch: usize = 1_000_000, Count >= 1;
-        /// Values in one answer: pairs times wavelengths.
+        /// Upper bound on the values of one answer in JSON: pairs of directions times wavelengths.
         values: usize = 4_000_000, Count >= 1;
-        /// Directions drawn in one streamed answer.
+        /// Upper bound on the directions drawn for one request in JSON whose answer is streamed.
         drawn: usize = 1_000_000_000, Count >= 1;
-        /// Batches answered as streams at once, over all addresses.
+        /// Upper bound on the batches of queries whose answers are streamed at once, over all addresses.
         streams: usize = 16, Count >= 0;
-        /// Batches answered as streams at once to one address.
+        /// Upper bound on the batches of queries whose answers are streamed at once to one address.
         streams_each: usize = 4, Count >= 0;
-        /// Exported files made or sent at once, over all addresses.
+        /// Upper bound on the exported files that are computed or sent at once, over all addresses.
         exports: usize = 4, Count >= 0;
-        /// Exported files made or sent at once to one address; one more than this is computed at the same time.
+        /// Upper bound on the exported files that are computed or sent at once for one address. The service computes
+        /// one file more than this at a time.
         exports_each: usize = 2, Count >= 0;
-        /// Clients that follow a job at once, by its events or with `Prefer: wait`, over all addresses.
+        /// Upper bound on the clients that follow a job at once, over all addresses: through its event stream or with
+        /// `Prefer: wait`.
         followers: usize = 256, Count >= 0;
-        /// Followers from one address; further ones get 429, or with `Prefer: wait` their answer at once.
+        /// Upper bound on the clients from one address that follow a job at once. A further one gets 429, or with
+        /// `Prefer: wait` an answer without waiting.
         followers_each: usize = 32, Count >= 0;
-        /// Memory for whole answers at once until they are sent, over all addresses.
+        /// Upper bound on the memory for answers that are held whole until they are sent, over all addresses.
         answers_bytes: usize = 1 << 30, Bytes >= 1024;
-        /// Memory for whole answers at once until they are sent, to one address.
+        /// Upper bound on the memory for answers that are held whole until they are sent to one address.
         answers_bytes_each: usize = 256 << 20, Bytes >= 1024;
     }
     "Memory" {
-        /// Memory for opened materials that are cached.
+        /// Upper bound on the memory for decoded materials that are kept for further queries.
         opened_bytes: u64 = 512 << 20, Bytes >= 0;
-        /// Memory for small material files that are cached beside the store.
+        /// Upper bound on the memory for the bytes of small material files that are kept for further downloads.
         content_bytes: u64 = 64 << 20, Bytes >= 0;
     }
     "Stopping" {
-        /// Time after SIGTERM in which connections are still accepted and `/readyz` says *stopping*, so that a load
+        /// Time after SIGTERM in which connections are still accepted and `/readyz` answers *stopping*, so that a load
         /// balancer turns to another service. SIGINT skips it.
         notice: Duration = Duration::from_secs(2), Time >= 0;
-        /// Time that running requests and jobs have to end when the service stops; unfinished jobs go back to the
+        /// Time that running requests and jobs have to end when the service stops; jobs that do not end go back to the
         /// queue.
         drain: Duration = Duration::from_secs(7), Time >= 0;
     }

@@ -9,7 +9,7 @@ use crate::projection;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Upper bound on the header fields of a file that are stored with its measurement.
+/// Upper bound on the header fields of one file that are stored with its measurement; further fields are dropped.
 const MAX_FIELDS: usize = 200;
 
 /// Description of an uploaded file as it was parsed, and the reading options that the client stated.
@@ -17,49 +17,49 @@ const MAX_FIELDS: usize = 200;
 pub(crate) struct Understood {
     /// Name of the format.
     pub format: String,
-    /// Revision and flavour of the format.
+    /// Revision and variant of the file format, e.g. LM-63-2002.
     pub dialect: Option<String>,
-    /// Quantity, once it is known.
+    /// Radiometric quantity of the file; null while it is unknown.
     pub quantity: Option<Quantity>,
-    /// Unit of a value, once it is known.
+    /// Unit of the values in the file; null while it is unknown.
     pub unit: Option<Unit>,
-    /// Axes, outermost first.
+    /// Axes on which the file states its values, outermost first.
     pub axes: Vec<DescribedAxis>,
     /// Number of values in the file.
     pub samples: Option<u64>,
-    /// Smallest and largest value.
+    /// Smallest and largest value in the file.
     pub range: Option<[f64; 2]>,
-    /// Extent of the values, and the meaning of directions outside it.
+    /// Range of directions that the file covers, and the value of directions outside it.
     pub coverage: Option<Extent>,
-    /// Angles of the instrument, as far as the file states them.
+    /// Detector aperture and source divergence of the instrument, as far as the file states them.
     #[serde(default)]
     pub instrument: Instrument,
-    /// Everything assumed, filled, skipped or odd, and checks of the values against physics (an albedo above 1,
-    /// reciprocity, negative values, a lobe no wider than the instrument resolves).
+    /// Notes on facts that were assumed, filled in or skipped, and on values that contradict physics (an albedo above
+    /// 1, broken reciprocity, negative values, a lobe no wider than the instrument resolves).
     pub warnings: Vec<Note>,
     /// Header fields of the file.
     pub fields: Vec<HeaderField>,
-    /// Options still needed, here or in the job, before the file can be compressed; empty if none.
+    /// Options still needed, at the upload or in the job, before the file can be compressed; empty if none.
     pub needs: Vec<String>,
-    /// Reading options that the client stated.
+    /// Options for reading the file that the client gave at the upload.
     #[serde(default)]
     pub options: Options,
 }
 
-/// Axis of a file. It has the fields of its kind.
+/// Axis on which a file states its values; the kind of the axis decides which fields are present.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct DescribedAxis {
     /// Kind of the axis.
     pub kind: AxisKind,
-    /// Number of entries.
+    /// Number of entries on the axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub count: Option<usize>,
-    /// First entry.
+    /// First angle or wavelength on the axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub first: Option<f64>,
-    /// Last entry.
+    /// Last angle or wavelength on the axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub last: Option<f64>,
@@ -67,15 +67,15 @@ pub(crate) struct DescribedAxis {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub unit: Option<String>,
-    /// Directions that the triangles cover.
+    /// Part of the sphere of directions that the triangles of the axis cover.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub domain: Option<Domain>,
-    /// Subdivision level of the triangles.
+    /// Subdivision level of the triangles of directions; one level more makes four triangles of each.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub level: Option<u8>,
-    /// Frame of the angles of a grid of directions.
+    /// Coordinate frame of the angles in a grid of directions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub frame: Option<Frame>,
@@ -87,11 +87,11 @@ pub(crate) struct DescribedAxis {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub azimuths: Option<usize>,
-    /// Names of the entries of an index.
+    /// Names of the entries on an axis without geometry, such as the columns of a table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub labels: Option<Vec<String>>,
-    /// Mean distance between neighbouring outgoing directions.
+    /// Mean angle between neighbouring outgoing directions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub spacing: Option<f64>,
@@ -101,13 +101,13 @@ pub(crate) struct DescribedAxis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum AxisKind {
-    /// Triangles of directions.
+    /// Directions as the triangles of a subdivided octahedron.
     Triangles,
-    /// Directions: a grid of angles, or a list.
+    /// Directions on a grid of angles, or a list of scattered directions.
     Directions,
-    /// Outgoing directions of a function.
+    /// Outgoing directions of a BRDF that the file defines as a function, not at fixed directions.
     Outgoing,
-    /// Polar angles of the incoming direction, without azimuths.
+    /// Polar angles of the incoming direction in data that do not depend on its azimuth.
     Elevation,
     /// Polar angles of the incoming direction.
     ThetaI,
@@ -117,25 +117,26 @@ pub(crate) enum AxisKind {
     ThetaO,
     /// Azimuths of the outgoing direction.
     PhiO,
-    /// Wavelengths.
+    /// Wavelengths of the data, in nm.
     Wavelength,
-    /// Entries of any meaning, with or without names.
+    /// Numbered entries of an axis without geometry, such as the columns of a table or scan positions, with or without
+    /// names.
     Index,
     /// The channels red, green and blue.
     Rgb,
 }
 
-/// Extent of the values of a file.
+/// Range of directions that a file covers, with facts on its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Extent {
-    /// Meaning of a sample on triangles.
+    /// Meaning of a value on a triangle of directions: average over the triangle, or value at its centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub sampling: Option<Sampling>,
-    /// Incoming directions.
+    /// Range of the incoming directions in a file.
     #[serde(default)]
     pub incoming: Option<DirectionExtent>,
-    /// Outgoing directions.
+    /// Range of the outgoing directions in a file.
     #[serde(default)]
     pub outgoing: Option<DirectionExtent>,
     /// True if scattered samples do not depend on the azimuth of the incoming direction.
@@ -147,28 +148,28 @@ pub(crate) struct Extent {
     pub stated_uncertainties: bool,
     /// Value that stands for directions outside the measured range: 0, or none.
     pub outside: OutsideValue,
-    /// Number of missing values.
+    /// Number of missing values in a file.
     #[serde(default)]
     pub missing_samples: usize,
 }
 
-/// Extent of directions, in degrees.
+/// Range of directions that a file covers, in degrees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct DirectionExtent {
-    /// First and last polar angle.
+    /// Smallest and largest polar angle that a file covers, in degrees.
     pub theta: [f64; 2],
-    /// Azimuths, if there are any.
+    /// Range of the azimuths in a file; null if it states none.
     pub phi: Option<AzimuthRange>,
 }
 
-/// Extent of azimuths, in degrees.
+/// Range of measured azimuths in degrees, and their continuation to the full circle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct AzimuthRange {
-    /// First azimuth.
+    /// First measured azimuth in degrees.
     pub first: Option<f64>,
-    /// Last azimuth.
+    /// Last measured azimuth in degrees.
     pub last: Option<f64>,
-    /// Continuation to the full circle.
+    /// Continuation of the measured azimuths to the full circle.
     pub extent: ExtentKind,
 }
 
@@ -176,35 +177,36 @@ pub(crate) struct AzimuthRange {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ExtentKind {
-    /// The azimuths go round the full circle.
+    /// The measured azimuths go round the full circle.
     Circle,
-    /// Half of the circle was measured; the other half mirrors it.
+    /// Azimuths from 0° to 180° were measured; the other half of the circle is their mirror image across the plane of
+    /// azimuth 0° and 180°.
     Mirrored,
-    /// Only a sector was measured.
+    /// Only a sector of the circle of azimuths was measured; nothing is known about the rest.
     Sector,
 }
 
-/// Value of directions that were not measured.
+/// Value of directions that a file does not cover.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum OutsideValue {
-    /// 0, as the standard of the format says.
+    /// Directions outside the measured range have the value 0, as the standard of the file format says.
     Zero,
-    /// No value.
+    /// Directions outside the measured range have no value.
     #[default]
     Masked,
 }
 
-/// Header field of a file.
+/// Field in the header of a measurement file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct HeaderField {
-    /// Name of the field.
+    /// Name of the field in the header of the measurement file.
     pub name: String,
-    /// Value of the field.
+    /// Value of the field in the header of the measurement file, as text.
     pub value: String,
 }
 
-/// Describes an acquisition that was read with `options`.
+/// Describes a measurement that was read from a file with `options`.
 pub(crate) fn describe(acquisition: &Acquisition, options: &Options) -> Understood {
     let (mut axes, values, coverage) = match &acquisition.samples {
         Samples::OnAxes { tensor, sampling } => {
@@ -299,7 +301,7 @@ impl DescribedAxis {
         Self { count: Some(count), ..Self::of_kind(kind) }
     }
 
-    /// Adds the first and the last entry, in `unit`.
+    /// Sets the first and the last value of the described axis, and the name `unit` of their unit.
     fn between(self, first: Option<f64>, last: Option<f64>, unit: &str) -> Self {
         Self { first, last, unit: Some(unit.to_owned()), ..self }
     }
@@ -391,7 +393,7 @@ fn direction_extent(angles: &Angles) -> DirectionExtent {
     DirectionExtent { theta: [angles.covers.0, angles.covers.1], phi }
 }
 
-/// Returns the smallest and the largest of the values that are not masked.
+/// Returns the smallest and the largest of the values that are not NaN.
 fn extremes(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     values.into_iter().filter(|v| !v.is_nan()).fold(None, |range, v| match range {
         None => Some((v, v)),

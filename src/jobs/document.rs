@@ -8,43 +8,43 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
-/// Manifest of a material: the report of its compression, in the names of `wavelume compress --json`, and what jobs
-/// said about it.
+/// Description of a material in the service: the report of its compression, its names and licences, and its origin. The
+/// report has the field names of `wavelume compress --json`.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Manifest {
-    /// Report of the compression.
+    /// Report of the compression: sizes and errors.
     #[serde(flatten)]
     pub report: Report,
-    /// Names given by jobs, at most 32, the latest last. Jobs with equal results share a material.
+    /// Names that jobs gave to the material, at most 32, the latest last. Jobs with equal results share a material.
     #[serde(default)]
     pub names: Vec<String>,
-    /// Latest licence given by a job.
+    /// Licence that the latest job with a licence gave to the material.
     pub licence: Option<String>,
-    /// Licences given by jobs, at most 32, the latest last.
+    /// Licences that jobs gave to the material, at most 32, the latest last.
     #[serde(default)]
     pub licences: Vec<String>,
-    /// Origin of the material.
+    /// Provenance of the material: the measurement, options, request and program of the first job that made it.
     pub provenance: Provenance,
 }
 
 /// Measurement, options, request and program of the first job that made a material.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Provenance {
-    /// Name and version of the program.
+    /// Name and version of the program that made the material.
     pub generator: String,
-    /// Id of the measurement.
+    /// Id of the measurement from which the material was made.
     pub measurement: Digest,
     /// Digest of the bytes of the measurement.
     pub content_digest: String,
     /// Options with which the measurement was read.
     #[serde(default)]
     pub options: Options,
-    /// Request of the job.
+    /// Request of the first job that made the material.
     pub request: CompressRequest,
 }
 
 impl Manifest {
-    /// Returns the manifest as the JSON object that the catalog keeps.
+    /// Returns the description of a material as the JSON object that the database keeps.
     pub(crate) fn document(&self) -> Result<Map<String, Value>, serde_json::Error> {
         match serde_json::to_value(self)? {
             Value::Object(document) => Ok(document),
@@ -52,8 +52,8 @@ impl Manifest {
         }
     }
 
-    /// Reads a document of the catalog. Documents from before 2026-11-23 name the errors of the cells `er_l2` and so
-    /// on, and keep those at the samples in an object of their own.
+    /// Parses the description of a material from the database. Documents from before 2026-11-23 keep the errors at
+    /// scattered samples in an object of their own; these errors move to the fields of today.
     pub(crate) fn read(document: &str) -> Result<Self, serde_json::Error> {
         let mut document: Map<String, Value> = serde_json::from_str(document)?;
         if let Some(Value::Object(at_samples)) = document.remove("errors_at_samples") {

@@ -3,11 +3,10 @@
 use super::archive::{Archive, ArchiveError};
 use super::blobs::BlobError;
 use super::config::{Limits, WorkConfig};
-use super::frame::Frame;
+use super::frame::Queued;
 use super::hub::Hub;
 use super::maths::{Maths, MathsError};
 use super::presence::Presence;
-use super::request::JobRequest;
 use super::turns::CLIENT;
 use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, Retried};
 use crate::compress::{Decoded, decode};
@@ -42,7 +41,7 @@ pub(crate) struct Engine {
 /// Reason why a material was not opened.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum OpenError {
-    /// The bytes could not be read.
+    /// The store of uploaded and computed files failed.
     #[error(transparent)]
     Blob(#[from] BlobError),
     /// The computation failed.
@@ -109,18 +108,12 @@ impl Engine {
     /// request.
     pub(crate) async fn enqueue(
         &self,
-        request: &JobRequest,
+        request: &impl Queued,
         idempotency: Option<(String, Digest)>,
     ) -> Result<Enqueued, CatalogError> {
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
-        let frame = match request {
-            JobRequest::Compress(request) => {
-                Frame::Compress { request: serde_json::to_string(request).map_err(|e| refused(e.to_string()))? }
-            }
-            JobRequest::Paper(request) => Frame::Paper { tables: request.numbers().map_err(refused)? },
-        };
-        let frame = frame.encode().map_err(|e| refused(e.to_string()))?;
+        let frame = request.frame().map_err(refused)?;
         let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
         let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
@@ -214,12 +207,12 @@ impl Engine {
         Ok(self.queries.run(move || decode(&bytes).and_then(Decoded::whole)).await?.map_err(EvaluateError::from)?)
     }
 
-    /// Returns the bytes of a material.
+    /// Returns the content of the compressed file of a material.
     pub(crate) async fn bytes(&self, id: Digest) -> Result<bytes::Bytes, OpenError> {
         Ok(self.archive.get(id).await?)
     }
 
-    /// Evicts the opened form of a deleted material.
+    /// Removes a deleted material from the cache of materials that are decoded for queries.
     pub(crate) async fn close_material(&self, id: Digest) {
         self.opened.invalidate(&id).await;
     }

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, broadcast};
 
-/// Notifies workers of new jobs and clients of changes. Other processes are visible only through the catalog.
+/// Notifies workers of new jobs and clients of changes to jobs, within one process. Jobs of other processes are visible
+/// only in the database.
 #[derive(Clone, Debug)]
 pub(crate) struct Hub {
     running: Arc<Mutex<HashMap<String, Arc<Control>>>>,
@@ -23,7 +24,7 @@ pub(crate) struct Following {
     job: String,
 }
 
-/// One running job: it reports progress and receives requests to stop.
+/// Handle of a running job, through which it reports progress and receives requests to stop.
 #[derive(Debug)]
 pub(crate) struct Control {
     job: Arc<str>,
@@ -42,7 +43,7 @@ impl Hub {
         }
     }
 
-    /// Registers a job that starts to run here.
+    /// Registers a job that starts to run in this process.
     pub(crate) fn enter(&self, job: &str) -> Arc<Control> {
         let control = Arc::new(Control {
             job: job.into(),
@@ -55,18 +56,18 @@ impl Hub {
         control
     }
 
-    /// Removes a job that no longer runs here.
+    /// Removes a job that no longer runs in this process.
     pub(crate) fn leave(&self, job: &str) {
         self.running().remove(job);
         self.changed(job);
     }
 
-    /// Returns the progress of a job that runs here.
+    /// Returns the progress (0 to 1) of a job; `None` if the job does not run in this process.
     pub(crate) fn progress(&self, job: &str) -> Option<f64> {
         self.running().get(job).map(|control| control.progress())
     }
 
-    /// Asks a job to stop, if it runs here.
+    /// Asks a job to stop, if it runs in this process.
     pub(crate) fn stop(&self, job: &str) {
         if let Some(control) = self.running().get(job) {
             control.stop();

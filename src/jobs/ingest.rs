@@ -13,36 +13,37 @@ use crate::pipeline::{self, Input, PipelineError};
 use crate::store::{Digest, Staged, StoreError};
 use std::sync::Arc;
 
-/// Statements of a client about the bytes that it uploads.
+/// Names that a client gives with an upload, and options by which the uploaded bytes are to be read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Upload {
-    /// Name of the file.
+    /// Name of the uploaded file.
     pub file_name: Option<String>,
-    /// Name of the measurement.
+    /// Name that the client gives to the measurement.
     pub name: Option<String>,
-    /// Reading options; part of the measurement's identity.
+    /// Options by which the uploaded bytes are to be read, such as the unit of the values. The id of the measurement
+    /// depends on them.
     pub options: Options,
 }
 
 /// Reason why an upload did not become a measurement.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum IngestError {
-    /// A parser refused the bytes.
-    #[error("{0}")]
+    /// A parser refused the uploaded bytes: they are no measurement file, or a damaged one.
+    #[error(transparent)]
     Refused(FormatError),
-    /// The bytes do not fit the client's statements, beyond what a parser checks.
+    /// The upload cannot be stored for a reason that no parser checks, such as the total length of an unpacked archive.
     #[error(transparent)]
     Unfit(#[from] UploadError),
-    /// The referenced measurement is not a spectrum.
+    /// The measurement by whose spectrum the upload is to be multiplied cannot be used for that.
     #[error("spectrum: {0}")]
     Spectrum(#[from] SpectrumError),
-    /// The computation failed.
+    /// The computation that reads and describes the upload failed, or too many others were waiting.
     #[error(transparent)]
     Maths(#[from] MathsError),
-    /// The store of blobs failed.
+    /// The store of uploaded and computed files failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The catalog failed.
+    /// The database of measurements, materials and jobs failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
 }
@@ -51,53 +52,56 @@ pub(crate) enum IngestError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum UploadError {
-    /// The content does not make a measurement.
+    /// The uploaded bytes were read, but do not make a valid measurement.
     #[error(transparent)]
     Content(PipelineError),
-    /// A description that cannot be written as JSON.
+    /// The description of the uploaded measurement (axes, range of values, header) cannot be written as JSON.
     #[error("the description of the measurement cannot be written: {0}")]
     Described(String),
-    /// Files of an archive that together exceed the limit of an upload.
-    #[error("the files of the archive have {found} bytes, expected at most {most}")]
+    /// The files of an uploaded archive together exceed the limit on the length of an upload.
+    #[error("the files of the archive have {found} bytes when unpacked, expected at most {most}")]
     ArchiveLength {
-        /// Decompressed length of the files in bytes.
+        /// Total decompressed length of the archive's files, in bytes.
         found: u64,
-        /// The limit in bytes.
+        /// Upper bound on the total decompressed length of the archive's files, in bytes.
         most: u64,
     },
-    /// An archive in which no file is a measurement.
+    /// No file of the uploaded archive is a measurement.
     #[error("an archive of {} files without a measurement: {}", skipped.len(), first_of(skipped))]
     NoMeasurement {
-        /// Names of the files, each with the reason for which it is not kept.
+        /// Names of the files in the uploaded archive, each with the reason why the service does not store it as a
+        /// measurement.
         skipped: Vec<(String, String)>,
     },
 }
 
-/// Spectra that cannot be joined.
+/// Reasons why an upload cannot be multiplied by the spectrum of a stored measurement.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum SpectrumError {
-    /// No measurement with this identifier.
+    /// The service has no measurement with the identifier that the upload gives for its spectrum.
     #[error("there is no measurement {id}")]
     Missing {
-        /// The identifier.
+        /// Identifier, as the client gave it, of the stored measurement by whose spectrum the upload is to be
+        /// multiplied.
         id: Digest,
     },
-    /// A measurement that was uploaded with reading options.
+    /// The measurement by whose spectrum the upload is to be multiplied was itself uploaded with options for reading,
+    /// which the multiplication does not apply.
     #[error("measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without")]
     WithOptions {
-        /// Identifier of the measurement.
+        /// Identifier of the stored measurement by whose spectrum the upload is to be multiplied.
         id: Digest,
     },
-    /// A measurement that was deleted while the upload was read.
-    #[error("it was deleted meanwhile")]
+    /// The measurement by whose spectrum the upload is to be multiplied was deleted while the upload was read.
+    #[error("the measurement was deleted while the upload was read")]
     Deleted,
-    /// Content that is not a spectrum.
+    /// The stored measurement by which the upload is to be multiplied does not contain a spectrum.
     #[error(transparent)]
     Content(FormatError),
 }
 
-/// Formats the first few names with their reasons.
+/// Formats the names of the first few files of an archive, each with the reason why it is not stored as a measurement.
 fn first_of(skipped: &[(String, String)]) -> String {
     const SHOWN: usize = 5;
     let reasons: Vec<String> = skipped.iter().take(SHOWN).map(|(name, reason)| format!("{name}: {reason}")).collect();
@@ -114,8 +118,8 @@ impl From<BlobError> for IngestError {
 }
 
 impl Engine {
-    /// Makes a measurement of staged bytes. Returns the row, and true if it is new. A refused upload leaves nothing
-    /// behind.
+    /// Stores an uploaded file, held as a temporary file so far, as a measurement. Returns its row in the catalog, and
+    /// true if it is new. A refused upload leaves nothing behind.
     pub(crate) async fn ingest(
         self: &Arc<Self>,
         staged: Staged,
@@ -223,7 +227,8 @@ mod tests {
             position: None,
             message: "no axes".to_owned(),
         };
-        let said = Options { quantity: Some(Quantity::Brdf.into()), ..Options::default() };
+        let quantity = Some(Quantity::Brdf.into());
+        let said = Options::from(crate::formats::Interpretation { quantity, ..Default::default() });
         assert!(can_wait(&needs("npy"), &said) && can_wait(&needs("csv"), &Options::default()));
         assert!(!can_wait(&needs("csv"), &said));
         let broken = FormatError { kind: FormatErrorKind::Malformed, ..needs("npy") };

@@ -7,22 +7,22 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Semaphore, oneshot};
 
-/// A bounded pool for work that must not run on the threads of the async runtime.
+/// Thread pool with a bounded queue, for computations that must not block the threads of the asynchronous runtime.
 #[derive(Clone, Debug)]
 pub(crate) struct Maths {
     pool: Arc<ThreadPool>,
-    /// Turns to compute, assigned client by client.
+    /// Permits for work to run on the thread pool, handed to waiting clients in rotation.
     running: Turns,
-    /// Permits to compute or to wait for a turn.
+    /// Permits for work on the thread pool, running or waiting to run. Without a free permit, further work is refused.
     admitted: Arc<Semaphore>,
     patience: Duration,
 }
 
-/// Reason why a computation gave no result.
+/// Reason why work on a thread pool, such as a query or a compression, gave no result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum MathsError {
-    /// Too much other work is waiting.
-    #[error("too much work is waiting")]
+    /// Too much other work is waiting for the thread pool already.
+    #[error("too many computations are waiting already; try again later")]
     Busy,
     /// The work panicked: a bug of the service.
     #[error("the computation panicked: {0}")]
@@ -30,8 +30,8 @@ pub(crate) enum MathsError {
 }
 
 impl Maths {
-    /// Creates a pool of `threads` threads (0: one per core). It runs `at_once` pieces of work (0: one per thread),
-    /// while `waiting` more may wait for up to `patience`.
+    /// Creates a pool of `threads` threads (0: one per core). It runs `at_once` computations at a time (0: one per
+    /// thread), and `waiting` more may wait for up to `patience`.
     pub(crate) fn new(
         name: &'static str,
         threads: usize,
@@ -49,7 +49,8 @@ impl Maths {
         })
     }
 
-    /// Runs `work` on the pool. If the caller goes away, the work still ends, and keeps its place until then.
+    /// Runs `work` on the thread pool. If the caller stops waiting, the work still runs to its end and counts as
+    /// running until then.
     pub(crate) async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -59,8 +60,8 @@ impl Maths {
         self.spawn((turn, admission), work).await
     }
 
-    /// Runs `work` on the pool when its turn comes, without a time limit: for callers that bound the waiting work
-    /// themselves. The caller must keep polling, because a turn that has come is held until it is taken.
+    /// Runs `work` on the thread pool when its turn comes, without a time limit: for callers that bound the waiting
+    /// work themselves. The caller must keep polling, because a turn that has come is held until it is taken.
     pub(crate) async fn run_in_turn<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -69,7 +70,7 @@ impl Maths {
         self.spawn(turn, work).await
     }
 
-    /// Runs `work` and holds `place` until it ends.
+    /// Runs `work` on the thread pool, and holds the permit `place` until the work ends.
     async fn spawn<T: Send + 'static>(
         &self,
         place: impl Send + 'static,

@@ -1,81 +1,193 @@
 //! Options for reading the bytes of a measurement, and the identity that they give it.
 
-use crate::domain::Unit;
-use crate::formats::{ArrayManifest, Interpretation, Normalization, StatedQuantity};
+use super::text::{Text, check_text};
+use crate::domain::{Declared, Values, schema_of, values_of};
+use crate::formats::{ArrayManifest, Interpretation, StatedQuantity};
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use utoipa::ToSchema;
+use utoipa::openapi::schema::{AdditionalProperties, ObjectBuilder, OneOfBuilder, Schema, Type};
+use utoipa::openapi::{Ref, RefOr};
+use utoipa::{PartialSchema, ToSchema};
+
+/// Option that no upload takes: each file of an archive becomes a measurement.
+const NOT_UPLOADED: &str = "member";
+/// Option that an upload has from the manifest beside an array in an archive.
+const UNPACKED: &str = "axes";
+/// Options that a job may state when the upload did not.
+const LATER: [&str; 2] = ["axes", "quantity"];
 
 /// Options for reading the bytes of a measurement; kept in its document. An option unknown to this version is an error:
 /// bytes read without it would be read wrongly.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-#[schema(as = ReadingOptions)]
 pub(crate) struct Options {
-    /// The measurement whose content is the spectrum to join.
+    /// Measurement whose content is the spectrum to join.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
-    /// Quantity, if the file does not state it; reflectance factors are divided by π.
+    /// Options of the parsers.
+    #[serde(flatten)]
+    stated: Interpretation,
+}
+
+/// Reading options of a job, which replace those of the upload.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct LaterOptions {
+    /// See [`Interpretation::axes`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<StatedQuantity>,
-    /// The unit of a value.
+    axes: Option<serde_json::Value>,
+    /// See [`Interpretation::quantity`].
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub unit: Option<Unit>,
-    /// The unit of wavelengths.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wavelength_unit: Option<String>,
-    /// The column of a table.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub column: Option<String>,
-    /// Integral of the values of a phase table over the sphere.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normalization: Option<Normalization>,
-    /// The axes of an array, from the manifest beside it in an archive.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<ArrayManifest>)]
-    pub axes: Option<serde_json::Value>,
+    quantity: Option<StatedQuantity>,
+}
+
+impl From<Interpretation> for Options {
+    fn from(stated: Interpretation) -> Self {
+        Self { spectrum: None, stated }
+    }
+}
+
+impl LaterOptions {
+    /// Replaces the options that the job states.
+    pub(super) fn replace(self, stated: Interpretation) -> Interpretation {
+        let (axes, quantity) = (self.axes.or(stated.axes), self.quantity.or(stated.quantity));
+        Interpretation { axes, quantity, ..stated }
+    }
 }
 
 impl Options {
+    /// Returns the options that a client may state with an upload.
+    pub(crate) fn of_upload() -> impl Iterator<Item = &'static Declared> {
+        of_measurement().filter(|declared| declared.name != UNPACKED)
+    }
+
+    /// Reads the options of an upload from their names and values as text. The error names the option.
+    pub(crate) fn read(texts: &[(&'static Declared, String)]) -> Result<Self, String> {
+        let mut stated = serde_json::Map::new();
+        for (declared, text) in texts {
+            if matches!(declared.values, Values::Text { .. }) {
+                check_text(declared.name, text)?;
+            }
+            let value =
+                declared.read(text).map_err(|expected| format!("{}: found `{text}`, {expected}", declared.name));
+            stated.insert(declared.name.to_owned(), value?);
+        }
+        serde_json::from_value(stated.into()).map_err(|error| error.to_string())
+    }
+
+    /// Replaces the axes by those of the manifest beside an array.
+    pub(super) fn with_axes(&self, axes: Option<serde_json::Value>) -> Self {
+        Self { spectrum: self.spectrum, stated: Interpretation { axes, ..self.stated.clone() } }
+    }
+
     /// Returns true if no option is stated.
     pub(super) fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Returns the options as the parsers take them.
+    /// Returns the reading options in the form that the file readers take.
     pub(crate) fn interpretation(&self) -> Interpretation {
-        Interpretation {
-            quantity: self.quantity,
-            unit: self.unit,
-            wavelength_unit: self.wavelength_unit.clone(),
-            column: self.column.clone(),
-            normalization: self.normalization,
-            member: None,
-            axes: self.axes.clone(),
-            wavelengths: None,
-        }
+        self.stated.clone()
     }
 
-    /// Returns the identity of `content` read with these options. Without options it is the content's digest. Otherwise
-    /// it is the digest of `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order,
+    /// Returns the id of a measurement: the digest of its bytes, `content`, if it has no reading options. Otherwise it
+    /// is the digest of `{"content":"b3-…","options":{…}}`: JSON without white space, keys in alphabetical order,
     /// values as text.
     pub(crate) fn identity(&self, content: Digest) -> Digest {
         if self.is_default() {
             return content;
         }
         let mut options = BTreeMap::new();
-        options.extend(self.spectrum.map(|v| ("spectrum", v.to_string())));
-        options.extend(self.quantity.map(|v| ("quantity", v.name().to_owned())));
-        options.extend(self.unit.map(|v| ("unit", v.name().to_owned())));
-        options.extend(self.wavelength_unit.clone().map(|v| ("wavelength_unit", v)));
-        options.extend(self.column.clone().map(|v| ("column", v)));
-        options.extend(self.normalization.map(|v| ("normalization", v.name().to_owned())));
-        options.extend(self.axes.as_ref().map(|v| ("axes", v.to_string())));
+        options.extend(self.spectrum.map(|id| (Interpretation::SPECTRUM.name, id.to_string())));
+        options.extend(self.stated.stated().into_iter().map(|(name, value)| (name, value.to_string())));
         let quoted = |text: &str| serde_json::Value::from(text).to_string();
         let listed: Vec<String> =
             options.iter().map(|(key, value)| format!("{}:{}", quoted(key), quoted(value))).collect();
         Digest::of(format!("{{\"content\":\"{content}\",\"options\":{{{}}}}}", listed.join(",")).as_bytes())
+    }
+}
+
+/// Returns the options with which a measurement may have been read.
+fn of_measurement() -> impl Iterator<Item = &'static Declared> {
+    Interpretation::OPTIONS.iter().filter(|declared| declared.name != NOT_UPLOADED)
+}
+
+/// Describes an option as a parameter of a query.
+pub(crate) fn parameter_of(declared: &Declared) -> RefOr<Schema> {
+    if let Some(name) = named_schema(declared) {
+        return Ref::from_schema_name(name).into();
+    }
+    // The parameter has the help text.
+    let mut values = values_of(declared);
+    values.description = None;
+    Schema::from(values).into()
+}
+
+/// Describes an option as a property, which may be null.
+fn property_of(declared: &Declared) -> RefOr<Schema> {
+    let Some(name) = named_schema(declared) else { return schema_of(declared).into() };
+    let described = Ref::builder().ref_location_from_schema_name(name).description(Some(declared.help.trim()));
+    let nothing = ObjectBuilder::new().schema_type(Type::Null);
+    Schema::from(OneOfBuilder::new().item(described.build()).item(nothing).build()).into()
+}
+
+/// Returns the name of the schema of a value that has one.
+fn named_schema(declared: &Declared) -> Option<Cow<'static, str>> {
+    match declared.values {
+        Values::Name { .. } => {
+            let mut fields = Interpretation::schemas().into_iter();
+            fields.find(|(option, ..)| *option == declared.name).map(|(_, name, _)| name)
+        }
+        Values::Text { .. } => Some(Text::name()),
+        Values::File { .. } => Some(Digest::name()),
+        Values::Document { .. } => Some(ArrayManifest::name()),
+        _ => None,
+    }
+}
+
+/// Describes an object with these options.
+fn object<'a>(description: &str, options: impl Iterator<Item = &'a Declared>) -> RefOr<Schema> {
+    let object = ObjectBuilder::new().description(Some(description));
+    let object = options.fold(object, |object, declared| object.property(declared.name, property_of(declared)));
+    Schema::from(object.additional_properties(Some(AdditionalProperties::FreeForm(false))).build()).into()
+}
+
+fn push_schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+    schemas.push((Text::name().into_owned(), Text::schema()));
+    schemas.push((Digest::name().into_owned(), Digest::schema()));
+    schemas.push((ArrayManifest::name().into_owned(), ArrayManifest::schema()));
+    ArrayManifest::schemas(schemas);
+    schemas.extend(Interpretation::schemas().into_iter().map(|(_, name, schema)| (name.into_owned(), schema)));
+}
+
+impl PartialSchema for Options {
+    fn schema() -> RefOr<Schema> {
+        object("Options with which the bytes of a measurement are read.", of_measurement())
+    }
+}
+
+impl ToSchema for Options {
+    fn name() -> Cow<'static, str> {
+        "ReadingOptions".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        push_schemas(schemas);
+    }
+}
+
+impl PartialSchema for LaterOptions {
+    fn schema() -> RefOr<Schema> {
+        let options = Interpretation::OPTIONS.iter().filter(|declared| LATER.contains(&declared.name));
+        object("Reading options of a job, which replace those of the upload.", options)
+    }
+}
+
+impl ToSchema for LaterOptions {
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        push_schemas(schemas);
     }
 }
 
@@ -89,13 +201,37 @@ mod tests {
         let content = Digest::of(b"table");
         let none = Options::default();
         assert_eq!(none.identity(content), content);
-        let column = Options { column: Some("light \"skin\"".to_owned()), ..none.clone() };
-        let both = Options { quantity: Some(Quantity::Reflectance.into()), ..column.clone() };
+        let stated = Interpretation { column: Some("light \"skin\"".to_owned()), ..Interpretation::default() };
+        let column = Options::from(stated.clone());
+        let both = Options::from(Interpretation { quantity: Some(Quantity::Reflectance.into()), ..stated });
         let text = format!(
             "{{\"content\":\"{content}\",\"options\":{{\"column\":\"light \\\"skin\\\"\",\"quantity\":\"reflectance\"}}}}"
         );
         assert_eq!(both.identity(content), Digest::of(text.as_bytes()));
         assert_ne!(column.identity(content), both.identity(content));
         assert_ne!(column.identity(content), content);
+    }
+
+    #[test]
+    fn every_option_changes_the_identity_as_it_did() {
+        let content = Digest::of(b"table");
+        let text = |name: &str| match name {
+            "spectrum" => content.to_string(),
+            "quantity" => "brdf".to_owned(),
+            "unit" => "1/sr".to_owned(),
+            "normalization" => "4pi".to_owned(),
+            name => format!("the {name}"),
+        };
+        let texts: Vec<_> = Options::of_upload().map(|declared| (declared, text(declared.name))).collect();
+        let options = Options::read(&texts).unwrap().with_axes(Some(serde_json::json!({ "axes": ["index", 2] })));
+        let all = format!(
+            "{{\"content\":\"{content}\",\"options\":{{\"axes\":\"{{\\\"axes\\\":[\\\"index\\\",2]}}\",\
+             \"column\":\"the column\",\"normalization\":\"4pi\",\"quantity\":\"brdf\",\"spectrum\":\"{content}\",\
+             \"unit\":\"1/sr\",\"wavelength_unit\":\"the wavelength_unit\"}}}}"
+        );
+        assert_eq!(options.identity(content), Digest::of(all.as_bytes()));
+        let document = serde_json::to_string(&options).unwrap();
+        assert_eq!(serde_json::from_str::<Options>(&document).unwrap(), options);
+        assert!(serde_json::from_str::<Options>("{\"colour\":1}").is_err());
     }
 }

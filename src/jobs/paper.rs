@@ -4,13 +4,73 @@ use super::attempt::{Failure, Made, last, publish};
 use super::engine::Engine;
 use super::hub::Control;
 use super::problem::Code;
+use super::request::RequestError;
+use super::work::Work;
 use crate::catalog::Ended;
 use crate::domain::Progress;
-use crate::paper::{self, PaperError, Table};
+use crate::paper::{self, PaperError, TABLES, Table};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use utoipa::ToSchema;
 
-/// Runs one attempt and publishes the report.
-pub(crate) async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
+/// Kind of a request for the paper's tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum PaperKind {
+    /// Recomputation of the tables of the paper.
+    Paper,
+}
+
+/// Request to recompute tables of the paper, beside the printed figures.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PaperRequest {
+    /// Always `paper`.
+    pub kind: PaperKind,
+    /// Table numbers, 1 to 7, each once, in the desired order. Default: all tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
+    pub tables: Option<Vec<i64>>,
+}
+
+impl PaperRequest {
+    /// Returns the numbers of the tables. The error describes the fault in them.
+    fn numbers(&self) -> Result<Vec<u8>, String> {
+        let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
+        if wanted.is_empty() {
+            return Err("tables: none, expected some of 1 to 7, or no `tables` for all".to_owned());
+        }
+        let mut numbers = Vec::new();
+        for &wanted in wanted {
+            let known = TABLES.into_iter().find(|&number| i64::from(number) == wanted);
+            let number = known.ok_or_else(|| format!("tables: found {wanted}, expected 1 to 7"))?;
+            if numbers.contains(&number) {
+                return Err(format!("tables: {number} twice, expected each once"));
+            }
+            numbers.push(number);
+        }
+        Ok(numbers)
+    }
+}
+
+impl Work for PaperRequest {
+    type Arguments = Vec<u8>;
+
+    fn check(&self) -> Result<(), RequestError> {
+        self.numbers().map(|_| ()).map_err(RequestError::Text)
+    }
+
+    fn arguments(&self) -> Result<Vec<u8>, String> {
+        self.numbers()
+    }
+
+    async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
+        run(engine, tables, control).await
+    }
+}
+
+/// Runs one attempt at a job that recomputes tables of the paper, and stores the report.
+async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
     let control = Arc::clone(control);
     let tables = engine.background.run(move || make(&tables, &*control)).await??;
     let mut bytes = serde_json::to_vec(&tables).map_err(|e| last(Code::Internal, e))?;
@@ -30,7 +90,8 @@ fn make(numbers: &[u8], progress: &dyn Progress) -> Result<Vec<Table>, PaperErro
     numbers.iter().enumerate().map(make).collect()
 }
 
-/// One table's part of the whole progress.
+/// Progress of one table, in a job that reproduces several tables of the paper by Claustres et al. (2006): reported as
+/// a part of the job's progress.
 struct Part<'a> {
     whole: &'a dyn Progress,
     start: f64,
@@ -64,7 +125,8 @@ mod tests {
     use crate::domain::Cancelled;
     use std::sync::Mutex;
 
-    /// Requests a stop once the progress has reached this fraction.
+    /// Receiver of progress for tests: records each reported fraction of the work, and asks the work to stop once a
+    /// given fraction is reached.
     struct Until(f64, Mutex<Vec<f64>>);
 
     impl Progress for Until {
@@ -74,6 +136,22 @@ mod tests {
 
         fn is_cancelled(&self) -> bool {
             self.1.lock().unwrap().last().is_some_and(|fraction| *fraction >= self.0)
+        }
+    }
+
+    #[test]
+    fn tables_are_all_or_those_asked_for() {
+        let numbers = |extra: &str| {
+            let text = format!("{{\"kind\":\"paper\"{extra}}}");
+            serde_json::from_str::<PaperRequest>(&text).unwrap().numbers()
+        };
+        assert_eq!(numbers(""), Ok(TABLES.to_vec()));
+        assert_eq!(numbers(",\"tables\":[3,1]"), Ok(vec![3, 1]));
+        for (bad, reason) in
+            [("", "none"), ("0", "found 0"), ("-1", "found -1"), ("1,300", "found 300"), ("2,2", "2 twice")]
+        {
+            let refusal = numbers(&format!(",\"tables\":[{bad}]")).unwrap_err();
+            assert!(refusal.contains(reason), "{refusal}");
         }
     }
 

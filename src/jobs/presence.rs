@@ -7,7 +7,8 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A live worker. Dropping it, or the end of the process, releases the lock.
+/// Sign of life of a worker: a locked file in the data directory. Dropping it, or the end of the process, releases the
+/// lock.
 #[derive(Debug)]
 pub(crate) struct Presence {
     id: String,
@@ -17,7 +18,7 @@ pub(crate) struct Presence {
 }
 
 impl Presence {
-    /// Registers this worker in the directory. Blocking.
+    /// Creates and locks the file in `directory` that shows that this worker is alive. Blocks on disk access.
     pub(crate) fn enter(directory: &Path) -> io::Result<Self> {
         fs::create_dir_all(directory)?;
         let id = format!("{}-{}", boot(), uuid::Uuid::now_v7().simple());
@@ -30,12 +31,13 @@ impl Presence {
         Ok(Self { id, directory: directory.to_owned(), path, _lock: file })
     }
 
-    /// Returns the id of this worker, which leases carry.
+    /// Returns the id of this worker, which is written to each job that it runs.
     pub(crate) fn id(&self) -> &str {
         &self.id
     }
 
-    /// Returns the workers that died without removing their file. Blocking.
+    /// Returns the ids of the workers whose process ended without removing the lock file that shows that they are
+    /// alive. Blocks on disk access.
     pub(crate) fn gone(&self) -> io::Result<Vec<String>> {
         let mut gone = Vec::new();
         for entry in fs::read_dir(&self.directory)? {
@@ -55,7 +57,7 @@ impl Presence {
         Ok(gone)
     }
 
-    /// Removes the files of workers whose jobs were taken back. Blocking.
+    /// Removes the files of dead workers, after their jobs went back to the queue. Blocks on disk access.
     pub(crate) fn forget(&self, gone: &[String]) {
         for name in gone {
             // Another process may have been faster.

@@ -2,26 +2,27 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Reason why a job made nothing.
+/// Reason why a job failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct JobProblem {
-    /// Stable kind of the reason.
+    /// Kind of the reason why a job failed, a code that programs can rely on.
     pub code: Code,
-    /// One sentence for the user.
+    /// Reason why the job failed, in one sentence for the user.
     pub detail: String,
 }
 
-/// Kinds of reasons.
+/// Kinds of reasons why a job failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Code {
-    /// The measurement (or its spectrum) was refused.
+    /// The measurement to be compressed, or the spectrum by which a measured luminaire is to be multiplied, cannot be
+    /// read.
     UnreadableMeasurement,
-    /// The measurement cannot be put on the requested axes.
+    /// The measurement cannot be resampled to the requested axes.
     UnfitAxes,
-    /// A setting is out of its range.
+    /// An option of the compression is out of its range.
     BadSetting,
-    /// No file meets the target.
+    /// No compressed file can keep the promised error or size.
     UnreachableTarget,
     /// Stored bytes do not match their digest.
     Corrupt,
@@ -38,12 +39,12 @@ impl JobProblem {
         Self { code, detail: detail.into() }
     }
 
-    /// Encodes the problem as stored with the job.
+    /// Encodes the reason of a failure as the JSON text that is stored with the job.
     pub(crate) fn to_json(&self) -> String {
         serde_json::json!({ "code": self.code, "detail": self.detail }).to_string()
     }
 
-    /// Decodes a stored problem.
+    /// Decodes the reason of a failure from the JSON text that is stored with a job.
     pub(crate) fn from_json(text: &str) -> Self {
         serde_json::from_str(text).unwrap_or_else(|_| Self::new(Code::Internal, "the reason was lost"))
     }

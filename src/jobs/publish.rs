@@ -1,4 +1,5 @@
-//! Bytes published until a row names them, and published again if that takes too long.
+//! Files stored and protected from removal (*pinned*) until a database row refers to them, and stored again if the
+//! protection expires first.
 
 use super::archive::Archive;
 use super::blobs::BlobError;
@@ -34,7 +35,7 @@ impl Published {
         Ok(Self { staged, claim, times: 1 })
     }
 
-    /// Digest of the bytes.
+    /// BLAKE3 digest of the stored file's content.
     pub(super) fn digest(&self) -> Digest {
         self.staged.digest()
     }
@@ -120,8 +121,8 @@ pub(super) mod tests {
     }
 
     impl Late {
-        /// Builds an engine over a new directory with such a store. Also returns the number of delays that are still to
-        /// come.
+        /// Opens the service's job engine for a test, on a new data directory. Each of the first `times` files is
+        /// removed from its store as soon as it is stored. Also returns the counter of the removals still to come.
         pub(crate) async fn engine(times: u32) -> (Arc<Engine>, Arc<AtomicU32>, tempfile::TempDir) {
             let data = tempfile::tempdir().unwrap();
             let mut engine = Engine::open(&WorkConfig::new(data.path())).await.unwrap();
@@ -174,7 +175,8 @@ pub(super) mod tests {
     pub(crate) const SPECTRUM: &[u8] = b"wavelength,a\n400,1\n410,2\n420,3\n430,2\n440,1\n";
 
     pub(crate) fn upload() -> Upload {
-        let options = Options { quantity: Some(crate::domain::Quantity::Spectrum.into()), ..Options::default() };
+        let quantity = Some(crate::domain::Quantity::Spectrum.into());
+        let options = Options::from(crate::formats::Interpretation { quantity, ..Default::default() });
         Upload { file_name: None, name: None, options }
     }
 
@@ -228,7 +230,8 @@ pub(super) mod tests {
         assert_eq!(archive.check().await.unwrap().faults, []);
     }
 
-    /// Publishes, names, reads and deletes one of three contents that others use too, over and over.
+    /// Stores a small file, adds, reads and deletes a measurement that refers to it, and repeats this 15 times. Test
+    /// tasks that run at the same time store files with the same three contents.
     async fn publisher(archive: Archive, number: u64) -> (u64, u64) {
         let (mut named, mut late) = (0, 0);
         for round in 0..15 {

@@ -6,10 +6,10 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// Upper bound in characters on a name, file name, licence or tag.
 const MAX_TEXT: usize = 200;
-/// Texts without control characters, as a regular expression.
+/// Regular expression of texts without control characters.
 const PATTERN: &str = r"^[^\x00-\x1f\x7f-\x9f]*$";
 
-/// Schema of a text that [`check_text`] accepts.
+/// Schema, in the OpenAPI description, of a text that a user chooses: 1 to 200 characters, no control characters.
 #[derive(Debug)]
 pub(crate) struct Text;
 

@@ -6,11 +6,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
 tokio::task_local! {
-    /// Client that the running task works for; all tasks without one count as one client.
+    /// Address of the client that the running task works for; all tasks without a client count as one client.
     pub(crate) static CLIENT: IpAddr;
 }
 
-/// A number of turns. Waiting clients are served in rotation, the requests of each client in their order.
+/// Permits to use a scarce resource. Waiting clients get one in rotation; the requests of one client are served in
+/// order of arrival.
 #[derive(Clone, Debug)]
 pub(super) struct Turns {
     shared: Arc<Mutex<Waiting>>,
@@ -19,15 +20,15 @@ pub(super) struct Turns {
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// Waiting clients, the next one first; each has an entry in `queues`.
+    /// Addresses of the waiting clients, the next one first; each has an entry in `queues`.
     order: VecDeque<IpAddr>,
     queues: HashMap<IpAddr, VecDeque<oneshot::Sender<Turn>>>,
 }
 
-/// One turn, passed on when dropped.
+/// Permit to use a scarce resource; dropping it passes it to the next waiting request.
 #[derive(Debug)]
 pub(super) struct Turn {
-    /// `None` once the turn was passed to another request.
+    /// Source of this permit; `None` once the permit was passed to another request.
     turns: Option<Turns>,
 }
 
@@ -36,7 +37,7 @@ impl Turns {
         Self { shared: Arc::new(Mutex::new(Waiting { free: count, order: VecDeque::new(), queues: HashMap::new() })) }
     }
 
-    /// Waits for a turn of the running task's client.
+    /// Waits for a permit, on behalf of the client of the running task.
     pub(super) async fn take(&self) -> Turn {
         let client = CLIENT.try_with(|client| *client).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
         let receive = {
@@ -62,7 +63,7 @@ impl Turns {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the request whose turn is next. Frees the turn if there is none.
+    /// Returns the waiting request that gets the next permit. If none is waiting, the permit becomes free.
     fn next(&self) -> Option<oneshot::Sender<Turn>> {
         let mut waiting = self.waiting();
         while let Some(client) = waiting.order.pop_front() {

@@ -5,17 +5,17 @@ use std::time::Duration;
 /// Unit of a setting, which decides how its text is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unit {
-    /// A plain number.
+    /// A number without a unit.
     Count,
-    /// Bytes: `4096`, `64KiB`, `256MiB`, `1GiB`.
+    /// A size in bytes: `4096`, `64KiB`, `256MiB`, `1GiB`.
     Bytes,
-    /// Bytes per second, written like bytes.
+    /// A rate in bytes per second, written like a size in bytes.
     Rate,
     /// A time: `500ms`, `30s`, `15min`, `1h`; a number alone counts seconds.
     Time,
 }
 
-/// Suffixes of bytes, largest first.
+/// Suffixes of sizes, each with the number of bytes that it stands for.
 const BYTES: [(&str, u64); 7] = [
     ("GiB", 1 << 30),
     ("MiB", 1 << 20),
@@ -26,7 +26,8 @@ const BYTES: [(&str, u64); 7] = [
     ("B", 1),
 ];
 
-/// Suffixes of times in milliseconds; `ms` stands before `s`, which it ends with.
+/// Suffixes of times, each with its length in milliseconds. `ms` stands before `s`, so that `5ms` is not read as
+/// seconds.
 const TIMES: [(&str, u64); 4] = [("ms", 1), ("min", 60_000), ("h", 3_600_000), ("s", 1000)];
 
 impl Unit {
@@ -43,7 +44,7 @@ impl Unit {
         digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse::<u64>().ok())??.checked_mul(factor)
     }
 
-    /// Text that [`Setting::parse`](super::Setting::parse) reads as `value`.
+    /// Formats the value of a setting as text that [`Setting::parse`](super::Setting::parse) reads back: `4KiB`, `30s`.
     pub(crate) fn show(self, value: u64) -> String {
         let largest = |suffixes: &[(&str, u64)]| {
             let fits = suffixes.iter().find(|(_, factor)| value >= *factor && value.is_multiple_of(*factor));
@@ -56,7 +57,7 @@ impl Unit {
         }
     }
 
-    /// Placeholder of a value in help.
+    /// Returns the placeholder of a value in help texts: `N`, `BYTES`, `BYTES/S` or `TIME`.
     pub(crate) fn placeholder(self) -> &'static str {
         match self {
             Self::Count => "N",
@@ -76,7 +77,7 @@ impl Unit {
     }
 }
 
-/// Conversion between a field and the number that settings carry.
+/// Conversion between the type of a configuration field and the integer of a setting; times are in milliseconds.
 pub(super) trait Value: Sized {
     fn from_number(number: u64) -> Option<Self>;
     fn number(&self) -> u64;

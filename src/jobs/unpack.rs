@@ -2,7 +2,6 @@
 
 use super::engine::Engine;
 use super::ingest::{IngestError, Upload, UploadError};
-use super::options::Options;
 use crate::catalog::MeasurementRow;
 use crate::formats::{Archive, FormatError, is_archive};
 use crate::store::{Staged, StoreError};
@@ -10,21 +9,21 @@ use std::fs::File;
 use std::io::Read;
 use std::sync::Arc;
 
-/// Outcome of an upload.
+/// Outcome of an upload: one measurement, or several from an archive.
 #[derive(Debug)]
 pub(crate) enum Ingested {
-    /// One measurement, and true if it is new.
+    /// One measurement from a file that is no archive; true if this upload stored it, false if it was stored before.
     One(MeasurementRow, bool),
-    /// An archive: its measurements, and its other files with the reason.
+    /// Measurements made from the files of an uploaded archive, and the names of the files that were refused.
     Several {
-        /// Measurements sorted by file name, each with true if it is new.
+        /// Measurements sorted by file name, each with true if this upload stored it, or false if it was stored before.
         items: Vec<(MeasurementRow, bool)>,
-        /// Names of the other files, each with the reason.
+        /// Names of the refused files of the archive, each with the reason why it did not become a measurement.
         skipped: Vec<(String, String)>,
     },
 }
 
-/// A file of an archive, staged.
+/// File of an uploaded archive, unpacked to a temporary file.
 struct Unpacked {
     name: String,
     staged: Staged,
@@ -33,7 +32,8 @@ struct Unpacked {
 }
 
 impl Engine {
-    /// Makes a measurement of staged bytes, or one for each file of a zip archive; the archive itself is not kept.
+    /// Stores an uploaded file as a measurement, or each file of an uploaded zip archive as one; the archive itself is
+    /// not kept.
     pub(crate) async fn ingest_any(self: &Arc<Self>, staged: Staged, upload: Upload) -> Result<Ingested, IngestError> {
         let (staged, files) = self.unpack(staged).await?;
         let Some(files) = files else {
@@ -52,7 +52,7 @@ impl Engine {
             let one = Upload {
                 name: upload.name.as_ref().map(|all| format!("{all}: {name}")),
                 file_name: Some(name.clone()),
-                options: Options { axes, ..upload.options.clone() },
+                options: upload.options.with_axes(axes),
             };
             match self.ingest(staged, one).await {
                 Ok(item) => items.push(item),

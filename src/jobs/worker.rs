@@ -2,12 +2,11 @@
 
 use super::archive::ArchiveError;
 use super::attempt::{Failure, Made};
-use super::compress;
 use super::config::WorkConfig;
 use super::engine::Engine;
-use super::frame::{Frame, FrameError};
+use super::frame::FrameError;
 use super::hub::Control;
-use super::paper;
+use super::kinds::Frame;
 use super::problem::{Code, JobProblem};
 use super::publish::Published;
 use super::watcher::listening;
@@ -88,8 +87,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
         let (engine, job, control) = (Arc::clone(engine), job.clone(), Arc::clone(&control));
         async move {
             match Frame::decode(&job.frame) {
-                Ok(Frame::Compress { request }) => compress::run(&engine, &request, &control).await,
-                Ok(Frame::Paper { tables }) => paper::run(&engine, tables, &control).await,
+                Ok(frame) => frame.run(&engine, &control).await,
                 Err(error @ FrameError::Newer(_)) => Err(Failure::Newer(error.to_string())),
                 Err(error) => Err(Failure::Final(JobProblem::new(Code::Internal, error.to_string()))),
             }
@@ -325,7 +323,7 @@ mod tests {
     use crate::jobs::request::CompressRequest;
     use serde_json::json;
 
-    /// Claims the only job and runs one attempt at it.
+    /// Takes the only waiting job from the queue of a test service and tries once to run it; returns the job.
     async fn attempted(engine: &Arc<Engine>) -> Claimed {
         let job = engine.claim().await.unwrap().expect("a job waits");
         attempt(engine, &job, &CancellationToken::new()).await;

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Reasons why a file cannot be opened as a material.
+/// Reasons why a file cannot be opened as a compressed material.
 ///
 /// ```
 /// use wavelume_core::OpenError;
@@ -19,20 +19,20 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// The file cannot be read.
-    #[error("{}: {error}", path.display())]
+    /// The file of a material cannot be read.
+    #[error("cannot read {}: {error}", path.display())]
     Read {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error that the operating system reported.
         error: io::Error,
     },
-    /// The file does not contain a valid material.
-    #[error("{}: {error}", path.display())]
+    /// The file does not contain a valid compressed material.
+    #[error("cannot open {} as a material: {error}", path.display())]
     Material {
         /// Path of the file.
         path: PathBuf,
-        /// Cause of the failure.
+        /// Reason why the content of the file is not a valid material.
         error: EvaluateError,
     },
 }
@@ -65,7 +65,7 @@ pub fn open_bytes(bytes: &[u8]) -> Result<Material, EvaluateError> {
     Material::open(bytes)
 }
 
-/// Reads a file, or only its first bytes if it is not a material.
+/// Reads a whole file, or only its first bytes if they are not those of a compressed material.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
@@ -76,5 +76,5 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Number of bytes read to recognise a material.
+/// Number of bytes at the start of a file that are read to recognise a compressed material.
 const HEAD: u64 = 64;

@@ -6,9 +6,9 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// Upper bound on the size of a measurement's file, in bytes.
+/// Upper bound on the size of a file that contains a measurement, in bytes; larger files are refused.
 pub const MAX_FILE_BYTES: u64 = 2 << 30;
-/// Upper bound on the size of a manifest, in bytes.
+/// Upper bound on the size of a manifest (the JSON file that describes the axes of an array), in bytes.
 pub const MAX_MANIFEST_BYTES: u64 = 16 << 20;
 
 /// Reason why a file cannot be read as a measurement.
@@ -24,27 +24,27 @@ pub const MAX_MANIFEST_BYTES: u64 = 16 << 20;
 #[non_exhaustive]
 pub enum ReadError {
     /// The file cannot be read.
-    #[error("{}: {error}", path.display())]
+    #[error("{}: the file cannot be read: {error}", path.display())]
     File {
-        /// Path of the file.
+        /// Path of the measurement file or manifest that cannot be read.
         path: PathBuf,
-        /// Error of the operating system.
+        /// Error that the operating system returned on reading the file.
         error: io::Error,
     },
     /// The manifest beside an array is not valid JSON.
-    #[error("{}: manifest: {error}", path.display())]
+    #[error("{}: the manifest is not valid JSON: {error}", path.display())]
     Manifest {
         /// Path of the manifest.
         path: PathBuf,
-        /// Error message of the JSON parser, with its position.
+        /// Error message of the JSON parser, with the line and column in the manifest.
         error: String,
     },
     /// The file contains no measurement in a known format.
-    #[error("{}: {error}", path.display())]
+    #[error("{}: no measurement can be read: {error}", path.display())]
     Measurement {
-        /// Path of the file.
+        /// Path of the file that contains no measurement.
         path: PathBuf,
-        /// Refusal of the file: what was found, and its position if known.
+        /// Reason why the file was rejected, with the content that was found and its position if known.
         error: PipelineError,
     },
 }
@@ -75,13 +75,15 @@ pub fn read(path: impl AsRef<Path>) -> Result<Source, ReadError> {
     read.map_err(|error| ReadError::Measurement { path: path.to_owned(), error })
 }
 
-/// Returns the path of an array's manifest: `NAME.axes.json` beside `NAME.npy`; `None` for other files.
+/// Returns the path of the manifest that describes an array file: `NAME.axes.json` beside `NAME.npy`; `None` for other
+/// files.
 pub fn manifest_beside(array: &Path) -> Option<PathBuf> {
     let is_array = array.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
     is_array.then(|| array.with_extension("axes.json"))
 }
 
-/// Reads a whole file of at most `limit` bytes, or a pipe of unknown size.
+/// Returns the content of a whole file or pipe; the size of a pipe is unknown beforehand. More than `limit` bytes are
+/// an error.
 pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     let file = File::open(path)?;
     let metadata = file.metadata()?;
@@ -101,7 +103,7 @@ pub fn read_within(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     if bytes.len() as u64 > limit { Err(too_large("more")) } else { Ok(bytes) }
 }
 
-/// Reads a measurement from bytes, as [`read`] does from a file.
+/// Reads a measurement from the bytes of a file in any known format, as [`read`] does from a path.
 pub fn read_bytes(bytes: &[u8]) -> Result<Source, PipelineError> {
     pipeline::read(&Input { bytes, spectrum: None, interpretation: &Interpretation::default() })
 }

@@ -7,14 +7,16 @@ use crate::formats::{Acquisition, Interpretation, Samples, read};
 
 const COLORCHECKER: &[u8] = include_bytes!("../../../data/colorchecker_n_ohta.csv");
 
-/// Three real luminaires and the illuminant that the paper would light each with.
+/// Three real luminaires for Table 6 of Claustres et al. (2006), with the CIE illuminant by which each is multiplied
+/// there: name, illuminant, IES file.
 pub(super) const LUMINAIRES: [(&str, &str, &[u8]); 3] = [
     ("aerolamp", "B", include_bytes!("../../../data/aerolamp.ies")),
     ("nukit_lantern", "C", include_bytes!("../../../data/nukit_lantern.ies")),
     ("ushio_b1", "D65", include_bytes!("../../../data/ushio_b1.ies")),
 ];
 
-/// Virtual materials, in the order of the paper's Table 3.
+/// Names and JSON descriptions of simulated materials, which replace the unavailable measured ones in the order of
+/// Table 3 of Claustres et al. (2006).
 pub(super) const MATERIALS: [(&str, &str); 5] = [
     ("spectralon", include_str!("../../../data/virtual/spectralon.json")),
     ("wood", include_str!("../../../data/virtual/wood.json")),
@@ -23,37 +25,39 @@ pub(super) const MATERIALS: [(&str, &str); 5] = [
     ("velvet", include_str!("../../../data/virtual/velvet.json")),
 ];
 
-/// Number of wavelengths in Tables 1 and 2: 380 to 775 nm in steps of 5.
+/// Number of wavelengths of the spectra in the reproductions of Tables 1 and 2 of Claustres et al. (2006): 380 to 775
+/// nm in steps of 5 nm.
 pub(super) const SPECTRUM_LENGTH: usize = 80;
 
-/// Wavelengths 380, 385, … nm, `count` of them.
+/// Returns `count` wavelengths in nm from 380 in steps of 5.
 pub(super) fn wavelengths(count: usize) -> Vec<f64> {
     (0..count).map(|i| 380.0 + 5.0 * i as f64).collect()
 }
 
-/// Spectrum of a `ColorChecker` patch at `lambdas`.
+/// Returns the spectrum of a `ColorChecker` patch at the wavelengths `lambdas` in nm.
 pub(super) fn patch(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     column(COLORCHECKER, Some(name), lambdas)
 }
 
-/// Spectrum of a CIE illuminant; beyond its table the last value is held (B ends at 780 nm).
+/// Returns the spectrum of a CIE illuminant at wavelengths in nm. Beyond its table the last value is held (illuminant B
+/// ends at 780 nm).
 pub(super) fn illuminant(name: &str, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     let illuminant: Illuminant = name.parse().map_err(|e: UnknownName| PaperError::Data(e.to_string()))?;
     Ok(sampled(illuminant.power(), lambdas))
 }
 
-/// CIE 1931 2° colour-matching functions at `lambdas`.
+/// Returns the CIE 1931 2° colour-matching functions at the wavelengths `lambdas` in nm.
 pub(super) fn colour_matching(lambdas: &[f64]) -> [Vec<f64>; 3] {
     let observer = Observer::cie_1931();
     [&observer.x, &observer.y, &observer.z].map(|curve| sampled(curve, lambdas))
 }
 
-/// Samples a curve, rounded to f32 like the samples of a measurement.
+/// Samples a spectral curve at wavelengths in nm, rounded to f32 like the samples of a measurement.
 fn sampled(curve: &Curve, lambdas: &[f64]) -> Vec<f64> {
     lambdas.iter().map(|&lambda| f64::from(curve.at(lambda) as f32)).collect()
 }
 
-/// Reads a column of a spectral table, interpolated linearly between its wavelengths.
+/// Reads one column of a spectral table, interpolated linearly to the wavelengths `lambdas` in nm.
 fn column(bytes: &[u8], name: Option<&str>, lambdas: &[f64]) -> Result<Vec<f64>, PaperError> {
     let how = Interpretation { column: name.map(str::to_owned), ..Interpretation::default() };
     let acquisition = read(bytes, &how).map_err(|e| PaperError::Data(e.to_string()))?;
@@ -73,7 +77,7 @@ fn column(bytes: &[u8], name: Option<&str>, lambdas: &[f64]) -> Result<Vec<f64>,
     Ok(lambdas.iter().map(at).collect())
 }
 
-/// Reads a bundled document or file.
+/// Reads a measurement file or virtual-material document that is bundled with the program.
 pub(super) fn acquire(bytes: &[u8]) -> Result<Acquisition, PaperError> {
     read(bytes, &Interpretation::default()).map_err(|e| PaperError::Data(e.to_string()))
 }

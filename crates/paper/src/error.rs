@@ -2,19 +2,19 @@
 
 use crate::domain::Cancelled;
 
-/// Reason why a table could not be made.
+/// Reason why a table of the paper by Claustres et al. (2006) could not be reproduced.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PaperError {
-    /// The table number does not exist.
-    #[error("table {found}, expected 1 to 7")]
+    /// The paper by Claustres et al. (2006) has no reproducible table with the requested number.
+    #[error("found table number {found}, expected 1 to 7")]
     NoSuchTable {
-        /// Requested number.
+        /// Number of the table of the paper by Claustres et al. (2006) that the caller asked for.
         found: u8,
     },
-    /// The bundled data cannot be read as expected.
-    #[error("bundled data: {0}")]
+    /// The bundled measurement data cannot be read as expected.
+    #[error("the bundled measurement data cannot be read: {0}")]
     Data(String),
-    /// The caller cancelled.
+    /// The caller cancelled the computation of the table.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -13,27 +13,28 @@ use crate::formats::{Acquisition, Samples};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-/// Measured material in the layout of the paper's BRDFs.
+/// A BRDF measured by the virtual goniometer, on triangles in the layout of the reproduced paper.
 pub(super) struct Goniometer {
-    /// Axes `[16 incoming, 1024 triangles, 75 wavelengths]`.
+    /// Axes of the BRDF: `[16 incoming triangles, 1024 outgoing triangles, 75 wavelengths]`.
     pub(super) axes: Vec<Axis>,
-    /// Samples projected onto these axes.
+    /// Samples of the BRDF projected onto triangles of directions and wavelengths, row-major.
     pub(super) projected: Vec<f32>,
-    /// Readings of the instrument, `[16 incoming, 1024 directions, 75 wavelengths]`.
+    /// Readings of the instrument, `[16 incoming triangles, 1024 outgoing directions, 75 wavelengths]`.
     pub(super) readings: Vec<f32>,
-    /// Triangle that contains each direction.
+    /// Index of the outgoing triangle that contains each measured outgoing direction.
     cells: Vec<usize>,
 }
 
 const DIRECTIONS: usize = 1024;
-/// Largest distance of a reading from the middle of its triangle, in degrees; the triangles are 4 to 8 wide.
+/// Largest angle in degrees between a measured direction and the centroid of the triangle at which the instrument aims.
+/// The triangles are 4 to 8 degrees wide. Raising it leaves more triangles without a reading.
 const AIM: f64 = 1.8;
 const LAMBDAS: usize = 75;
-/// Number of readings from which the middle of an empty triangle is interpolated.
+/// Number of nearest readings from which the value of a triangle without reading is interpolated.
 const NEIGHBOURS: usize = 3;
 
 impl Goniometer {
-    /// Measures the material described by `document`.
+    /// Measures the virtual material that the JSON text `document` describes.
     pub(super) fn measure(document: &str) -> Result<Self, PaperError> {
         let document: Value = serde_json::from_str(document).map_err(|e| PaperError::Data(e.to_string()))?;
         let lost = || PaperError::Data("a mesh is over the limit of levels".to_owned());
@@ -66,7 +67,8 @@ impl Goniometer {
         Ok(Self { axes, projected, readings: samples, cells })
     }
 
-    /// Errors of decoded triangles at the directions of the readings.
+    /// Returns the errors of decoded triangle values against the instrument readings, looked up at the directions of
+    /// the readings.
     pub(super) fn errors(&self, decoded: &[f32]) -> ErrorReport {
         let mut looked_up = vec![0.0_f32; self.readings.len()];
         looked_up.par_chunks_mut(LAMBDAS).enumerate().for_each(|(at, spectrum)| {
@@ -78,7 +80,7 @@ impl Goniometer {
     }
 }
 
-/// Middles of all triangles, each missed by up to [`AIM`] degrees.
+/// Returns one measured direction for each triangle: its centroid, missed by up to [`AIM`] degrees.
 fn directions(mesh: TriangleMesh) -> Vec<Direction> {
     (0..mesh.len())
         .map(|triangle| {
@@ -117,7 +119,8 @@ fn readings(document: &Value, wi: Direction, wos: &[Direction], incoming: usize)
     Ok(samples)
 }
 
-/// Weights of the readings for each triangle: the mean of those inside, or else inverse distances of the nearest ones.
+/// Returns, for each triangle, the (reading, weight) pairs that give its value. It is the mean of the readings inside,
+/// or else the mean of the nearest readings weighted by inverse distance.
 fn weights(mesh: TriangleMesh, directions: &[Direction], cells: &[usize]) -> Vec<Vec<(usize, f64)>> {
     (0..mesh.len())
         .map(|triangle| {

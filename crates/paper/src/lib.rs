@@ -25,10 +25,11 @@ use wavelume_core::domain::Progress;
 use wavelume_core::{compress, domain, transform};
 use wavelume_formats::{formats, projection};
 
-/// Numbers of the reproducible tables.
+/// Numbers of the tables that can be reproduced, of the paper by Claustres, Paulin and Boucher (2006) on wavelet
+/// compression.
 pub const TABLES: [u8; 7] = [1, 2, 3, 4, 5, 6, 7];
 
-/// Computes table `number`.
+/// Reproduces table `number` of the paper by Claustres, Paulin and Boucher (2006).
 pub fn table(number: u8, progress: &dyn Progress) -> Result<Table, PaperError> {
     match number {
         1 => table1::make(progress),

@@ -4,7 +4,7 @@ use super::report::Table;
 use std::fmt::Write as _;
 
 impl Table {
-    /// Renders aligned text; each cell is `ours (paper)`.
+    /// Renders a table as aligned text; each cell is `ours (paper)`, the computed figure and the printed one.
     pub fn text(&self) -> String {
         let mut out = String::new();
         let _ = writeln!(out, "Table {}. {}", self.number, self.title);
@@ -42,7 +42,7 @@ impl Table {
         out
     }
 
-    /// Renders one CSV line for each cell, after a header line: `table,label,method,column,ours,paper,ratio`.
+    /// Renders a table as CSV: a header line `table,label,method,column,ours,paper,ratio`, then one line for each cell.
     pub fn csv(&self) -> String {
         let mut out = "table,label,method,column,ours,paper,ratio\n".to_owned();
         for row in &self.rows {
@@ -64,7 +64,7 @@ impl Table {
         out
     }
 
-    /// Returns the table as JSON.
+    /// Returns the reproduced table of the paper as JSON: title, columns, rows, and statistics.
     pub fn json(&self) -> serde_json::Value {
         serde_json::json!(self)
     }
@@ -74,7 +74,7 @@ impl Table {
     }
 }
 
-/// Formats up to three significant digits, the most that the paper prints.
+/// Formats a number with up to three significant digits, the most that the paper prints.
 fn figure(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

@@ -1,75 +1,83 @@
-//! Table as data: title, source, and each figure beside the printed one.
+//! Table as data: title, source, and each computed number beside the published one.
 
 use serde::Serialize;
 
-/// Reproduced table of the paper. Figures are in per cent unless a column says otherwise.
+/// Reproduced table of the paper by Claustres et al. (2006): each number computed by this program beside the published
+/// one. Numbers are errors in per cent unless a column says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(as = PaperTable))]
 pub struct Table {
-    /// Number of the table in the paper.
+    /// Table number in the paper by Claustres et al. (2006), 1 to 7.
     pub number: u8,
-    /// Title.
+    /// Title of the reproduced table, which says what its numbers are.
     pub title: String,
-    /// Data that the figures were computed on, and their differences from the paper's.
+    /// Data from which the errors were computed, and their differences from the data of the paper.
     pub data: String,
-    /// Selection of coefficients by each method, one sentence each.
+    /// Descriptions of how each method selects wavelet coefficients, one sentence for each method.
     pub methods: Vec<String>,
-    /// Column headings.
+    /// Column headings of the reproduced table.
     pub columns: Vec<String>,
-    /// Rows, one for each subject and method.
+    /// Rows of the reproduced table, one for each combination of subject (spectrum, material) and method.
     pub rows: Vec<Row>,
-    /// Summary of the ratios of each method, over all cells with a printed figure.
+    /// For each compression method, statistics of the ratios of errors computed by this program to those published in
+    /// the reproduced table. Cells without a published error do not count.
     pub figures: Vec<Figures>,
 }
 
-/// Figures of one subject with one method.
+/// Row of a reproduced table: the errors of one subject (spectrum, material) compressed by one method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(as = PaperRow))]
 pub struct Row {
-    /// Name of the subject: a patch, a material.
+    /// Name of the compressed subject, such as a colour patch or a material.
     pub label: String,
-    /// Name of the method; empty if there is only one.
+    /// Name of the compression method of this row of a reproduced table; empty if all rows have the same method.
     pub method: String,
-    /// Cells, one for each column.
+    /// Cells of the row, one for each column of the table.
     pub cells: Vec<Cell>,
-    /// Bases or thresholds that were chosen.
+    /// Wavelet bases or thresholds that the method chose, as text.
     pub detail: String,
 }
 
-/// Our figure and the printed one.
+/// Cell of a reproduced table: a number computed by this program beside the one published in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(as = PaperCell))]
 pub struct Cell {
-    /// Figure computed here.
+    /// Number computed by this program for one cell of a reproduced table: an error in per cent unless the column says
+    /// otherwise.
     pub ours: f64,
-    /// Figure printed in the paper; `None` if it has none.
+    /// Number that Claustres et al. (2006) published in this cell of the table: an error in per cent unless the column
+    /// says otherwise. `None` if they published none.
     pub paper: Option<f64>,
-    /// Ours / paper; `None` without a positive printed figure.
+    /// Ratio of this program's number in this cell of the table to that of Claustres et al. (2006); `None` if they
+    /// published no positive number.
     pub ratio: Option<f64>,
 }
 
-/// Statistics of the ratios ours / paper of one method over the table.
+/// Statistics of one compression method over a reproduced table: ratios of errors computed by this program to those
+/// published in the paper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "schema", schema(as = PaperFigures))]
 pub struct Figures {
-    /// Name of the method.
+    /// Name of the compression method whose errors, computed by this program, are compared with published ones.
     pub method: String,
-    /// Number of cells with a printed figure.
+    /// Number of cells of a reproduced table with a positive published error; the ratios of computed to published
+    /// errors in these cells make the statistics.
     pub cells: usize,
-    /// Geometric mean of the ratios.
+    /// Geometric mean of the ratios of compression errors computed by this program to those published in the reproduced
+    /// table.
     pub geometric_mean: f64,
-    /// Median of the ratios.
+    /// Median of the ratios of compression errors computed by this program to those published in the reproduced table.
     pub median: f64,
-    /// Largest ratio.
+    /// Largest ratio of a compression error computed by this program to the one published in the reproduced table.
     pub largest: f64,
 }
 
 impl Cell {
-    /// Creates a cell from a figure and its printed counterpart.
+    /// Creates a table cell from a computed number and the number published in the paper, if there is one.
     pub(super) fn new(ours: f64, paper: Option<f64>) -> Self {
         let ratio = paper.filter(|p| *p > 0.0).map(|p| ours / p);
         Self { ours, paper, ratio }
@@ -77,7 +85,8 @@ impl Cell {
 }
 
 impl Table {
-    /// Computes the ratio statistics of every method, in the order of first appearance.
+    /// Computes, for every method of the table, statistics of the ratios of computed to published errors. Methods keep
+    /// the order of their first appearance.
     pub(super) fn summarised(mut self) -> Self {
         let mut methods: Vec<&str> = Vec::new();
         for row in &self.rows {

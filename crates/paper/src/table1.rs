@@ -8,7 +8,8 @@ use crate::domain::Progress;
 
 const COUNTS: [usize; 3] = [16, 8, 4];
 
-/// Label of a spectrum, its name in the data, and the printed figures: L1, L2 for each count.
+/// Label of a spectrum, its name in the data, and six errors in per cent published in Table 1 of Claustres et al.
+/// (2006): L1 and L2 with 16, then with 8, then with 4 coefficients.
 type Subject = (&'static str, &'static str, [f64; 6]);
 
 const PATCHES: [Subject; 5] = [

@@ -9,11 +9,13 @@ use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;
 
-/// Ratio, then printed L1 and L2 of non-adaptive and adaptive thresholds.
+/// Compression ratio, then the L1 and L2 errors of plastic in per cent published in Table 5 of Claustres et al. (2006):
+/// first without, then with thresholds that adapt to the range of the data.
 const PRINTED: [(usize, [f64; 2], [f64; 2]); 2] = [(128, [20.0, 37.0], [8.8, 20.0]), (256, [21.0, 41.0], [15.0, 30.0])];
 
-/// Roughness of a plastic with a lighter base than that of Table 3, and of one polished until its levels differ at
-/// least as much as the paper says.
+/// Names and roughnesses of two simulated plastics, both with a lighter diffuse base than the one for Table 3 of
+/// Claustres et al. (2006). The second is so smooth that its largest value is at least 100 times its smallest, as in
+/// the paper.
 const ALPHAS: [(&str, f64); 2] = [("plastic", 0.15), ("polished", 0.06)];
 
 pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {

@@ -13,18 +13,21 @@ use rayon::prelude::*;
 const RATIOS: [usize; 5] = [2, 8, 16, 32, 64];
 const LAMBDAS: usize = 91;
 
-/// Printed L1, L2 by ratio; the first L1 at 8:1 is printed "0.2.4".
+/// L1 and L2 errors in per cent published in Table 6 of Claustres et al. (2006), `[luminaire][ratio]`: for three
+/// luminaires compressed 2:1, 8:1, 16:1, 32:1 and 64:1. The first L1 at 8:1 is printed "0.2.4" there.
 const PRINTED: [[[f64; 2]; 5]; 3] = [
     [[0.13, 0.18], [2.4, 3.3], [3.5, 5.0], [9.5, 15.0], [18.0, 31.0]],
     [[0.2, 0.28], [3.8, 4.6], [4.8, 6.1], [9.9, 14.0], [13.0, 19.0]],
     [[0.69, 0.9], [3.3, 4.1], [4.6, 6.0], [7.5, 12.0], [13.0, 21.0]],
 ];
 
-/// Fraction of the largest sample below which samples are not scored in the floored rows.
+/// Fraction of a luminaire's largest sample below which samples do not count in the errors, except for methods that
+/// count every sample. Raising it ignores more dark samples.
 const FLOOR: f32 = 0.01;
 const REFITS: usize = 30;
 
-/// Methods, and true if every sample is scored.
+/// Compression methods in the reproduction of Table 6 of Claustres et al. (2006): name, selection of wavelet
+/// coefficients, and true if every sample counts in the errors, however dark.
 const METHODS: [(&str, Method, bool); 8] = [
     ("generic", Method::Policy { rule: Rule::Generic, normalised: true }, false),
     ("adaptive", Method::Policy { rule: Rule::Adaptive, normalised: true }, false),
@@ -42,11 +45,12 @@ enum Method {
     Effect { refits: usize },
 }
 
-/// Product of a luminaire and an illuminant: intensities by direction and wavelength.
+/// Light of a luminaire under an illuminant: the product of intensities by direction and a spectrum by wavelength.
 struct Light {
     axes: Vec<Axis>,
     samples: Vec<f32>,
-    /// Value below which samples are not scored in floored rows.
+    /// Value below which samples of a luminaire do not count in compression errors, except for methods that count every
+    /// sample.
     floor: f32,
 }
 
@@ -100,8 +104,8 @@ pub(super) fn make(progress: &dyn Progress) -> Result<Table, PaperError> {
 }
 
 impl Light {
-    /// Averages a luminaire's intensity over 2048 triangles, and multiplies by an illuminant relative to its largest
-    /// value.
+    /// Averages the intensity of a luminaire over 2048 triangles of directions, and multiplies it by an illuminant
+    /// relative to the illuminant's largest value.
     fn new(bytes: &[u8], illuminant: &str) -> Result<Self, PaperError> {
         let acquisition = data::acquire(bytes)?;
         let request = AxesRequest { outgoing_level: Some(4), ..AxesRequest::default() };
@@ -122,7 +126,10 @@ impl Light {
         RATIOS.map(|ratio| self.samples.len() / ratio)
     }
 
-    /// Evaluates one of the paper's policies at every ratio, in the basis of least error under a single threshold.
+    /// Compresses the light of a luminaire at ratios from 2:1 to 64:1 and returns the errors. `rule` determines the
+    /// thresholds for coefficients: a single one, one for each axis, or adaptive ones.
+    ///
+    /// At each ratio it uses the wavelet basis along wavelength that has the least error under a single threshold.
     fn policy(&self, rule: Rule, normalised: bool, floor: f32) -> Result<(Vec<ErrorReport>, String), PaperError> {
         let errors = |decoded: &[f32]| ErrorReport::measure(&self.samples, decoded, f64::from(floor));
         let judge = |decoded: &[f32]| errors(decoded).er_l2;
@@ -158,7 +165,7 @@ impl Light {
     }
 }
 
-/// Bases of every family, short and long.
+/// Returns the one-dimensional wavelet bases that are tried: every family, with short and long filters.
 fn candidates() -> Vec<LineBasis> {
     const NAMES: [&str; 20] = [
         "haar",

@@ -13,7 +13,8 @@ use crate::transform::LineBasis;
 
 const RATIOS: [usize; 5] = [2, 8, 16, 32, 64];
 
-/// Name of a phase function, its Schlick approximation (r, k1, k2), and the printed L1, L2 by ratio.
+/// Name of a phase function, parameters (r, k1, k2) of its Schlick approximation, and the printed L1 and L2 errors in
+/// per cent by compression ratio.
 type Subject = (&'static str, [f64; 3], [[f64; 2]; 5]);
 
 const SUBJECTS: [Subject; 3] = [

@@ -6,11 +6,14 @@ use crate::compress::selection::{effects, refit};
 use crate::domain::{Axis, ErrorReport};
 use crate::transform::{AxisTransform, LineBasis, Plan, SphereBasis, Weights};
 
-/// The paper's basis on triangles, and one that is orthonormal in the unweighted mean of er.
+/// Bio-Haar wavelet basis on the triangles of a sphere, which Claustres et al. (2006) use.
 pub(super) const BIO_HAAR: SphereBasis = SphereBasis::BioHaar;
+/// Wavelet basis on the triangles of a sphere that is orthonormal if all triangles have equal weights, as they have in
+/// the mean relative error.
 pub(super) const ORTHONORMAL: SphereBasis = SphereBasis::Orthonormal(Weights::Count);
 
-/// Transforms with `sphere` on triangles and `line` on all other axes.
+/// Returns one transform for each axis: `sphere` for axes of triangles, the one-dimensional basis `line` for all other
+/// axes.
 pub(super) fn transforms(axes: &[Axis], sphere: SphereBasis, line: LineBasis) -> Vec<AxisTransform> {
     let of = |axis: &Axis| match axis {
         Axis::Triangles(_) => AxisTransform::Sphere(sphere),
@@ -23,7 +26,8 @@ pub(super) fn data_error(error: impl std::fmt::Display) -> PaperError {
     PaperError::Data(error.to_string())
 }
 
-/// Decodes the `count` largest coefficients of the logarithm, for each of `counts`; every sample must be positive.
+/// Transforms the logarithms of the samples, and decodes from the largest coefficients, once for each number in
+/// `counts`. Every sample must be positive.
 pub(super) fn log_k_term(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -51,8 +55,8 @@ pub(super) fn log_k_term(
         .collect())
 }
 
-/// Decodes the coefficients of largest effect on the relative error, for each of `counts`. Their values are unchanged,
-/// or refitted in `refits` steps. Samples below `floor` are weighted as if they had that value.
+/// Decodes from the coefficients with the largest effect on the relative error, once for each number in `counts`. Their
+/// values are unchanged, or refitted in `refits` steps. Samples below `floor` are weighted as if they had that value.
 pub(super) fn effect_k_term(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -98,12 +102,14 @@ fn largest(coefficients: &[f32], magnitudes: &[f32], count: usize) -> Vec<f32> {
     coefficients.iter().zip(magnitudes).map(|(&c, &m)| if m > threshold { c } else { 0.0 }).collect()
 }
 
-/// L1 and L2 in per cent beside the printed ones.
+/// Returns two table cells, for L1 and L2: the computed compression error in per cent beside the one published in the
+/// reproduced table.
 pub(super) fn cells(errors: &ErrorReport, printed: Option<[f64; 2]>) -> [Cell; 2] {
     [Cell::new(100.0 * errors.er_l1, printed.map(|p| p[0])), Cell::new(100.0 * errors.er_l2, printed.map(|p| p[1]))]
 }
 
-/// Excess of the first errors over the second, in per cent; shown beside the printed gains, not scored.
+/// Returns by how many per cent the errors `first` (L1 and L2) of one method exceed the errors `second` of a better
+/// one: computed, and as published. These percentages do not count in the statistics of computed to published errors.
 pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
     let gain = |a: f64, b: f64| 100.0 * (a / b - 1.0);
     [0, 1].map(|i| {
@@ -112,12 +118,13 @@ pub(super) fn gains(first: &[Cell; 2], second: &[Cell; 2]) -> [Cell; 2] {
     })
 }
 
-/// Column headings `2:1 L1`, `2:1 L2`, ….
+/// Returns the column headings `2:1 L1`, `2:1 L2`, … of a table by compression ratio.
 pub(super) fn ratio_columns(ratios: &[usize]) -> Vec<String> {
     ratios.iter().flat_map(|ratio| ["L1", "L2"].map(|norm| format!("{ratio}:1 {norm}"))).collect()
 }
 
-/// Formats thresholds.
+/// Formats as text the thresholds below which a method of the paper drops wavelet coefficients, chosen for a wanted
+/// number of coefficients.
 pub(super) fn thresholds(found: &[f64]) -> String {
     let shown: Vec<String> = found.iter().map(|t| format!("{t:.2e}")).collect();
     format!("({})", shown.join(", "))

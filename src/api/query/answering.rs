@@ -11,15 +11,17 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use std::ops::Range;
 
-/// Outcome of a part of a batch: the answers before the first failed record, and its problem.
+/// Outcome of evaluating a part of a batch of queries: the answers before the first failed query, and the error of that
+/// query.
 #[derive(Debug)]
 pub(super) struct Answered {
     pub(super) answers: Answers,
     pub(super) problem: Option<Problem>,
 }
 
-/// Reads `records` and answers them up to the first that is invalid or has no answer. `first` is the zero-based number
-/// of the first record (of the line for lines). Answers are bit-identical however a batch is cut into parts.
+/// Reads a part of a batch of queries (`records`) and answers it up to the first query that is invalid or fails.
+/// `first` is the zero-based number of its first query (of its line for NDJSON). Answers are bit-identical however a
+/// batch is cut into parts.
 pub(super) fn answer(question: &Question, material: &Material, records: &Records, first: u64) -> Answered {
     let read = records.read(first);
     let pairs = &read.pairs;
@@ -84,7 +86,7 @@ pub(super) fn answer(question: &Question, material: &Material, records: &Records
     Answered { answers, problem: failed.or(read.problem) }
 }
 
-/// Progress through a batch: the number of answers, and the problem that ended it.
+/// Progress through a batch of queries: the number of answers so far, and the error that ended the batch, if any.
 struct Done {
     answers: usize,
     problem: Option<Problem>,
@@ -102,8 +104,8 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Calls `ask` for runs of pairs with the same kinds of directions, as the library takes them. `ask` answers the
-    /// pairs of a range with these `wi` and `wo`, or refuses all of them because of one.
+    /// Calls `ask` for each run of pairs that agree in which directions they contain. `ask` answers a range of pairs
+    /// with the given incoming and outgoing directions. It refuses the whole range if one pair is invalid.
     fn of_runs(
         pairs: &[Pair],
         mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), Problem>,
@@ -125,7 +127,7 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Calls `ask` for a range. If it is refused, bisects the range down to the record at fault.
+    /// Calls `ask` for a range of queries. If `ask` refuses it, bisects the range to find the first invalid query.
     fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), Problem>) -> Self {
         let problem = match ask(range.clone()) {
             Ok(()) => return Self { answers: range.len(), problem: None },
@@ -152,7 +154,8 @@ fn unfit(detail: &str) -> Problem {
     Problem::new(Kind::UnfitQuery, detail)
 }
 
-/// Returns the points of the unit square that belong to records with these ascending numbers.
+/// Returns two random numbers from 0 to 1 for each query of a batch, given the queries' ascending numbers. They depend
+/// only on the seed and the number.
 fn points(seed: u64, numbers: &[u64]) -> Vec<[f64; 2]> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut next = 0;

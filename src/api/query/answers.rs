@@ -8,90 +8,93 @@ use crate::evaluate::{DirectionSample, Material};
 use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 
-/// Answers of a batch, one for each record, in order.
+/// Answers of a batch of queries, one for each query, in the order of the queries.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answers {
-    /// Flat rows of `width` values.
+    /// Spectra or albedos, concatenated: `width` values (one for each wavelength) for each query.
     Rows { values: Vec<f32>, width: usize },
-    /// Probability densities in sr⁻¹.
+    /// Probability densities in sr⁻¹, one for each pair of directions.
     Densities(Vec<f64>),
-    /// Drawn directions; `None` if nothing is emitted or reflected.
+    /// Randomly drawn directions, one for each query; `None` if nothing is emitted or reflected.
     Samples(Vec<Option<DirectionSample>>),
 }
 
-/// One spectrum.
+/// One spectrum of a material, as a JSON answer.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectrum)]
 pub(super) struct SpectrumAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
-    /// One value for each wavelength; null if masked.
+    /// Values of the spectrum, one for each wavelength; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
     #[schema(value_type = Unit)]
     pub(super) unit: Unit,
-    /// True if the incoming direction lies beyond the last measured elevation; absent otherwise.
+    /// True if the incoming direction lies beyond the last measured polar angle; absent otherwise.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(super) extrapolated: bool,
 }
 
-/// One spectrum for each pair of directions.
+/// Spectra of a material, one for each pair of directions, as a JSON answer.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Spectra)]
 pub(super) struct EvaluateAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
-    /// `[pair][wavelength]`; null where masked.
+    /// Values of the spectra, indexed `[pair of directions][wavelength]`; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
     #[schema(value_type = Unit)]
     unit: Unit,
 }
 
-/// An integral over outgoing directions: ∫ f · |cos θo| dωo for a BRDF or BTDF, ∫ f dωo otherwise.
+/// Integral over all outgoing directions under one incoming direction: ∫ f · |cos θo| dωo for a BRDF or BTDF, ∫ f dωo
+/// otherwise.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedo)]
 pub(super) struct AlbedoAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
-    /// One value for each wavelength, in the material's unit times sr; null if masked.
+    /// Values of the integral, one for each wavelength, in the material's unit times sr; null if masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
 }
 
-/// Integrals over outgoing directions, one for each incoming direction.
+/// Integrals over all outgoing directions, one for each incoming direction, as a JSON answer.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Albedos)]
 pub(super) struct AlbedosAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
-    /// `[wi][wavelength]`, in the material's unit times sr; null where masked.
+    /// Values of the integrals, indexed `[incoming direction][wavelength]`, in the material's unit times sr; null where
+    /// masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
 }
 
-/// One probability density for each pair of directions.
+/// Probability densities of drawing a direction, one for each pair of directions, as a JSON answer.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Densities)]
 pub(super) struct PdfAnswer {
-    /// Densities in sr⁻¹.
+    /// Probability densities in sr⁻¹ with which each outgoing direction is drawn.
     pdf: Vec<f64>,
 }
 
-/// Drawn directions, as parallel arrays.
+/// Randomly drawn outgoing directions, as parallel arrays of a JSON answer.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Samples)]
 pub(super) struct SampleAnswer {
-    /// `[θ, φ]` in degrees; null where nothing is emitted or reflected.
+    /// Drawn directions `[θ, φ]` in degrees; null where nothing is emitted or reflected.
     #[schema(value_type = Vec<Option<Angles>>)]
     directions: Vec<Option<[f64; 2]>>,
-    /// Densities in sr⁻¹.
+    /// Probability densities of the drawn directions in sr⁻¹.
     pdf: Vec<f64>,
-    /// Weights: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the mean over wavelengths.
+    /// Monte Carlo weights of the drawn directions: f · |cos θo| / pdf for a BRDF or BTDF, f / pdf otherwise; f is the
+    /// mean over wavelengths.
     weight: Vec<f64>,
 }
 
-/// Flat values, written row by row.
+/// Matrix of values, written to JSON as an array of rows with one row for each query.
 #[derive(Debug)]
 struct Rows {
     values: Vec<f32>,
@@ -133,7 +136,7 @@ impl SampleLine {
 }
 
 impl Answers {
-    /// Returns the number of answered records.
+    /// Returns the number of queries of a batch whose answers are in this list.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Rows { values, width } => values.len() / (*width).max(1),
@@ -142,7 +145,7 @@ impl Answers {
         }
     }
 
-    /// Appends further answers to the same question.
+    /// Appends `more`, the answers to the next queries of the same batch.
     pub(super) fn append(&mut self, more: Self) {
         match (self, more) {
             (Self::Rows { values, .. }, Self::Rows { values: more, .. }) => values.extend(more),
@@ -152,7 +155,7 @@ impl Answers {
         }
     }
 
-    /// Encodes the answers as a part of a stream.
+    /// Encodes the answers as a part of a streamed HTTP response (NDJSON lines or f32).
     pub(super) fn bytes(&self, encoding: Encoding) -> serde_json::Result<Vec<u8>> {
         match encoding {
             Encoding::Floats => Ok(self.floats()),
@@ -206,7 +209,7 @@ impl Answers {
         Ok(out)
     }
 
-    /// Encodes all answers as one JSON object.
+    /// Encodes all answers of a batch as one JSON object.
     pub(super) fn json(self, question: &Question, material: &Material) -> serde_json::Result<Vec<u8>> {
         match self {
             Self::Rows { values, width } => {

@@ -26,61 +26,64 @@ use serde::Deserialize;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Pairs of directions in degrees `[θ, φ]`. A list of one direction is combined with every entry of the other list.
+/// Pairs of directions for which spectra are evaluated, in degrees `[θ, φ]`. A list of one direction is combined with
+/// every direction of the other list.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct EvaluateRequest {
-    /// Incoming directions, for quantities that have them.
+    /// Incoming directions, for physical quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Outgoing directions, for quantities that have them.
+    /// Outgoing directions, for physical quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wo: Option<Vec<[f64; 2]>>,
-    /// Wavelengths in nm. Default: the material's own.
+    /// Wavelengths of the spectra in nm. Default: the material's own.
     #[serde(default)]
     wavelengths: Option<Vec<f64>>,
-    /// Interpolation: `smooth` (the default) or `constant`.
+    /// Interpolation over directions: `smooth` (the default) or `constant`.
     #[serde(default)]
     interpolation: How,
-    /// Values outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    /// Values at wavelengths outside the measured range: `masked` (the default), `zero` or `nearest`.
     #[serde(default)]
     beyond: Outside,
-    /// Zero-based entry on each leading index axis.
+    /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// Pairs of directions in degrees `[θ, φ]`. A list of one direction is combined with every entry of the other list.
+/// Pairs of directions for which sampling densities are evaluated, in degrees `[θ, φ]`. A list of one direction is
+/// combined with every direction of the other list.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct PdfRequest {
-    /// Incoming directions, for quantities that have them.
+    /// Incoming directions, for physical quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Outgoing directions.
+    /// Outgoing directions whose sampling densities are evaluated.
     #[schema(value_type = Vec<Angles>, min_items = 1)]
     wo: Vec<[f64; 2]>,
-    /// Subdivision level at which directions are drawn. Default: the material's own.
+    /// Subdivision level of the triangles from which directions are drawn; a lower one is coarser. Default: the
+    /// material's own.
     #[serde(default)]
     #[schema(maximum = 255)]
     level: Option<u8>,
-    /// Zero-based entry on each leading index axis.
+    /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// Number, seed and incoming directions of the directions to draw.
+/// Request to draw outgoing directions at random: their number, the seed, and the incoming directions.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct SampleRequest {
-    /// Incoming direction in degrees, or several, for quantities that have one.
+    /// Incoming direction in degrees `[θ, φ]`, or a list of such, for physical quantities that have one.
     #[serde(default)]
     #[schema(value_type = Option<OneOrMoreAngles>)]
     wi: Option<OneOrMore>,
-    /// Number of directions for each incoming direction. Default: 1.
+    /// Number of outgoing directions to draw for each incoming direction. Default: 1.
     #[serde(default = "one")]
     #[schema(minimum = 1)]
     count: usize,
@@ -93,28 +96,28 @@ struct SampleRequest {
     #[serde(default)]
     #[schema(maximum = 255)]
     level: Option<u8>,
-    /// Zero-based entry on each leading index axis.
+    /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// Incoming directions in degrees `[θ, φ]`.
+/// Incoming directions, in degrees `[θ, φ]`, for which values are integrated over outgoing directions.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct AlbedoRequest {
-    /// Incoming directions, for quantities that have them.
+    /// Incoming directions, for physical quantities that have them.
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Interpolation: `smooth` (the default) or `constant`.
+    /// Interpolation over directions: `smooth` (the default) or `constant`.
     #[serde(default)]
     interpolation: How,
-    /// Zero-based entry on each leading index axis.
+    /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
 }
 
-/// `[θ, φ]` or a list of them.
+/// One direction `[θ, φ]` in degrees, or a list of such directions.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "wi: expected [theta, phi] in degrees or a list of such")]
 enum OneOrMore {
@@ -126,11 +129,13 @@ fn one() -> usize {
     1
 }
 
-/// Parser of a JSON body; the second argument is the largest number of answers.
+/// Function that parses a batch of queries from a JSON request body; the second argument is the largest number of
+/// answers.
 type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
 
-/// Evaluate spectra for pairs of directions: one object, a stream of lines, or a stream of f32 (θi, φi, θo, φo, without
-/// the directions that the quantity lacks). Each f32 record is answered by one f32 for each wavelength.
+/// Evaluate spectra for pairs of directions. The request is one JSON object, NDJSON, or a stream of f32 records (θi,
+/// φi, θo, φo, without the directions that the quantity lacks). Each f32 record is answered by one f32 for each
+/// wavelength.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/evaluate", tag = "evaluation",
     request_body(content(
@@ -168,8 +173,8 @@ pub(super) async fn evaluate(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Evaluate the densities with which `sample` draws directions: one object, a stream of lines, or a stream of f32 (θi,
-/// φi, θo, φo; emission θo, φo). Each f32 record is answered by one f32.
+/// Evaluate the probability densities with which `sample` draws directions. The request is one JSON object, NDJSON, or
+/// a stream of f32 records (θi, φi, θo, φo; for emission θo, φo). Each f32 record is answered by one f32.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/pdf", tag = "evaluation",
     request_body(content(
@@ -197,9 +202,9 @@ pub(super) async fn pdf(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Draw directions in proportion to the light that the material sends there. A JSON object requests `count` directions
-/// for each incoming one; its answer is streamed if lines or f32 are accepted. A stream of incoming directions (lines,
-/// or f32 θi, φi) gets one direction each, in f32 as θo, φo, pdf, weight.
+/// Draw random directions in proportion to the light that the material sends there. A JSON object requests `count`
+/// directions for each incoming one; its answer is streamed if NDJSON or f32 is accepted. A stream of incoming
+/// directions (NDJSON, or f32 θi, φi) gets one direction for each, in f32 as θo, φo, pdf, weight.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/sample", tag = "evaluation",
     request_body(content(
@@ -234,8 +239,8 @@ pub(super) async fn sample(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Integrate over outgoing directions for given incoming ones: one object, a stream of lines, or a stream of f32 (θi,
-/// φi). Each f32 record is answered by one f32 for each wavelength.
+/// Integrate over outgoing directions for given incoming ones. The request is one JSON object, NDJSON, or a stream of
+/// f32 records (θi, φi). Each f32 record is answered by one f32 for each wavelength.
 #[utoipa::path(
     post, path = "/v1/materials/{id}/albedo", tag = "evaluation",
     request_body(content(
@@ -265,8 +270,8 @@ pub(super) async fn albedo(
     answer(app, id, request, question, plain, parse).await
 }
 
-/// Answers a batch. `question` comes from the query string and applies to a stream. `plain` is true if the query string
-/// sets no option. `parse` reads a JSON body.
+/// Answers an HTTP request with a batch of queries. `question`, the options from the query string, applies to streamed
+/// bodies. `plain` is true if the query string sets no option. `parse` reads a JSON body.
 async fn answer(
     app: App,
     id: Digest,
@@ -322,7 +327,8 @@ async fn answer(
     stream(&app, peer, material, question, Source::body(pieces, cutter), answer, length).await
 }
 
-/// Checks the headers, and returns the encodings of body and answer and the question.
+/// Checks the headers of a batch request. Returns the encodings of the body and of the answer, and the operation that
+/// the query string asks for; fails if that is invalid.
 fn check(
     headers: &HeaderMap,
     question: Result<Question, Problem>,
@@ -340,7 +346,7 @@ fn check(
     Ok((body, answer, question))
 }
 
-/// Refuses a request before any of its body was read.
+/// Refuses a request before any of its body is read. Discards the start of the body, then returns `problem`.
 async fn refuse(request: Request, problem: Problem) -> Result<Response, Problem> {
     linger(request).await;
     Err(problem)

@@ -7,28 +7,29 @@ use bytes::{Bytes, BytesMut};
 use futures::FutureExt;
 use std::sync::Arc;
 
-/// Upper bound in bytes on one line.
+/// Upper bound in bytes on one line of an NDJSON batch.
 const LINE: usize = 4096;
 
-/// Bytes of lines that complete a block; exceeded by one line at most. Raising it costs memory per stream.
+/// Number of bytes of NDJSON lines that complete a block for evaluation; exceeded by one line at most. Raising it costs
+/// memory per stream.
 const LINES: usize = 256 << 10;
 
-/// Records that are evaluated together.
+/// Block of a batch: consecutive queries that are evaluated together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     pub(super) records: Records,
-    /// Zero-based number of the first record.
+    /// Zero-based number, within the batch, of the first query of the block.
     pub(super) first: u64,
 }
 
-/// Source of blocks: a parsed list, or a body that arrives in pieces.
+/// Source of the blocks of a batch: a parsed list of queries, or a request body that arrives in pieces.
 #[derive(Debug)]
 pub(super) enum Source {
     Listed { places: Arc<Places>, next: usize },
     Body { pieces: ReadAhead, cutter: Cutter, end: End },
 }
 
-/// State of the end of a body: more pieces may come, it is complete, or it broke off.
+/// State of the end of a request body: more pieces may come, the body is complete, or it broke off.
 #[derive(Debug)]
 pub(super) enum End {
     NotYet,
@@ -37,7 +38,7 @@ pub(super) enum End {
 }
 
 impl Source {
-    /// Returns the next block of at most `most` records; `None` at the end. Nothing follows a problem.
+    /// Returns the next block of at most `most` queries; `None` at the end. No block follows an error.
     pub(super) async fn next(&mut self, most: usize) -> Option<Result<Block, Problem>> {
         match self {
             Self::Listed { places, next } => {
@@ -72,30 +73,31 @@ impl Source {
         }
     }
 
-    /// Streams the records of a body.
+    /// Creates the source of the queries in a request body that arrives in pieces.
     pub(super) fn body(pieces: ReadAhead, cutter: Cutter) -> Self {
         Self::Body { pieces, cutter, end: End::NotYet }
     }
 }
 
-/// Received bytes that are not yet in a block.
+/// Bytes of a request body that were received but are not yet cut into a block of queries.
 #[derive(Debug)]
 pub(super) struct Cutter {
     form: Form,
     bytes: BytesMut,
-    /// Zero-based number of the next record (of the line for lines).
+    /// Zero-based number of the next query in the batch (of the next line for NDJSON).
     next: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Form {
     Floats(Directions),
-    /// Scan of the buffered lines: the bytes scanned, and the complete lines among them.
+    /// Queries as NDJSON, one on each line. The fields say how much of the received, uncut bytes was searched for line
+    /// ends, and how many complete lines were found.
     Lines {
         seen: usize,
-        /// Number of complete lines scanned.
+        /// Number of lines that end with a newline among the bytes of a request body scanned so far.
         count: usize,
-        /// Length in bytes of the complete lines.
+        /// Length in bytes of the lines that end with a newline among the bytes of a request body scanned so far.
         whole: usize,
     },
 }
@@ -113,7 +115,7 @@ impl Cutter {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Returns a block of `most` records, or of as many as have arrived if `any` is true.
+    /// Cuts a block of `most` queries from the received bytes, or of as many as have arrived if `any` is true.
     fn cut(&mut self, most: usize, any: bool) -> Option<Result<Block, Problem>> {
         let first = self.next;
         match &mut self.form {
@@ -149,7 +151,7 @@ impl Cutter {
         }
     }
 
-    /// Returns the last, incomplete block once no piece follows, or the problem of a truncated record.
+    /// Returns the last, incomplete block of queries once the body has ended, or the error of a truncated query.
     fn end(&mut self) -> Option<Result<Block, Problem>> {
         if self.bytes.is_empty() {
             return None;
@@ -165,7 +167,7 @@ impl Cutter {
     }
 }
 
-/// Problem of a body that ends inside a record.
+/// Builds the error for a request body that ends inside a binary query record.
 pub(super) fn cut_off(bytes: u64, directions: Directions) -> Problem {
     let record = directions.bytes() as u64;
     let detail = format!("the body ends {} bytes into a record of {record} bytes", bytes % record);
@@ -180,7 +182,7 @@ mod tests {
 
     const WO: Directions = Directions { wi: false, wo: true };
 
-    /// Every pair of a body that comes in pieces of `size` bytes, and the problem at its end.
+    /// Returns every pair of directions of a body that comes in pieces of `size` bytes, and the error at its end.
     async fn pairs(
         cutter: Cutter,
         body: &[u8],

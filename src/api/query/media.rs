@@ -3,18 +3,18 @@
 use super::super::problem::{Kind, Problem};
 use axum::http::{HeaderMap, HeaderValue, header};
 
-/// Encoding of a batch.
+/// Encoding of a batch of queries or of its answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// One JSON object.
+    /// One JSON object that holds all queries of a batch, or all answers.
     Json,
-    /// One JSON object per line.
+    /// One JSON object per line (NDJSON), one line for each query or answer.
     Lines,
-    /// Little-endian f32.
+    /// Little-endian f32 numbers without separators.
     Floats,
 }
 
-/// Media types of the encodings; the first of each labels answers.
+/// Media types of the encodings of batches. The first media type of an encoding labels answers.
 const NAMES: [(&str, Encoding); 6] = [
     ("application/json", Encoding::Json),
     ("application/x-ndjson", Encoding::Lines),
@@ -25,7 +25,7 @@ const NAMES: [(&str, Encoding); 6] = [
 ];
 
 impl Encoding {
-    /// Returns the encoding of the body from `Content-Type`.
+    /// Returns the encoding of a request body according to the header `Content-Type`.
     pub(super) fn of_body(headers: &HeaderMap) -> Result<Self, Problem> {
         let found = headers.get(header::CONTENT_TYPE).map(|value| value.to_str().unwrap_or("?"));
         let essence = found.map(essence).unwrap_or_default();
@@ -43,8 +43,8 @@ impl Encoding {
         })
     }
 
-    /// Negotiates the encoding of the answer from `Accept`, preferring that of the body. The answer to a stream is a
-    /// stream.
+    /// Negotiates the encoding of the answer from the header `Accept`, preferring the encoding of the request body. A
+    /// streamed request (NDJSON or f32) gets a streamed answer.
     pub(super) fn of_answer(self, headers: &HeaderMap) -> Result<Self, Problem> {
         let offers: &[Self] = match self {
             Self::Json => &[Self::Json, Self::Lines, Self::Floats],
@@ -72,7 +72,7 @@ impl Encoding {
         })
     }
 
-    /// Returns the media type that labels answers.
+    /// Returns the media type that labels answers in this encoding.
     pub(super) fn name(self) -> &'static str {
         NAMES.iter().find(|(_, encoding)| *encoding == self).map_or("", |(name, _)| name)
     }
@@ -81,8 +81,8 @@ impl Encoding {
         HeaderValue::from_static(self.name())
     }
 
-    /// Returns the quality in thousandths that the most specific matching range in `accepted` gives (RFC 9110 section
-    /// 12.5.1).
+    /// Returns the quality value in thousandths that the most specific matching range of the header `Accept` gives to a
+    /// media type (RFC 9110 section 12.5.1).
     fn quality(self, accepted: &[&str]) -> u32 {
         let mut best = (0, 0);
         for range in accepted.iter().flat_map(|text| text.split(',')) {
@@ -104,12 +104,12 @@ impl Encoding {
     }
 }
 
-/// Returns the media type in lower case, without its parameters.
+/// Returns a media type in lower case, without its parameters.
 fn essence(text: &str) -> String {
     text.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
-/// Returns `q` in thousandths: 1000 if absent, 0 if it is not a number.
+/// Returns the quality parameter `q` of a media range in thousandths: 1000 if it is absent, 0 if it is not a number.
 fn weight(range: &str) -> u32 {
     let q = range.split(';').skip(1).find_map(|part| {
         let (name, value) = part.split_once('=')?;

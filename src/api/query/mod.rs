@@ -36,7 +36,7 @@ use super::state::App;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// The routes of this resource.
+/// HTTP routes of queries of a material: evaluation, sampling and albedo.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(one::get_spectrum))

@@ -15,45 +15,45 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use utoipa::IntoParams;
 
-/// Directions and wavelengths of one spectrum.
+/// Query parameters of the evaluation of one spectrum: directions, wavelengths, index and interpolation.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct SpectrumQuery {
-    /// Incoming direction `θ,φ` in degrees, for quantities that have one.
+    /// Incoming direction `θ,φ` in degrees, for physical quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
-    /// Outgoing direction `θ,φ` in degrees, for quantities that have one.
+    /// Outgoing direction `θ,φ` in degrees, for physical quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wo: Option<String>,
-    /// Wavelengths: `A,B,C` or `START:STOP:STEP` in nm. Default: the material's own.
+    /// Wavelengths of the spectrum: `A,B,C` or `START:STOP:STEP` in nm. Default: the material's own.
     #[param(value_type = Option<WavelengthsText>)]
     wavelengths: Option<String>,
-    /// Zero-based entry on each leading index axis: `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Interpolation: `smooth` (the default) or `constant`.
+    /// Interpolation over directions: `smooth` (the default) or `constant`.
     interpolation: Option<How>,
-    /// Values outside the measured wavelengths: `masked` (the default), `zero` or `nearest`.
+    /// Values at wavelengths outside the measured range: `masked` (the default), `zero` or `nearest`.
     beyond: Option<Outside>,
 }
 
-/// Incoming direction of one albedo.
+/// Query parameters of one directional albedo: incoming direction, index and interpolation.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoQuery {
-    /// Incoming direction `θ,φ` in degrees, for quantities that have one.
+    /// Incoming direction `θ,φ` in degrees, for physical quantities that have one.
     #[param(value_type = Option<DirectionText>)]
     wi: Option<String>,
-    /// Zero-based entry on each leading index axis: `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Interpolation: `smooth` (the default) or `constant`.
+    /// Interpolation over directions: `smooth` (the default) or `constant`.
     interpolation: Option<How>,
 }
 
-/// Evaluate one spectrum.
+/// Evaluate one spectrum of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
     params(("id" = Digest, Path, description = "The material"), SpectrumQuery),
@@ -85,7 +85,8 @@ pub(super) async fn get_spectrum(
     .await
 }
 
-/// Integrate over outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an emission.
+/// Integrate one spectrum over all outgoing directions: the directional albedo of a BRDF or BTDF, the flux of an
+/// emission.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
     params(("id" = Digest, Path, description = "The material"), AlbedoQuery),
@@ -108,7 +109,7 @@ pub(super) async fn get_albedo(
     .await
 }
 
-/// Computes an answer and encodes it as JSON, both on the query threads.
+/// Computes an answer and encodes it as JSON, both on the thread pool of queries.
 pub(in crate::api) async fn compute<T: Serialize>(
     app: &App,
     work: impl FnOnce() -> Result<T, Problem> + Send + 'static,

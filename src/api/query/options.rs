@@ -32,61 +32,68 @@ pub(super) enum Outside {
     Nearest,
 }
 
-/// Options for evaluating a stream of pairs.
+/// Query options for evaluating spectra for a stream of pairs of directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct EvaluateOptions {
-    /// NDJSON and f32 only: wavelengths, `A,B,C` or `START:STOP:STEP` in nm; default: the material's own.
+    /// Wavelengths, `A,B,C` or `START:STOP:STEP` in nm; default: the material's own. For NDJSON and f32 bodies only.
     #[param(value_type = Option<WavelengthsText>)]
     pub(super) wavelengths: Option<String>,
-    /// NDJSON and f32 only: interpolation, `smooth` (the default) or `constant`.
+    /// Interpolation over directions, `smooth` (the default) or `constant`. For NDJSON and f32 bodies only.
     pub(super) interpolation: Option<How>,
-    /// NDJSON and f32 only: values outside the measured wavelengths, `masked` (the default), `zero` or `nearest`.
+    /// Values at wavelengths outside the measured range, `masked` (the default), `zero` or `nearest`. For NDJSON and
+    /// f32 bodies only.
     pub(super) beyond: Option<Outside>,
-    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
+    /// only.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// Options for the sampling densities of a stream of pairs.
+/// Query options for evaluating the sampling densities for a stream of pairs of directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct PdfOptions {
-    /// NDJSON and f32 only: subdivision level at which directions are drawn; default: the material's own.
+    /// Subdivision level of the triangles from which directions are drawn; default: the material's own. For NDJSON and
+    /// f32 bodies only.
     #[param(maximum = 255)]
     pub(super) level: Option<u8>,
-    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
+    /// only.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// Options for drawing one direction for each of a stream of incoming directions.
+/// Query options for drawing one outgoing direction for each of a stream of incoming directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct SampleOptions {
-    /// NDJSON and f32 only: seed of the random numbers; equal seeds give equal directions on every machine; default 0.
+    /// Seed of the random numbers; equal seeds give equal directions on every machine; default: 0. For NDJSON and f32
+    /// bodies only.
     #[param(maximum = 18_446_744_073_709_551_615_usize)]
     pub(super) seed: Option<u64>,
-    /// NDJSON and f32 only: subdivision level of the triangles from which directions are drawn; default the material's
-    /// own.
+    /// Subdivision level of the triangles from which directions are drawn; default: the material's own. For NDJSON and
+    /// f32 bodies only.
     #[param(maximum = 255)]
     pub(super) level: Option<u8>,
-    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
+    /// only.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
 
-/// Options for integrating over a stream of incoming directions.
+/// Query options for integrating over outgoing directions for a stream of incoming directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoOptions {
-    /// NDJSON and f32 only: interpolation, `smooth` (the default) or `constant`.
+    /// Interpolation over directions, `smooth` (the default) or `constant`. For NDJSON and f32 bodies only.
     pub(super) interpolation: Option<How>,
-    /// NDJSON and f32 only: zero-based entry on each leading index axis, `I,J`.
+    /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
+    /// only.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
 }
@@ -110,7 +117,7 @@ impl From<Outside> for Beyond {
     }
 }
 
-/// Parses an optional part of the query string with `read`.
+/// Parses an optional parameter of the query string with the function `read`.
 pub(in crate::api) fn read<T>(
     text: Option<&str>,
     read: impl FnOnce(&str) -> Result<T, String>,
@@ -118,7 +125,7 @@ pub(in crate::api) fn read<T>(
     text.map(read).transpose().map_err(|detail| Problem::new(Kind::BadQuery, detail))
 }
 
-/// Parses `THETA,PHI` in degrees.
+/// Parses a direction `THETA,PHI` in degrees.
 pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, String> {
     let refused = || {
         let shown: String = text.chars().take(80).collect();
@@ -129,7 +136,7 @@ pub(in crate::api) fn direction(what: &str, text: &str) -> Result<Direction, Str
     check(what, angles)
 }
 
-/// Parses `A,B,C` or `START:STOP:STEP` in nm.
+/// Parses wavelengths in nm, as `A,B,C` or `START:STOP:STEP`.
 pub(super) fn wavelengths(text: &str) -> Result<Vec<f64>, String> {
     if text.contains(':') {
         return WavelengthGrid::parse_range(text).map(|grid| grid.values()).map_err(|e| format!("wavelengths: {e}"));
@@ -151,7 +158,7 @@ pub(super) fn check_wavelengths(values: &[f64]) -> Result<(), String> {
     }
 }
 
-/// Parses `I,J`.
+/// Parses zero-based positions on the index axes, as `I,J`.
 pub(in crate::api) fn indices(text: &str) -> Result<Vec<usize>, String> {
     numbers(text).ok_or_else(|| "index: expected numbers from 0 with commas between them".to_owned())
 }

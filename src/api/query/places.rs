@@ -10,10 +10,10 @@ use std::ops::Range;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// `[theta, phi]` in degrees.
+/// A direction as `[theta, phi]` in degrees.
 pub(super) type Angles = [f64; 2];
 
-/// The directions of one record.
+/// Incoming and outgoing direction of one query of a batch; `None` for a direction that it lacks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Pair {
     pub(super) wi: Option<Direction>,
@@ -21,66 +21,68 @@ pub(super) struct Pair {
 }
 
 impl Pair {
-    /// Returns which directions are present: `(wi, wo)`.
+    /// Returns which of the two directions the query contains, as `(incoming, outgoing)`.
     pub(super) fn given(&self) -> (bool, bool) {
         (self.wi.is_some(), self.wo.is_some())
     }
 }
 
-/// Directions present in a record of floats: two floats each, `wi` first.
+/// Directions that each binary query record contains, as two f32 for each direction, the incoming one first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Directions {
     pub(super) wi: bool,
     pub(super) wo: bool,
 }
 
-/// Lists of directions, paired by position. Without any list there is one place, which has no direction.
+/// Lists of incoming and outgoing directions, paired by position. Without any list there is one query, which has no
+/// direction.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     wi: Option<Vec<Angles>>,
     wo: Option<Vec<Angles>>,
-    /// Number of pairs.
+    /// Number of pairs of directions.
     count: usize,
-    /// Number of answers for each pair.
+    /// Number of answers wanted for each pair of directions, such as random directions; each counts as a query.
     each: usize,
 }
 
-/// Some records of a batch, in their original encoding.
+/// Some queries of a batch, in the encoding in which they arrived.
 #[derive(Clone, Debug)]
 pub(super) enum Records {
-    /// Range of the answers of listed pairs.
+    /// Parsed lists of the directions of a batch, and the range of the numbers (from 0, over the whole batch) of the
+    /// answers that belong to these queries.
     Listed(Arc<Places>, Range<usize>),
-    /// Records of floats.
+    /// Binary records, one for each query: polar angle and azimuth of each direction in degrees, as little-endian f32.
     Floats(Directions, Bytes),
-    /// Lines; the last one may lack its newline.
+    /// NDJSON lines; the last one may lack its newline.
     Lines(Bytes),
 }
 
-/// One record as a line.
+/// One query of a batch as a line of NDJSON.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Line)]
 pub(super) struct Line {
-    /// Incoming direction `[theta, phi]`, for quantities and questions that have one.
+    /// Incoming direction `[theta, phi]` in degrees, for quantities and operations that take one.
     #[serde(default)]
     #[schema(value_type = Option<schemas::Angles>)]
     wi: Option<[f64; 2]>,
-    /// Outgoing direction `[theta, phi]`, for quantities and questions that have one.
+    /// Outgoing direction `[theta, phi]` in degrees, for quantities and operations that take one.
     #[serde(default)]
     #[schema(value_type = Option<schemas::Angles>)]
     wo: Option<[f64; 2]>,
 }
 
 impl Directions {
-    /// Returns the length in bytes of a record.
+    /// Returns the length in bytes of a binary query record.
     pub(super) fn bytes(self) -> usize {
         8 * (usize::from(self.wi) + usize::from(self.wo))
     }
 }
 
 impl Places {
-    /// Pairs two lists of equal length, or a list with a single direction. Each pair gets `each` answers; `most` bounds
-    /// their total.
+    /// Pairs two lists of directions of equal length, or a list with a single direction. Each pair gets `each` answers;
+    /// `most` bounds the total number of answers.
     pub(super) fn of(
         wi: Option<Vec<Angles>>,
         wo: Option<Vec<Angles>>,
@@ -107,7 +109,8 @@ impl Places {
         Ok(Self { wi, wo, count, each })
     }
 
-    /// Returns the number of answers.
+    /// Returns the number of answers: the number of pairs of directions, times the number of answers wanted for each
+    /// pair.
     pub(super) fn len(&self) -> usize {
         self.count * self.each
     }
@@ -122,22 +125,22 @@ impl Places {
         pair.map_err(|detail| Problem::invalid(self.place(answer) + &detail))
     }
 
-    /// Returns the prefix that names the pair of an answer in a problem.
+    /// Returns the prefix of an error text that names the pair of directions of an answer.
     fn place(&self, answer: usize) -> String {
         if self.count == 1 { String::new() } else { format!("pair {}: ", answer / self.each + 1) }
     }
 }
 
-/// Pairs read before the first invalid record, and its problem.
+/// Pairs of directions read before the first invalid query, and the error of that query.
 pub(super) struct Read {
     pub(super) pairs: Vec<Pair>,
-    /// Zero-based record number of each pair (line number for lines).
+    /// Zero-based number, in the batch, of the query of each pair of directions (line number for NDJSON).
     pub(super) numbers: Vec<u64>,
     pub(super) problem: Option<Problem>,
 }
 
 impl Records {
-    /// Splits the records into parts of at most `most`.
+    /// Splits the queries into parts of at most `most` queries.
     pub(super) fn parts(&self, most: usize) -> Vec<Self> {
         match self {
             Self::Listed(places, range) => range
@@ -168,7 +171,8 @@ impl Records {
         }
     }
 
-    /// Number of records by which later records are numbered: listed answers, records or lines.
+    /// Returns the number of queries in this part of a batch; the queries of the next part are numbered on from there.
+    /// Each answer to a pair of directions counts as one query, and so does a blank line of NDJSON.
     pub(super) fn count(&self) -> usize {
         match self {
             Self::Listed(_, range) => range.len(),
@@ -177,7 +181,8 @@ impl Records {
         }
     }
 
-    /// Parses the pairs up to the first invalid record. `first` is the zero-based number of the first record.
+    /// Parses the pairs of directions up to the first invalid query. `first` is the zero-based number of the first
+    /// query in the batch.
     pub(super) fn read(&self, first: u64) -> Read {
         let (mut pairs, mut numbers) = (Vec::new(), Vec::new());
         let mut problem = None;
@@ -213,7 +218,8 @@ impl Records {
         Read { pairs, numbers, problem }
     }
 
-    /// Returns the name of the record behind answer `at`, for a problem; `first` as in [`Records::read`].
+    /// Returns the name of the query behind answer number `at`, for an error text. `first` is the zero-based number of
+    /// the first query in the batch.
     pub(super) fn name(&self, first: u64, at: usize) -> String {
         match self {
             Self::Listed(places, range) => places.place(range.start + at).trim_end_matches(": ").to_owned(),
@@ -228,7 +234,8 @@ impl Records {
     }
 }
 
-/// Converts angles in degrees to a direction. The error names `what` and the angles found.
+/// Converts the angles of a direction in degrees to a direction. The error names the parameter `what` and the angles
+/// found.
 pub(super) fn check(what: &str, [theta, phi]: Angles) -> Result<Direction, String> {
     if (0.0..=180.0).contains(&theta) && phi.is_finite() {
         Ok(Direction::from_degrees(theta, phi))
@@ -247,7 +254,7 @@ fn floats(directions: Directions, record: &[u8]) -> Result<Pair, Problem> {
     Ok(Pair { wi, wo })
 }
 
-/// Parses one line; `None` if it is blank.
+/// Parses one NDJSON line into a pair of directions; `None` if the line is blank.
 fn line(text: &[u8]) -> Result<Option<Pair>, Problem> {
     if text.trim_ascii().is_empty() {
         return Ok(None);

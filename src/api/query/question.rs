@@ -5,21 +5,22 @@ use super::places::Directions;
 use crate::domain::Layout;
 use crate::evaluate::{Beyond, Interpolation, Material};
 
-/// Question asked for each record.
+/// Operation that a batch asks for, applied to each of its queries.
 #[derive(Clone, Debug)]
 pub(super) enum Question {
-    /// Spectrum for a pair, at `wavelengths` or at the material's own.
+    /// Evaluation of a spectrum for a pair of directions, at `wavelengths` or at the material's own.
     Evaluate { index: Vec<usize>, how: Interpolation, beyond: Beyond, wavelengths: Option<Vec<f64>> },
-    /// Density with which `Sample` draws `wo`.
+    /// Probability density with which `Sample` draws the outgoing direction.
     Pdf { index: Vec<usize>, level: Option<u8> },
-    /// Direction drawn for `wi`. Record k of a batch uses the random numbers 2k and 2k + 1 of the seed.
+    /// Random outgoing direction for an incoming direction. Query k of a batch uses the random numbers 2k and 2k + 1 of
+    /// the seed.
     Sample { index: Vec<usize>, level: Option<u8>, seed: u64 },
-    /// Directional albedo for `wi`.
+    /// Directional albedo for an incoming direction.
     Albedo { index: Vec<usize>, how: Interpolation },
 }
 
 impl Question {
-    /// Removes `wavelengths` that equal the material's own, because evaluation without a list is faster.
+    /// Removes a list of wavelengths that equals the material's own, because evaluation without a list is faster.
     pub(super) fn simplified(mut self, material: &Material) -> Self {
         if let Self::Evaluate { wavelengths, .. } = &mut self
             && *wavelengths == material.wavelengths()
@@ -29,7 +30,7 @@ impl Question {
         self
     }
 
-    /// Returns the number of values in one answer.
+    /// Returns the number of values in the answer to one query.
     pub(super) fn width(&self, material: &Material) -> usize {
         match self {
             Self::Evaluate { wavelengths: Some(wavelengths), .. } => wavelengths.len(),
@@ -39,7 +40,7 @@ impl Question {
         }
     }
 
-    /// Returns the directions that a record of floats consists of.
+    /// Returns the directions that a binary query record contains for this operation on `material`.
     pub(super) fn directions(&self, material: &Material) -> Result<Directions, Problem> {
         let layout = Layout::of(material.quantity(), material.axes()).map_err(|error| Problem::internal(&error))?;
         let (wi, wo) = (layout.incoming.is_some(), layout.outgoing.is_some());

@@ -11,14 +11,15 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 
-/// Upper bound in bytes on data read ahead of one body. Raising it serves clients with longer bodies that read late, at
-/// the cost of memory.
+/// Upper bound in bytes on data read ahead of one request body. Raising it serves clients that send a long body before
+/// they read the answer, at the cost of memory.
 const AHEAD: usize = 16 << 20;
 
-/// Bytes that a piece counts for besides its data.
+/// Bytes of memory assumed for holding one received piece of a request body, beyond its data, in the limit on data read
+/// ahead. Raising it reads fewer small pieces ahead.
 const OVERHEAD: usize = 128;
 
-/// Pieces of a body, read ahead.
+/// Pieces of a request body, read before they are needed.
 #[derive(Debug)]
 pub(super) struct ReadAhead {
     pieces: mpsc::UnboundedReceiver<Piece>,
@@ -27,13 +28,14 @@ pub(super) struct ReadAhead {
 #[derive(Debug)]
 struct Piece {
     bytes: Result<Bytes, Problem>,
-    /// Share of [`AHEAD`], released when the piece is taken.
+    /// Permit that counts the bytes of one piece of a request body against the read-ahead limit [`AHEAD`]. It is
+    /// released when the piece is taken from the queue.
     _share: Option<OwnedSemaphorePermit>,
 }
 
 impl ReadAhead {
-    /// Starts reading. When this is dropped, a task drains a little of the remaining body, because most clients read
-    /// the answer only after they have sent a good part of their body.
+    /// Starts reading a request body ahead. When the reader is dropped, a task drains a little of the remaining body:
+    /// most clients read the answer only after sending a good part of their body.
     pub(super) fn new(body: Body, idle: Duration) -> Self {
         let (sender, pieces) = mpsc::unbounded_channel();
         tokio::spawn(async move {
@@ -67,7 +69,7 @@ impl ReadAhead {
         Self { pieces }
     }
 
-    /// Returns the next piece; `None` at the end of the body.
+    /// Returns the next piece of the request body; `None` at its end.
     pub(super) async fn next(&mut self) -> Option<Result<Bytes, Problem>> {
         self.pieces.recv().await.map(|piece| piece.bytes)
     }

@@ -22,27 +22,31 @@ use std::io;
 use std::sync::Arc;
 use tokio_util::task::AbortOnDropHandle;
 
-/// Upper bound in records on a block, which is evaluated in one turn on the query threads. Raising it costs memory and
-/// delays other clients.
+/// Upper bound on the number of queries in a block, which is evaluated in one turn on the thread pool of queries.
+/// Raising it costs memory and delays other clients.
 const BLOCK: usize = 4096;
-/// Upper bound in values on a block, for records with many values.
+/// Upper bound on the number of output values of a block of queries. Blocks of queries with many values each reach it
+/// before [`BLOCK`]. Raising it costs memory.
 const BLOCK_VALUES: usize = 1 << 19;
-/// Upper bound in records on a part of a block, which one thread evaluates.
+/// Upper bound on the number of queries in a part of a block, which one thread evaluates. Raising it uses fewer
+/// threads.
 const PART: usize = 512;
-/// Upper bound in values on a part, for records with many values.
+/// Upper bound on the number of output values that one thread computes for its part of a block of queries. Parts with
+/// many values per query reach it before [`PART`]. Raising it uses fewer threads.
 const PART_VALUES: usize = 1 << 16;
-/// Blocks of one stream that are being evaluated or wait to be sent. Raising it costs memory and lets more of them run
-/// at once.
+/// Largest number of blocks of queries of one streamed answer that are being evaluated or wait to be sent. Raising it
+/// costs memory and lets more blocks be evaluated at once.
 const BLOCKS: usize = 3;
 
-/// An answered and encoded block: its parts in order, and the problem after the last answer.
+/// An evaluated and encoded block of queries: the bytes of its parts in order, and the error after the last answer, if
+/// any.
 #[derive(Debug)]
 struct Sent {
     parts: VecDeque<Bytes>,
     problem: Option<Problem>,
 }
 
-/// Computes the whole answer as one JSON object. Runs on the query threads.
+/// Computes the answers to a whole batch as one JSON object. Runs on the thread pool of queries.
 pub(super) fn whole(
     material: &Material,
     question: &Question,
@@ -66,7 +70,7 @@ pub(super) fn whole(
     json.transpose().map_err(|error| Problem::internal(&error)).map(Option::unwrap_or_default)
 }
 
-/// Refuses answers that are too large for one JSON object.
+/// Refuses batches whose answers are too large for one JSON object.
 fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     if answers.saturating_mul(width) > most {
         return Err(Problem::invalid(format!(
@@ -76,7 +80,7 @@ fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Streams the answer block by block. `bytes` is its length, if known.
+/// Streams the answers to a batch block by block. `bytes` is the length of the response, if known.
 pub(super) async fn stream(
     app: &App,
     peer: Peer,
@@ -132,7 +136,7 @@ pub(super) async fn stream(
     Ok(response)
 }
 
-/// State of a stream that is being sent.
+/// State of a streamed response that is being sent.
 struct Sending {
     answered: BoxStream<'static, Sent>,
     sent: Sent,
@@ -165,7 +169,7 @@ impl Sending {
     }
 }
 
-/// Answers and encodes a block. Runs on the query threads.
+/// Evaluates and encodes a block of queries. Runs on the thread pool of queries.
 fn send(material: &Material, question: &Question, block: &Block, width: usize, encoding: Encoding) -> Sent {
     let mut sent = Sent { parts: VecDeque::new(), problem: None };
     for (bytes, problem) in parts(material, question, block, width, |answers| answers.bytes(encoding)) {
@@ -182,7 +186,8 @@ fn send(material: &Material, question: &Question, block: &Block, width: usize, e
     sent
 }
 
-/// Answers the parts of a block in parallel, each with the problem after its last answer.
+/// Evaluates the parts of a block of queries in parallel. Each part returns its answers and the error after the last
+/// one, if any.
 fn parts<T: Send>(
     material: &Material,
     question: &Question,

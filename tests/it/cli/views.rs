@@ -55,7 +55,7 @@ fn colours_are_told_under_names_and_files() {
         (2, &["--illuminant", "A", "--illuminant-column", "1"], "A is no table"),
         (2, &["--illuminant", &data("aerolamp.ies")], "expected a spectral table"),
         (2, &["--illuminant", &data("aerolamp.csv")], "expected at least 400 to 700 nm"),
-        (2, &["--wi", "30,0"], "has no incoming axis"),
+        (2, &["--wi", "30,0"], "does not depend on an incoming direction"),
         (2, &["--index", "24"], "expected 0 to 23"),
         (1, &["--illuminant", env!("CARGO_MANIFEST_DIR")], "is a directory"),
     ] {

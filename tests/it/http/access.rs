@@ -70,9 +70,11 @@ async fn names_and_origins_are_settings() {
     problem(service.post("/v1/measurements").header("origin", app).body(D65), 403, "cross-origin-write").await;
     service.stop().await;
 
-    for (names, origins, expected) in
-        [("http://x", "", "--name"), ("", "*", "--origin"), ("", "app.example.org", "--origin")]
-    {
+    for (names, origins, expected) in [
+        ("http://x", "", "invalid setting --name"),
+        ("", "*", "invalid setting --origin"),
+        ("", "app.example.org", "invalid setting --origin"),
+    ] {
         let mut wrong = config(data.path());
         (wrong.names, wrong.origins) = (vec![names.to_owned()], vec![origins.to_owned()]);
         let error = Server::bind(wrong).await.unwrap_err();

@@ -6,7 +6,8 @@ use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
-/// Running sum `Σ factor · spectrum` of coefficients, as photon gathering needs it (\[CPB06\] section 6.2.2).
+/// Running sum `Σ factor · spectrum` over wavelet coefficients of spectra, as photon gathering needs it (\[CPB06\]
+/// section 6.2.2).
 #[derive(Clone, Debug)]
 pub struct Accumulator {
     space: Arc<LineSpace>,
@@ -14,12 +15,12 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// Creates a sum with all coefficients 0.
+    /// Creates a running sum of spectra in which all coefficients are 0.
     pub fn new(space: &Arc<LineSpace>) -> Self {
         Self { space: Arc::clone(space), sums: vec![0.0; space.coefficients()] }
     }
 
-    /// Adds `factor · spectrum`: one multiplication and one addition per coefficient of `spectrum`.
+    /// Adds `factor · spectrum` to the running sum: one multiplication and one addition per coefficient of `spectrum`.
     pub fn axpy(&mut self, factor: f64, spectrum: &SparseSpectrum) -> Result<(), AlgebraError> {
         self.space.require(spectrum.space())?;
         for entry in spectrum.entries() {
@@ -28,12 +29,12 @@ impl Accumulator {
         Ok(())
     }
 
-    /// Returns the basis of the coefficients.
+    /// Returns the basis, such as a wavelet basis, to which the coefficients of the summed spectra belong.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// Returns all coefficients of the sum, zeros included.
+    /// Returns all coefficients of the running sum of spectra, zeros included.
     pub fn coefficients(&self) -> &[f64] {
         &self.sums
     }
@@ -42,7 +43,8 @@ impl Accumulator {
         &mut self.sums
     }
 
-    /// Decodes the sum into `samples` and overwrites them. One call decodes all spectra that were added.
+    /// Decodes the running sum of spectra into `samples` and overwrites them. One call decodes all spectra that were
+    /// added.
     ///
     /// # Panics
     /// If the length of `samples` is not that of the line.
@@ -54,14 +56,14 @@ impl Accumulator {
         }
     }
 
-    /// Returns the sum as a sparse spectrum, without zeros.
+    /// Returns the running sum of spectra as one sparse spectrum, without the coefficients that are 0.
     pub fn spectrum(&self) -> SparseSpectrum {
         let entries = (0..).zip(&self.sums).filter(|(_, sum)| **sum != 0.0);
         let entries = entries.map(|(index, &value)| Entry { index, value }).collect();
         SparseSpectrum::of(Arc::clone(&self.space), entries)
     }
 
-    /// Sets all coefficients to 0, so that the sum can be reused.
+    /// Sets all coefficients of the running sum to 0, so that it can be reused.
     pub fn clear(&mut self) {
         self.sums.fill(0.0);
     }

@@ -2,16 +2,17 @@
 
 use std::cmp::Ordering;
 
-/// One coefficient.
+/// One coefficient of a sparse spectrum: its index in the basis and its value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
-    /// Position of the coefficient in the basis, from 0.
+    /// Index of the coefficient of a spectrum in the basis, counted from 0.
     pub index: u32,
-    /// Value of the coefficient.
+    /// Value of one coefficient of a spectrum in a basis, not quantised: the factor of one basis function.
     pub value: f64,
 }
 
-/// Iterator over the coefficients of two spectra by rising index; a missing coefficient is 0.
+/// Iterator over the coefficients of two sparse spectra by rising index. A coefficient missing in one of them counts as
+/// zero.
 #[derive(Clone)]
 pub(super) struct Union<'a> {
     pub(super) a: &'a [Entry],

@@ -2,112 +2,118 @@
 
 use crate::compress::{CompressError, DecodeError};
 
-/// Reasons why an operation of the algebra fails.
+/// Reasons why arithmetic on compressed spectra or on compressed materials fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AlgebraError {
-    /// Transform without basis functions on a line, which products of coefficients need.
-    #[error("no basis for a line of {length} samples: {reason}")]
+    /// No basis can be built for one-dimensional signals of this length.
+    #[error("no basis for a signal of {length} samples: {reason}")]
     Basis {
-        /// Number of samples on the line.
+        /// Number of samples of the signal.
         length: usize,
-        /// The value found and the one expected.
+        /// Reason why the signal has no basis in which it can be expanded, and what was expected.
         reason: String,
     },
-    /// The line has more samples than a table of this kind allows.
-    #[error("{what} of {found} samples, expected at most {most}")]
+    /// A signal has more samples than allowed for a table that arithmetic on spectra needs, such as a Gram matrix.
+    #[error("too large: {what} for {found} samples, expected at most {most} samples")]
     TooLong {
-        /// Name of the table.
+        /// Name of the table that would be too large, for example `a Gram matrix`.
         what: &'static str,
-        /// Number of samples on the line.
+        /// Number of samples of the signal.
         found: usize,
-        /// Largest number allowed.
+        /// Largest number of samples of a signal for which such a table is computed.
         most: usize,
     },
-    /// The line has more coupling coefficients than may be tabulated.
-    #[error("couplings of {length} samples: more than {most} coefficients, expected a shorter line or a sparser basis")]
+    /// The table of coupling coefficients (factors with which products of basis functions are expanded) would be too
+    /// large.
+    #[error(
+        "products of signals of {length} samples need more than {most} coupling coefficients, expected a shorter signal"
+    )]
     TooManyCouplings {
-        /// Number of samples on the line.
+        /// Number of samples of the signal.
         length: usize,
-        /// Largest number allowed.
+        /// Largest number of coupling coefficients (factors with which products of basis functions are expanded)
+        /// allowed.
         most: usize,
     },
-    /// The number of values differs from the number of samples on the line.
-    #[error("{found} {what} on a line of {expected} samples")]
+    /// The number of values in a list differs from the number of samples of the signal.
+    #[error("found {found} {what}, expected {expected}, one for each sample of the signal")]
     Length {
-        /// Name of the values, for example `weights`.
+        /// Name of the numbers in a list that should have one for each sample of the signal, for example `weights`.
         what: &'static str,
-        /// Number of values given.
+        /// Count of the numbers in a list that should have one for each sample of the signal.
         found: usize,
-        /// Number of samples on the line.
+        /// Number of samples of the signal.
         expected: usize,
     },
-    /// A number is NaN or infinite.
+    /// A weight or sample is NaN or infinite.
     #[error("{what} {index} is {found}, expected a finite number")]
     NotFinite {
-        /// Name of the number, for example `weight`.
+        /// Name of the number that is not finite, for example `weight`.
         what: &'static str,
-        /// Position of the number: from 0 in a list of samples, from 1 for the weights of operands.
+        /// Position of the number that is not finite: from 0 in a list of samples, from 1 for the weights of operands.
         index: usize,
-        /// The number found.
+        /// Number found: NaN or infinite.
         found: f64,
     },
-    /// A coefficient is out of range, given twice or not finite.
-    #[error("coefficient {index}: {reason}")]
+    /// A coefficient of a sparse spectrum has an index out of range, is given twice or is not finite.
+    #[error("coefficient {index} of a spectrum: {reason}")]
     Entry {
-        /// Index of the coefficient.
+        /// Index, in the basis, of the invalid coefficient of a sparse spectrum; from 0.
         index: u32,
-        /// The value found and the one expected.
+        /// Fault of the coefficient of the sparse spectrum (index out of range, given twice or not finite), and what
+        /// was expected.
         reason: String,
     },
-    /// Two spectra are in different bases.
-    #[error("a spectrum in {found} with one in {expected}: both must be in the same basis")]
+    /// Two spectra to be added or multiplied are in different bases.
+    #[error("a spectrum in basis {found} and one in basis {expected}, expected two spectra in the same basis")]
     OtherBasis {
-        /// The basis of the second operand.
+        /// Name of the basis of the second of the two spectra to be added or multiplied.
         found: String,
-        /// The basis of the first.
+        /// Name of the basis of the first of the two spectra to be added or multiplied.
         expected: String,
     },
-    /// The list of operands is empty.
-    #[error("no material to combine, expected at least one")]
+    /// The list of materials to combine is empty.
+    #[error("the list of materials to be summed is empty, expected at least one material")]
     Empty,
-    /// A material differs from the first in quantity, unit, sampling or axes.
-    #[error("material {at}: {what} {found}, expected that of the first, {expected}")]
+    /// A material differs from the first material of a sum in quantity, unit, sampling or axes.
+    #[error("material {at}: {what} {found}, expected {what} {expected} as in the first material")]
     Unlike {
-        /// Number of the operand, from 1.
+        /// Position of the material in the list of operands, from 1.
         at: usize,
-        /// Name of the property that differs.
+        /// Name of the property that differs between the two materials, for example `unit`.
         what: &'static str,
-        /// Value of the operand.
+        /// Property of the refused material, such as its unit, that differs from that of the first material in the sum.
         found: String,
-        /// Value of the first operand.
+        /// Property of the first material in the sum, such as its unit, that the refused material does not share.
         expected: String,
     },
-    /// The bytes of an operand are not a valid material.
+    /// The bytes of an operand (one of the files to be added) are not a valid material.
     #[error("material {at}: {source}")]
     Decode {
-        /// Number of the operand, from 1.
+        /// Position of the material in the list of operands, from 1.
         at: usize,
-        /// Cause reported by the decoder.
+        /// Reason why the bytes of the operand are not a valid material, as the decoder of materials reports it.
         source: DecodeError,
     },
-    /// A material stores a lobe beside its cells, which sums and products of materials cannot represent.
+    /// A material stores an analytic reflection lobe in addition to its samples, which sums and products cannot
+    /// represent.
     #[error(
         "material {at} has a lobe beside its cells, which sums and products of materials do not support; combine the \
          measurements before they are compressed"
     )]
     Lobe {
-        /// Number of the operand, from 1.
+        /// Position of the material in the list of operands, from 1.
         at: usize,
     },
-    /// A combined sample exceeds the range of f32.
-    #[error("sample {index} of the combination is {found}, expected a number that an f32 holds")]
+    /// A sample of a weighted sum of materials exceeds the range of f32.
+    #[error("sample {index} of the weighted sum is {found}, expected a number in the range of f32")]
     Overflow {
-        /// Flat index of the sample.
+        /// Index of the sample in row-major order, from 0.
         index: usize,
-        /// The combined value.
+        /// Weighted sum of the samples that the materials have at one index, a number beyond the range of f32.
         found: f64,
     },
-    /// Compressing the combination failed.
+    /// Compressing the weighted sum of materials failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
 }

@@ -3,7 +3,8 @@
 use super::entry::Entry;
 use super::windows::Windows;
 
-/// Symmetric matrix of `⟨ψ_i, ψ_j⟩` with one weight per sample: n² numbers, row by row.
+/// Symmetric matrix of the inner products `⟨ψ_i, ψ_j⟩` of n basis functions, with one weight per sample: n² numbers,
+/// row by row.
 #[derive(Clone, Debug)]
 pub(super) struct InnerProducts {
     size: usize,
@@ -11,7 +12,8 @@ pub(super) struct InnerProducts {
 }
 
 impl InnerProducts {
-    /// Computes the matrix for functions on a line of `length` samples; without `weights` every sample weighs 1.
+    /// Computes all inner products of basis functions on a signal of `length` samples; without `weights` every sample
+    /// has weight 1.
     pub(super) fn of(functions: &Windows, length: usize, weights: Option<&[f64]>) -> Self {
         let size = functions.len();
         let mut values = vec![0.0; size * size];
@@ -31,7 +33,7 @@ impl InnerProducts {
         Self { size, values }
     }
 
-    /// Returns the inner product of functions `i` and `j`.
+    /// Returns the inner product of basis functions `i` and `j`.
     ///
     /// # Panics
     /// If `i` or `j` is not the index of a coefficient.
@@ -40,7 +42,7 @@ impl InnerProducts {
         self.values[i * self.size + j]
     }
 
-    /// Returns `Σ a_i·b_j·⟨ψ_i, ψ_j⟩`.
+    /// Returns `Σ a_i·b_j·⟨ψ_i, ψ_j⟩`: the inner product of two functions with coefficients `a` and `b`.
     pub(super) fn sum(&self, a: &[Entry], b: &[Entry]) -> f64 {
         let row = |a: &Entry| {
             let row = &self.values[a.index as usize * self.size..][..self.size];

@@ -19,84 +19,91 @@ use crate::transform::Plan;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// A material and its factor in a combination.
+/// A compressed material and its factor in a weighted sum.
 #[derive(Clone, Copy, Debug)]
 pub struct Operand<'a> {
-    /// Bytes of the compressed file.
+    /// Bytes of the compressed file of the material.
     pub bytes: &'a [u8],
-    /// Factor of its samples.
+    /// Factor by which the samples of the material are multiplied.
     pub weight: f64,
 }
 
-/// Choice of when a combination is compressed again.
+/// Choice of when a weighted sum of materials is compressed anew from its samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recompress {
-    /// Only where coefficients cannot be added.
+    /// New compression of the sum of materials only if their stored coefficients cannot be added directly.
     IfNeeded,
-    /// Always, so that the error bound of the settings holds.
+    /// New compression of the sum of materials from its samples in every case, so that it keeps the error bound of the
+    /// settings given for the new file.
     Always,
 }
 
-/// Representation in which the operands were combined.
+/// Form of the data from which a sum or dot product of materials was computed: stored coefficients or decoded samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Stored coefficients, without decoding.
+    /// The sum or dot product of materials was computed from the coefficients stored in their files, without decoding
+    /// them.
     Coefficients,
-    /// Decoded samples.
+    /// The sum or dot product of materials was computed from their decoded samples.
     Samples,
 }
 
-/// Description of an operand, from its header.
+/// Description of one material of a weighted sum, taken from its file header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperandReport {
-    /// `b3-` and the BLAKE3 digest of the file without its metadata.
+    /// `b3-` followed by the BLAKE3 digest of the material's file without its metadata.
     pub payload_digest: String,
-    /// Factor of its samples.
+    /// Factor by which the samples of the material are multiplied.
     pub weight: f64,
-    /// Compression policy of the file.
+    /// Compression policy (rule by which coefficients are kept) of the material's file.
     pub policy: Policy,
-    /// Spectral basis of the file.
+    /// Name of the spectral basis of the material's file.
     pub basis: String,
-    /// Relative L2 error er(L2) of the file against its measurement, from its header.
+    /// Relative L2 error er(L2) of the material against its original measurement, from the file header.
     pub er_l2: f64,
-    /// Largest absolute error of the file against its measurement, from its header; 0 for lossless files.
+    /// Largest absolute error of the material against its original measurement, from the file header; 0 for lossless
+    /// files.
     pub max_absolute_error: f64,
 }
 
-/// Result of [`combine`].
+/// Result of [`combine`]: the weighted sum of materials as a new file, with a report.
 #[derive(Clone, Debug)]
 pub struct Combined {
-    /// The new file. The errors in its summary are those that combining added.
+    /// New file with the weighted sum of the materials. Its summary gives only the errors that adding them caused, not
+    /// the errors of the added materials.
     pub compressed: Compressed,
-    /// Representation in which the operands were combined.
+    /// Form of the data from which the weighted sum was computed: stored coefficients or decoded samples of the
+    /// materials.
     pub method: Method,
-    /// Reason for combining samples; `None` if coefficients were combined.
+    /// Reason why the weighted sum of the materials was computed from their decoded samples; `None` if their stored
+    /// coefficients were added directly.
     pub reason: Option<String>,
-    /// Descriptions of the operands, in order.
+    /// Descriptions of the materials that enter the weighted sum, in the order given.
     pub operands: Vec<OperandReport>,
-    /// `Σ |weight| · max_absolute_error` of the operands: a bound on the distance between the exact combination of the
-    /// files and that of their measurements. The error added by combining comes on top.
+    /// Bound `Σ |weight| · max_absolute_error` on the error that the sum inherits from the compression of its operands.
+    /// The error caused by the addition is not included.
     pub inherited_absolute_error: f64,
 }
 
-/// Dot product of the samples of two materials.
+/// Dot product of the samples of two materials, with a report on how it was computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DotReport {
-    /// `Σ a·b` over the samples masked in neither material, with equal weights.
+    /// Sum of the products of corresponding samples, with equal weights, over the samples masked in neither material.
     pub dot: f64,
-    /// Number of samples in the sum.
+    /// Number of sample pairs that entered the dot product.
     pub samples: u64,
     /// Number of samples left out because at least one material masks them.
     pub masked_samples: u64,
-    /// Units of both materials; the dot product is in their product.
+    /// Units of the two materials; the unit of the dot product is their product.
     pub units: [Unit; 2],
-    /// Representation from which the sum was computed.
+    /// Form of the data from which the dot product was computed: stored coefficients or decoded samples of the
+    /// materials.
     pub method: Method,
 }
 
-/// Computes `Σ weight · material`, sample by sample. All operands must have the same quantity, unit, sampling and axes.
-/// A sample is masked if any operand masks it.
+/// Computes the weighted sum `Σ weight · material` of compressed materials, sample by sample. All must have the same
+/// quantity, unit, sampling and axes. A sample is masked if any operand masks it.
 ///
 /// If all operands store coefficients in the same bases, those are added. The file then has the policy of the first
 /// operand, and only the metadata of `settings` are used. Otherwise, or with [`Recompress::Always`], the samples are
@@ -142,8 +149,8 @@ pub fn combine(
     })
 }
 
-/// Computes the dot product `Σ a·b` over the samples of two materials on the same axes; their quantities and units may
-/// differ.
+/// Computes the dot product `Σ a·b` over the samples of two compressed materials on the same axes; their quantities and
+/// units may differ.
 ///
 /// If both store coefficients in the same bases and no sample is masked, the result is `aᵀ·(G·b)` over the kept
 /// coefficients of `a`. G is the Gram matrix of the synthesis functions, applied as two passes of the transform over
@@ -171,7 +178,8 @@ pub fn dot(a: &[u8], b: &[u8]) -> Result<DotReport, AlgebraError> {
     Ok(DotReport { dot, samples: entered, masked_samples: samples - entered, units, method: Method::Samples })
 }
 
-/// Computes the dot product from coefficients; `None` if intermediate values exceed the range of f32.
+/// Computes the dot product of two materials from their stored coefficients; `None` if intermediate values exceed the
+/// range of f32.
 fn dot_of_coefficients(kept: &Kept, axes: &[Axis], a: &[u8], b: &[u8]) -> Result<Option<f64>, AlgebraError> {
     let plan = Plan::new(axes, &kept.transforms).map_err(|e| CompressError::Setting(e.into()))?;
     let left = Kept::coefficients(a).map_err(|e| undecoded(1, e))?;
@@ -183,7 +191,7 @@ fn dot_of_coefficients(kept: &Kept, axes: &[Axis], a: &[u8], b: &[u8]) -> Result
     Ok(dot.is_finite().then_some(dot))
 }
 
-/// Reads the headers of all operands and checks that quantity, unit, sampling and axes agree.
+/// Reads the headers of all operands and checks that they agree in quantity, unit, sampling and axes.
 fn inspect(operands: &[Operand<'_>]) -> Result<(Vec<OperandReport>, Vec<Summary>), AlgebraError> {
     let (reports, summaries) = read_headers(operands)?;
     let Some((first, others)) = summaries.split_first() else { return Err(AlgebraError::Empty) };
@@ -228,7 +236,8 @@ fn read_headers(operands: &[Operand<'_>]) -> Result<(Vec<OperandReport>, Vec<Sum
     Ok((reports, summaries))
 }
 
-/// Checks that all materials have the same axes. Labels of an index axis may be missing in some of them.
+/// Checks that all materials have the same axes. Labels of an index axis (an axis of numbered entries) may be missing
+/// in some of them.
 fn check_axes(summaries: &[Summary]) -> Result<(), AlgebraError> {
     let Some((first, others)) = summaries.split_first() else { return Ok(()) };
     let describe = |axes: &[Axis]| axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ");
@@ -252,7 +261,8 @@ fn check_axes(summaries: &[Summary]) -> Result<(), AlgebraError> {
     Ok(())
 }
 
-/// Returns the layout of the coefficients that all operands share, or the reason why they share none.
+/// Returns the layout of stored coefficients that all operands share. The inner error gives the reason why they share
+/// none.
 ///
 /// `has_masks` is true if any operand has masked samples.
 fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError> {
@@ -270,15 +280,15 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
     Ok(common.ok_or_else(|| "there is no material".to_owned()))
 }
 
-/// Returns the interpolation between incidences that all operands state; `None` if they differ or a weight is not
-/// positive.
+/// Returns the rule for interpolation between incoming directions that all operands share; `None` if they differ or a
+/// weight is not positive.
 fn common_between(operands: &[Operand<'_>], summaries: &[Summary]) -> Option<Between> {
     let (first, others) = summaries.split_first()?;
     let is_common = others.iter().all(|other| other.between == first.between);
     (is_common && operands.iter().all(|operand| operand.weight > 0.0)).then_some(first.between)
 }
 
-/// Combines the decoded operands in f64 and rounds each sample once to f32.
+/// Adds the decoded samples of all operands, times their weights, in f64, and rounds each sum once to f32.
 fn exact(
     operands: &[Operand<'_>],
     summaries: &[Summary],
@@ -323,7 +333,7 @@ fn undecoded(at: usize, source: compress::DecodeError) -> AlgebraError {
     AlgebraError::Decode { at, source }
 }
 
-/// Returns the metadata with the operands inserted under `combination`.
+/// Inserts the descriptions of the operands into JSON metadata, as the property `combination`.
 fn with_operands(text: &str, operands: &[OperandReport]) -> Result<String, AlgebraError> {
     let Ok(Value::Object(mut object)) = serde_json::from_str(text) else {
         return Err(CompressError::Setting(SettingError::MetadataObject).into());
@@ -333,7 +343,8 @@ fn with_operands(text: &str, operands: &[OperandReport]) -> Result<String, Algeb
 }
 
 impl Combined {
-    /// Returns the errors that combining added: the decoded result against the exact combination of the operands.
+    /// Returns the errors caused by the addition: of the decoded result against the exact weighted sum of the decoded
+    /// operands.
     pub fn added(&self) -> &ErrorReport {
         &self.compressed.summary.errors
     }

@@ -6,24 +6,25 @@ use super::space::LineSpace;
 use super::sparse::SparseSpectrum;
 use std::sync::Arc;
 
-/// Sparse spectra in one basis, stored one behind the other. Coefficients are rounded to f32 (a relative error of at
+/// List of sparse spectra in one basis, in contiguous memory. Coefficients are rounded to f32 (a relative error of at
 /// most 6e-8); sums are computed in f64.
 #[derive(Clone, Debug)]
 pub struct SpectrumPool {
     space: Arc<LineSpace>,
     indices: Vec<u16>,
     values: Vec<f32>,
-    /// First coefficient of each spectrum in `indices` and `values`, followed by the number of coefficients.
+    /// Position in `indices` and `values` of the first coefficient of each spectrum, followed by the total number of
+    /// coefficients.
     starts: Vec<usize>,
 }
 
 impl SpectrumPool {
-    /// Creates an empty pool.
+    /// Creates an empty list of sparse spectra.
     pub fn new(space: &Arc<LineSpace>) -> Self {
         Self { space: Arc::clone(space), indices: Vec::new(), values: Vec::new(), starts: vec![0] }
     }
 
-    /// Stores a spectrum and returns its number, from 0.
+    /// Appends a sparse spectrum to the list and returns its number, from 0.
     pub fn push(&mut self, spectrum: &SparseSpectrum) -> Result<usize, AlgebraError> {
         self.space.require(spectrum.space())?;
         let large = spectrum.entries().iter().find(|entry| !(entry.value as f32).is_finite());
@@ -38,22 +39,23 @@ impl SpectrumPool {
         Ok(self.len() - 1)
     }
 
-    /// Returns the number of spectra.
+    /// Returns the number of stored spectra.
     pub fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Returns true if the pool holds no spectrum.
+    /// Returns true if the list holds no spectrum.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns the size in memory in bytes, without the basis.
+    /// Returns the size in memory of the stored spectra in bytes, without their basis.
     pub fn bytes(&self) -> usize {
         size_of_val(self.indices.as_slice()) + size_of_val(self.values.as_slice()) + size_of_val(self.starts.as_slice())
     }
 
-    /// Adds `Σ factor · spectrum` to `sum`, without allocation. `photons` are pairs of spectrum number and factor.
+    /// Adds `Σ factor · spectrum` over stored spectra to `sum`, without allocation. `photons` are pairs of spectrum
+    /// number and factor.
     ///
     /// # Panics
     /// If a number is not that of a stored spectrum.

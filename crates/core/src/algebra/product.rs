@@ -21,36 +21,41 @@ use crate::numeric::dense::add;
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Rounding threshold: a coupling smaller than this fraction of the sum of the magnitudes of its terms is taken as 0.
+/// Rounding threshold of the coefficients of a product of two basis functions. Each is a sum over samples; it is set to
+/// 0 if it is not above this fraction of its summands' magnitudes, added up. Raising it sets more to 0.
 const ZERO: f64 = 1e-14;
-/// Longest gap of zeros, in coefficients, that is stored within a run. Raising it gives fewer, longer runs with more
-/// zeros.
+/// Largest number of consecutive zeros that is stored within a run of coupling coefficients. Raising it gives fewer,
+/// longer runs with more zeros.
 const GAP: usize = 3;
 
-/// Table of all coupling coefficients `C(k; i, j)` of a line for i ≤ j, in runs of consecutive k.
+/// Table of the coupling coefficients `C(k; i, j)`: coefficient k of the product of basis functions i and j, for i ≤ j,
+/// stored in runs of consecutive k.
 #[derive(Clone, Debug)]
 pub struct Couplings {
     space: Arc<LineSpace>,
-    /// First run of each pair (pairs by rising i, then j), followed by the position of the end marker in `runs`.
+    /// Position in `runs` of the first run of coupling coefficients of each pair (i, j) of basis functions, pairs by
+    /// rising i, then j. The last entry is the position of the end marker.
     pairs: Vec<u32>,
     runs: Vec<Run>,
     values: Vec<f64>,
     count: usize,
 }
 
-/// Couplings of consecutive k from `first`. Values begin at `start` and end where those of the next run begin.
+/// Run of coupling coefficients with consecutive k, the first of which is `first`. Values begin at `start` and end
+/// where those of the next run begin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Run {
     first: u32,
     start: u32,
 }
 
-/// Couplings of one pair, in runs of (first k, values).
+/// Coupling coefficients C(k; i, j) of one pair (i, j) of basis functions, as runs of consecutive k: the first k of a
+/// run, and the coefficients from there on.
 type Row = Vec<(u32, Vec<f64>)>;
 
 impl Couplings {
-    /// Computes the couplings of a line. If all functions overlap, there are n²/2 pairs of n coefficients each, which
-    /// restricts the table to short lines ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
+    /// Computes all coupling coefficients of a basis. If all functions overlap, there are n²/2 pairs of n coefficients
+    /// each, which restricts the table to short signals ([`MAX_COUPLED`], [`MAX_COUPLINGS`]).
     pub fn new(space: &Arc<LineSpace>) -> Result<Self, AlgebraError> {
         let length = space.length();
         if length > MAX_COUPLED {
@@ -77,27 +82,29 @@ impl Couplings {
         Ok(table)
     }
 
-    /// Returns the basis of the couplings.
+    /// Returns the basis for whose functions the table lists the coefficients of all pairwise products.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// Returns the number of couplings that are not 0.
+    /// Returns the number of nonzero coupling coefficients (factors with which products of basis functions are
+    /// expanded).
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Returns true if the product has no terms: all factors between pairs of coefficients are 0.
+    /// Returns true if all products of two basis functions are 0, and so every product of two spectra.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Returns the size in memory in bytes, without the basis.
+    /// Returns the size in memory, in bytes, of the table that expands products of basis functions; the functions
+    /// themselves are not included.
     pub fn bytes(&self) -> usize {
         size_of_val(self.values.as_slice()) + size_of_val(self.runs.as_slice()) + size_of_val(self.pairs.as_slice())
     }
 
-    /// Returns `C(k; i, j)`.
+    /// Returns the coupling coefficient `C(k; i, j)`: coefficient k of the product of basis functions i and j.
     ///
     /// # Panics
     /// If `k`, `i` or `j` is not the index of a coefficient.
@@ -109,15 +116,15 @@ impl Couplings {
         dense[k]
     }
 
-    /// Returns the product of two spectra with all its coefficients; [`SparseSpectrum::truncated`] makes it sparse
-    /// again.
+    /// Returns the pointwise product of two spectra with all its coefficients; [`SparseSpectrum::truncated`] makes it
+    /// sparse again.
     pub fn product(&self, a: &SparseSpectrum, b: &SparseSpectrum) -> Result<SparseSpectrum, AlgebraError> {
         let mut sum = Accumulator::new(&self.space);
         self.product_into(1.0, a, b, &mut sum)?;
         Ok(sum.spectrum())
     }
 
-    /// Adds `factor · a · b` to `sum`, without allocation.
+    /// Adds `factor · a · b`, the scaled pointwise product of two spectra, to `sum`, without allocation.
     pub fn product_into(
         &self,
         factor: f64,
@@ -145,7 +152,7 @@ impl Couplings {
         Ok(())
     }
 
-    /// Adds `factor · C(·; i, j)` to `sums`; i ≤ j.
+    /// Adds `factor · C(k; i, j)` to `sums[k]` for all k, where C are the coupling coefficients; i ≤ j.
     fn add_pair(&self, i: usize, j: usize, factor: f64, sums: &mut [f64]) {
         // The rows before row i contain n, n − 1, … pairs.
         let pair = i * (2 * self.space.coefficients() - i + 1) / 2 + (j - i);
@@ -162,7 +169,8 @@ impl Couplings {
     }
 }
 
-/// Computes the couplings of two synthesis functions, in runs.
+/// Computes the coefficients of the product of basis functions i and j, expanded in the basis to which both belong, as
+/// runs of consecutive indices without long stretches of zeros.
 fn row(space: &LineSpace, i: usize, j: usize) -> Row {
     let ((a, left), (b, right)) = (space.synthesis().row(i), space.synthesis().row(j));
     let first = a.max(b);
@@ -199,19 +207,20 @@ fn row(space: &LineSpace, i: usize, j: usize) -> Row {
     row
 }
 
-/// Multiplication by one fixed spectrum, as a matrix on coefficients: `M_kj = Σ_s ψ̃_k(s)·a(s)·ψ_j(s)`.
+/// Multiplication by one fixed spectrum `a`, as a matrix on wavelet coefficients: `M_kj = Σ_s ψ̃_k(s)·a(s)·ψ_j(s)`.
 ///
 /// Suits a surface whose reflectance multiplies all photons that hit it. Needs no couplings; takes lines up to
 /// [`MAX_GRAM`]. Stores n² numbers of 8 bytes; a product costs n multiplications per coefficient of the other factor.
 #[derive(Clone, Debug)]
 pub struct Multiplier {
     space: Arc<LineSpace>,
-    /// Matrix entries, column by column.
+    /// Matrix, column by column, that maps the coefficients of a spectrum to those of the spectrum times a fixed one.
     columns: Vec<f64>,
 }
 
 impl Multiplier {
-    /// Prepares the multiplication by the function with these samples.
+    /// Computes the matrix of the pointwise multiplication by a fixed spectrum, given by its `samples`. The matrix maps
+    /// coefficients in the basis `space` to coefficients in that basis.
     pub fn new(space: &Arc<LineSpace>, samples: &[f64]) -> Result<Self, AlgebraError> {
         if space.length() > MAX_GRAM {
             return Err(AlgebraError::TooLong { what: "a multiplier", found: space.length(), most: MAX_GRAM });
@@ -229,14 +238,15 @@ impl Multiplier {
         Ok(Self { space: Arc::clone(space), columns })
     }
 
-    /// Returns the product with a spectrum.
+    /// Returns the pointwise product of `spectrum` and the fixed spectrum from which the multiplication was created.
     pub fn product(&self, spectrum: &SparseSpectrum) -> Result<SparseSpectrum, AlgebraError> {
         let mut sum = Accumulator::new(&self.space);
         self.product_into(1.0, spectrum, &mut sum)?;
         Ok(sum.spectrum())
     }
 
-    /// Adds `factor · product` to `sum`, without allocation.
+    /// Adds to `sum`, without allocation, `factor` times the pointwise product of `spectrum` and the fixed spectrum
+    /// from which the multiplication was created.
     pub fn product_into(
         &self,
         factor: f64,

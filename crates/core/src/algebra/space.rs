@@ -8,11 +8,11 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 use std::sync::{Arc, OnceLock};
 
-/// Tolerance: a basis is orthonormal if no entry of its analysis and synthesis functions differs by more. Published
-/// filter tables have eleven digits or more.
+/// Tolerance of orthonormality: a basis counts as orthonormal if its analysis and synthesis functions differ nowhere by
+/// more. Published filter tables have eleven digits or more.
 const SAME: f64 = 1e-10;
 
-/// Functions `ψ_0 … ψ_(n−1)` of one basis on a line of n samples, shared by all spectra in that basis.
+/// Basis functions `ψ_0 … ψ_(n−1)` on a one-dimensional signal of n samples, shared by all spectra in that basis.
 ///
 /// The basis is a wavelet under any boundary rule at any length, the identity, or orthonormal vectors of the caller.
 /// Coefficients are ordered as [`Plan`] orders them. Everything is exact to the rounding of f64.
@@ -21,9 +21,9 @@ pub struct LineSpace {
     name: String,
     transform: Option<AxisTransform>,
     length: usize,
-    /// Row k: the samples of `ψ_k`.
+    /// Samples of the synthesis functions: row k holds those of `ψ_k`.
     synthesis: Windows,
-    /// Row k: the weight of each sample in coefficient k (the dual function of `ψ_k`).
+    /// Analysis functions: row k holds the weight of each sample in coefficient k (the dual function of `ψ_k`).
     analysis: Windows,
     norms: Vec<f64>,
     orthonormal: bool,
@@ -31,7 +31,7 @@ pub struct LineSpace {
 }
 
 impl LineSpace {
-    /// Prepares a wavelet or the identity on a line of `length` samples.
+    /// Computes the basis functions of a wavelet or of the identity on a signal of `length` samples.
     pub fn new(transform: AxisTransform, length: usize) -> Result<Arc<Self>, AlgebraError> {
         check_length(length)?;
         let axis = Axis::Index { count: length, labels: vec![] };
@@ -42,7 +42,7 @@ impl LineSpace {
         Ok(Arc::new(Self::of(plan.to_string(), Some(transform), length, synthesis, analysis)))
     }
 
-    /// Prepares the span of orthonormal vectors, such as the Karhunen-Loève basis of the data
+    /// Creates a basis from orthonormal vectors, such as the Karhunen-Loève basis of the data
     /// ([`crate::transform::Klt`]). If there are fewer vectors than samples, spectra and products are projected on
     /// their span.
     pub fn orthonormal(name: &str, vectors: &[Vec<f64>]) -> Result<Arc<Self>, AlgebraError> {
@@ -81,28 +81,30 @@ impl LineSpace {
         Self { name, transform, length, synthesis, analysis, norms, orthonormal, gram: OnceLock::new() }
     }
 
-    /// Returns the name of the basis, the boundary rule (if it is not the default of the basis) and the length:
-    /// `db4[75]`.
+    /// Returns a name such as `db4[75]`: the basis, the boundary rule (if it is not the default of the basis) and the
+    /// number of samples.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Returns the number of samples on the line.
+    /// Returns the number of samples of each signal that is expanded in this basis.
     pub fn length(&self) -> usize {
         self.length
     }
 
-    /// Returns the number of coefficients of a spectrum: that of the samples, or of the vectors if those are fewer.
+    /// Returns the number of coefficients of a spectrum in this basis: the number of basis vectors, at most that of the
+    /// samples.
     pub fn coefficients(&self) -> usize {
         self.synthesis.len()
     }
 
-    /// Returns true if `⟨ψ_i, ψ_j⟩`, the plain sum over samples, is 1 for i = j and 0 otherwise.
+    /// Returns true if the basis is orthonormal: `⟨ψ_i, ψ_j⟩`, the unweighted sum over samples, is 1 for i = j and 0
+    /// otherwise.
     pub fn is_orthonormal(&self) -> bool {
         self.orthonormal
     }
 
-    /// Returns the norm `‖ψ_k‖` under the plain sum over samples.
+    /// Returns the L2 norm `‖ψ_k‖` of basis function k: the root of the unweighted sum of its squared samples.
     ///
     /// # Panics
     /// If `k` is not the index of a coefficient.
@@ -110,12 +112,12 @@ impl LineSpace {
         self.norms[k]
     }
 
-    /// Returns the size in memory in bytes, without the Gram matrix and other derived tables.
+    /// Returns the size in memory of the basis functions in bytes, without the Gram matrix and other derived tables.
     pub fn bytes(&self) -> usize {
         self.synthesis.bytes() + self.analysis.bytes() + size_of_val(self.norms.as_slice())
     }
 
-    /// Writes all coefficients of `samples` to `coefficients`, without allocation.
+    /// Transforms `samples` to all their coefficients in this basis, without allocation.
     ///
     /// # Panics
     /// If the lengths are not those of the line.
@@ -127,7 +129,7 @@ impl LineSpace {
         }
     }
 
-    /// Returns true if spectra in both can be added: both are one object, or one transform of one length.
+    /// Returns true if spectra of two bases can be added: the bases are one object, or one transform of one length.
     pub(super) fn is(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)
             || (self.length == other.length && self.transform == other.transform && self.transform.is_some())
@@ -158,8 +160,8 @@ impl LineSpace {
         &self.analysis
     }
 
-    /// Returns the Gram matrix under the plain sum over samples, computed on first use; `None` if it is the identity or
-    /// too large.
+    /// Returns the Gram matrix of the basis functions with equal weights of the samples, computed on first use; `None`
+    /// if it is the identity or too large.
     pub(super) fn gram(&self) -> Option<&InnerProducts> {
         let worth = !self.orthonormal && self.length <= MAX_GRAM;
         worth.then(|| self.gram.get_or_init(|| InnerProducts::of(&self.synthesis, self.length, None)))

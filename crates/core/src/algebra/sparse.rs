@@ -6,26 +6,26 @@ use super::space::LineSpace;
 use crate::numeric::dense::dot_by_four;
 use std::sync::Arc;
 
-/// Function `Σ value·ψ_index` on a line in one basis, stored as its nonzero coefficients by rising index.
+/// Spectrum `Σ value·ψ_index` in one basis ψ, stored as its nonzero coefficients by rising index.
 #[derive(Clone, Debug)]
 pub struct SparseSpectrum {
     space: Arc<LineSpace>,
     entries: Vec<Entry>,
 }
 
-/// A truncated spectrum and the error of the truncation.
+/// A spectrum of which only the largest coefficients were kept, and the error that this causes.
 #[derive(Clone, Debug)]
 pub struct Truncated {
-    /// Spectrum of the kept coefficients.
+    /// Sparse spectrum that consists of the kept coefficients alone.
     pub spectrum: SparseSpectrum,
-    /// L2 norm over samples of the dropped part: the error itself, not a bound.
+    /// L2 norm, over samples, of the dropped part of the spectrum: the exact truncation error, not a bound.
     pub error: f64,
-    /// Error divided by the L2 norm of the whole spectrum; 0 if both are 0.
+    /// Truncation error divided by the L2 norm of the whole spectrum; 0 for a spectrum of norm 0.
     pub relative_error: f64,
 }
 
 impl SparseSpectrum {
-    /// Creates a spectrum from coefficients in any order; zeros are dropped.
+    /// Creates a sparse spectrum from coefficients in any order; coefficients that are 0 are dropped.
     pub fn new(space: &Arc<LineSpace>, mut entries: Vec<Entry>) -> Result<Self, AlgebraError> {
         entries.sort_by_key(|entry| entry.index);
         let count = space.coefficients();
@@ -45,29 +45,30 @@ impl SparseSpectrum {
         Ok(Self::of(Arc::clone(space), entries))
     }
 
-    /// Transforms samples and keeps the k coefficients with the largest |c|·‖ψ‖ (\[CPB06\] section 4.2).
+    /// Transforms samples of a spectrum and keeps the k coefficients c with the largest |c|·‖ψ‖, where ψ is the basis
+    /// function of c (\[CPB06\] section 4.2).
     pub fn largest(space: &Arc<LineSpace>, samples: &[f64], k: usize) -> Result<Self, AlgebraError> {
         let mut spectrum = space.analyse(samples)?;
         spectrum.entries = spectrum.split(k).0;
         Ok(spectrum)
     }
 
-    /// Wraps entries that are already sorted, in range, finite and not 0.
+    /// Creates a sparse spectrum from coefficients that are already sorted by index, in range, finite and not 0.
     pub(super) fn of(space: Arc<LineSpace>, entries: Vec<Entry>) -> Self {
         Self { space, entries }
     }
 
-    /// Returns the basis of the coefficients.
+    /// Returns the basis, such as a wavelet basis, to which the coefficients of the spectrum belong.
     pub fn space(&self) -> &Arc<LineSpace> {
         &self.space
     }
 
-    /// Returns the nonzero coefficients by rising index.
+    /// Returns the nonzero coefficients of the spectrum by rising index.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// Returns the number of nonzero coefficients.
+    /// Returns the number of nonzero coefficients of the spectrum.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
@@ -84,7 +85,7 @@ impl SparseSpectrum {
         samples
     }
 
-    /// Adds `factor` times the samples of this spectrum to `samples`.
+    /// Adds `factor` times the samples of the spectrum to `samples`.
     ///
     /// # Panics
     /// If the length of `samples` is not that of the line.
@@ -101,13 +102,13 @@ impl SparseSpectrum {
         self.entries.retain(|entry| entry.value != 0.0);
     }
 
-    /// Returns `self + other`: the union of their coefficients.
+    /// Returns the sum of two spectra, with the union of their coefficients.
     pub fn add(&self, other: &Self) -> Result<Self, AlgebraError> {
         self.axpy(1.0, other)
     }
 
-    /// Returns `self + factor · other`: the union of their coefficients. For sums of many spectra an
-    /// [`super::Accumulator`] is faster.
+    /// Returns `self + factor · other` for two spectra, with the union of their coefficients. For sums of many spectra
+    /// an [`super::Accumulator`] is faster.
     pub fn axpy(&self, factor: f64, other: &Self) -> Result<Self, AlgebraError> {
         self.space.require(&other.space)?;
         let mut entries = Vec::with_capacity(self.len() + other.len());
@@ -120,8 +121,8 @@ impl SparseSpectrum {
         Ok(Self::of(Arc::clone(&self.space), entries))
     }
 
-    /// Returns the sum over samples of the product of both spectra: `aᵀ·G·b`, where G is the identity if the basis is
-    /// orthonormal. For a weighted sum see [`super::Gram::dot`].
+    /// Returns the unweighted sum over samples of the product of two spectra: `aᵀ·G·b` for their coefficients, where
+    /// the Gram matrix G is the identity if the basis is orthonormal. For a weighted sum see [`super::Gram::dot`].
     pub fn dot(&self, other: &Self) -> Result<f64, AlgebraError> {
         self.space.require(&other.space)?;
         Ok(if self.space.is_orthonormal() {
@@ -133,8 +134,8 @@ impl SparseSpectrum {
         })
     }
 
-    /// Returns the pointwise product: decodes both, multiplies the samples and encodes the result, on a line of any
-    /// length. The result is that of [`super::Couplings`]; from about six coefficients on this way is cheaper.
+    /// Returns the pointwise product of two spectra: decodes both, multiplies the samples and transforms the result.
+    /// [`super::Couplings`] give the same result, but are slower from about six coefficients on.
     pub fn product(&self, other: &Self) -> Result<Self, AlgebraError> {
         self.space.require(&other.space)?;
         let mut product = self.samples();
@@ -142,14 +143,14 @@ impl SparseSpectrum {
         self.space.analyse(&product)
     }
 
-    /// Returns the L2 norm over samples.
+    /// Returns the L2 norm of the spectrum: the root of the sum of its squared samples.
     pub fn norm(&self) -> f64 {
         let samples = self.samples();
         libm::sqrt(dot_by_four(&samples, &samples))
     }
 
-    /// Keeps the k coefficients with the largest |c|·‖ψ‖ (of equal ones the earlier) and measures the error of dropping
-    /// the rest.
+    /// Keeps the k coefficients c with the largest |c|·‖ψ‖, where ψ is the basis function of c, and measures the error
+    /// of dropping the rest. Of equal ones, the one of lower index is kept.
     #[must_use]
     pub fn truncated(&self, k: usize) -> Truncated {
         let (kept, dropped) = self.split(k);
@@ -159,7 +160,8 @@ impl SparseSpectrum {
         Truncated { spectrum: of(kept), error, relative_error }
     }
 
-    /// Splits the coefficients into the k with the largest |c|·‖ψ‖ and the rest, each by rising index.
+    /// Splits the coefficients c of a spectrum into the k with the largest |c|·‖ψ‖ (ψ: basis function of c) and the
+    /// rest, each by rising index.
     fn split(&self, k: usize) -> (Vec<Entry>, Vec<Entry>) {
         let weight = |entry: &Entry| entry.value.abs() * self.space.norm(entry.index as usize);
         let mut order = self.entries.clone();
@@ -173,7 +175,7 @@ impl SparseSpectrum {
 }
 
 impl LineSpace {
-    /// Transforms samples to all their nonzero coefficients.
+    /// Transforms samples of a spectrum to all their nonzero coefficients.
     pub fn analyse(self: &Arc<Self>, samples: &[f64]) -> Result<SparseSpectrum, AlgebraError> {
         self.check("samples", samples)?;
         let entries = (0..self.coefficients())

@@ -2,16 +2,17 @@
 
 use crate::numeric::dense::{add, dot_by_four};
 
-/// Rows of numbers, each stored from its first to its last nonzero.
+/// Matrix whose rows are stored only from their first to their last nonzero entry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Windows {
     values: Vec<f64>,
-    /// First column of each row and position of its first value in `values`, followed by one entry for the end.
+    /// First stored column of each matrix row, and position of its first value in `values`. One more entry marks the
+    /// end.
     rows: Vec<(u32, u32)>,
 }
 
 impl Windows {
-    /// Builds the rows from lists of (column, number); columns of a row may come in any order, each once.
+    /// Creates the matrix from one list of (column, number) per row; columns of a row may come in any order, each once.
     pub(super) fn new(rows: impl Iterator<Item = Vec<(u32, f64)>>) -> Self {
         let mut windows = Self::default();
         for row in rows {
@@ -30,30 +31,30 @@ impl Windows {
         windows
     }
 
-    /// Returns the number of rows.
+    /// Returns the number of rows of the matrix.
     pub(super) fn len(&self) -> usize {
         self.rows.len() - 1
     }
 
-    /// Returns the first column of a row and its numbers from there.
+    /// Returns the first stored column of a matrix row and its numbers from that column on.
     pub(super) fn row(&self, row: usize) -> (usize, &[f64]) {
         let (first, start) = self.rows[row];
         (first as usize, &self.values[start as usize..self.rows[row + 1].1 as usize])
     }
 
-    /// Returns the dot product of a row with `columns`.
+    /// Returns the dot product of a matrix row with the vector `columns`.
     pub(super) fn times(&self, row: usize, columns: &[f64]) -> f64 {
         let (first, values) = self.row(row);
         dot_by_four(values, &columns[first..first + values.len()])
     }
 
-    /// Adds `factor` times a row to `columns`.
+    /// Adds `factor` times a matrix row to the vector `columns`.
     pub(super) fn add(&self, row: usize, factor: f64, columns: &mut [f64]) {
         let (first, values) = self.row(row);
         add(&mut columns[first..first + values.len()], factor, values);
     }
 
-    /// Returns the largest absolute difference between the entries of two sets of equally many rows.
+    /// Returns the largest absolute difference between the entries of two matrices with equally many rows.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let mut largest = 0.0_f64;
         for row in 0..self.len() {
@@ -68,7 +69,7 @@ impl Windows {
         largest
     }
 
-    /// Returns the size in memory in bytes.
+    /// Returns the size in memory of the matrix in bytes.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(self.values.as_slice()) + size_of_val(self.rows.as_slice())
     }

@@ -46,13 +46,14 @@ const FORM_SPACED: u8 = 13;
 const FORM_F32: u8 = 14;
 const FORM_F64: u8 = 15;
 const TRIANGLES: u8 = 0x80;
-/// Shortest list, in entries, for which a polynomial is tried; for shorter ones its coefficients cost more than they
-/// save.
+/// Smallest number of entries of a list for which a polynomial is tried as predictor; for shorter lists its
+/// coefficients cost more than they save.
 const CURVED: usize = 64;
-/// Exclusive upper bound on the integers of a list, so that second differences fit in 32 bits.
+/// Exclusive upper bound on the integers as which a list of numbers is stored, so that their second differences fit in
+/// 32 bits.
 const LIST_LIMIT: f64 = 268_435_456.0;
 
-/// Writes axes; their number and their labels are not written.
+/// Writes the axes of a tensor to a file; their number and their labels are not written.
 pub(crate) fn write_axes(w: &mut Writer, axes: &[Axis]) {
     for axis in axes {
         match axis {
@@ -111,7 +112,7 @@ fn write_grid(w: &mut Writer, grid: &DirectionGrid) {
     }
 }
 
-/// Reads `count` axes. Limits of each axis are checked; the product of the lengths is not.
+/// Reads `count` axes of a tensor from a file. Limits of each axis are checked; the product of the lengths is not.
 pub(crate) fn read_axes(r: &mut Reader<'_>, count: usize) -> Result<Vec<Axis>, CodecError> {
     (0..count).map(|_| read_axis(r)).collect()
 }
@@ -298,7 +299,7 @@ fn read_spacing(r: &mut Reader<'_>, what: &'static str) -> Result<Spacing, Codec
     Ok(Spacing { rule, start: end()?, end: end()? })
 }
 
-/// Returns the integer predicted by a polynomial for entry `i` of `count`.
+/// Returns the integer that a polynomial predicts for entry `i` of a list of `count` integers.
 fn on_curve(form: u8, curve: &Polynomial, i: usize, count: usize) -> i64 {
     let value = curve.at(i, count);
     if form == FORM_F32 {
@@ -347,8 +348,8 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
     values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
 }
 
-/// Codes integers below 2^32 as second differences; with `curved`, as they are (they are differences from a
-/// polynomial).
+/// Encodes or decodes a list of integers below 2^32 as second differences. With `curved` they are coded unchanged,
+/// because they already are differences from a polynomial.
 fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i64]) {
     let mut model = Model::new(3 * GOLOMB_SLOTS, 1);
     let (mut last, mut difference) = (0_i64, 0_i64);

@@ -2,24 +2,24 @@
 
 use super::error::CodecError;
 
-/// Appends fields to a byte vector.
+/// Writer that appends binary fields to a byte vector.
 #[derive(Debug, Default)]
 pub(crate) struct Writer {
     bytes: Vec<u8>,
 }
 
 impl Writer {
-    /// Returns the bytes written so far.
+    /// Consumes the writer of binary fields and returns all bytes that it wrote.
     pub(crate) fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 
-    /// One byte.
+    /// Writes one byte.
     pub(crate) fn u8(&mut self, value: u8) {
         self.bytes.push(value);
     }
 
-    /// Writes bytes unchanged.
+    /// Writes the given bytes unchanged.
     pub(crate) fn raw(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
@@ -33,23 +33,23 @@ impl Writer {
         self.bytes.push(value as u8);
     }
 
-    /// Writes the `count` low bytes of `value`.
+    /// Writes the `count` low bytes of the integer `value`.
     pub(crate) fn low_bytes(&mut self, value: u32, count: usize) {
         self.bytes.extend(value.to_le_bytes().into_iter().take(count));
     }
 
-    /// IEEE 754 single precision.
+    /// Writes an IEEE 754 single-precision number.
     pub(crate) fn f32(&mut self, value: f32) {
         self.raw(&value.to_le_bytes());
     }
 
-    /// IEEE 754 double precision.
+    /// Writes an IEEE 754 double-precision number.
     pub(crate) fn f64(&mut self, value: f64) {
         self.raw(&value.to_le_bytes());
     }
 }
 
-/// Reads fields from bytes; `base` is the offset of the first byte in the file, used in messages.
+/// Reader of binary fields from bytes; `base` is the offset of the first byte in the file, used in messages.
 #[derive(Clone, Debug)]
 pub(crate) struct Reader<'a> {
     bytes: &'a [u8],
@@ -73,12 +73,12 @@ impl<'a> Reader<'a> {
         self.bytes.len() - self.position
     }
 
-    /// Returns the bytes from `start` (an offset in the file) to the current position.
+    /// Returns the bytes of the file from offset `start` to the current position.
     pub(crate) fn since(&self, start: usize) -> &'a [u8] {
         &self.bytes[start - self.base..self.position]
     }
 
-    /// Returns an error about the field read last.
+    /// Returns an error about the field that was read last.
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> CodecError {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }
@@ -98,7 +98,7 @@ impl<'a> Reader<'a> {
         Ok(array)
     }
 
-    /// One byte.
+    /// Reads one byte.
     pub(crate) fn u8(&mut self, expected: &'static str) -> Result<u8, CodecError> {
         Ok(self.array::<1>(expected)?[0])
     }
@@ -138,7 +138,7 @@ impl<'a> Reader<'a> {
         Err(self.malformed(format!("{expected} is no variable-length integer")))
     }
 
-    /// Reads a LEB128 integer of at most `limit`.
+    /// Reads a LEB128 integer and fails if it exceeds `limit`.
     pub(crate) fn size(&mut self, limit: usize, expected: &'static str) -> Result<usize, CodecError> {
         let value = self.varint(expected)?;
         usize::try_from(value)
@@ -147,7 +147,7 @@ impl<'a> Reader<'a> {
             .ok_or_else(|| self.malformed(format!("{expected} is {value}, expected at most {limit}")))
     }
 
-    /// Fails if bytes are left.
+    /// Fails if bytes are left after the last field.
     pub(crate) fn end(&self, what: &'static str) -> Result<(), CodecError> {
         match self.remaining() {
             0 => Ok(()),

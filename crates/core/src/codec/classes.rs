@@ -4,18 +4,18 @@
 use super::model::Model;
 use super::range::BitCoder;
 
-/// Sign, zero or mask of a sample, coded before its magnitude.
+/// Class of a sample (positive, negative, zero or masked), coded before its magnitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Class {
-    /// Above 0.
+    /// Sample above 0.
     #[default]
     Positive = 0,
-    /// Below 0.
+    /// Sample below 0.
     Negative = 1,
-    /// Exactly 0, or below a declared floor.
+    /// Sample that is exactly 0, or below a floor that the user declared.
     Zero = 2,
-    /// Not measured.
+    /// Masked sample: it was not measured.
     Masked = 3,
 }
 
@@ -37,7 +37,8 @@ impl Class {
     }
 }
 
-/// Codes classes in natural order, in rows of `lanes`; a decoder overwrites `classes`.
+/// Encodes or decodes the classes of samples (positive, negative, zero, masked) in memory order, in rows of `lanes`; a
+/// decoder overwrites `classes`.
 ///
 /// # Panics
 /// If the number of classes is not a multiple of `lanes`.

@@ -12,32 +12,36 @@ use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::{COARSE, FINE, LEVELS, MagnitudeSlots, NONZERO, coarse, code_magnitude, fine};
 
-/// Index that marks a missing row or lane.
+/// Index that marks a missing neighbour among the coefficients that serve as context of an entropy coder.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// Coding order and neighbours of all rows and lanes.
+/// Order in which the rows of a coefficient tensor (runs of its last axis) and the entries of each row (*lanes*) are
+/// coded, and the neighbours that serve as context.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
-    /// Rows that are coded, in coding order; all values of the others are 0.
+    /// Indices of the rows of the coefficient tensor that are coded, in coding order; all values of other rows are 0.
     pub order: Vec<u32>,
-    /// Level of each row; 0 is the smooth part.
+    /// Wavelet level of each row of the coefficient tensor; 0 is the smooth part.
     pub level: Vec<u8>,
-    /// Up to three context rows of each row, coded before it; [`NONE`] if missing.
+    /// Indices of up to three rows of the coefficient tensor that are coded before each row and serve as its context;
+    /// [`NONE`] if missing.
     pub neighbours: Vec<[u32; 3]>,
-    /// Lanes that are coded, in coding order; all values of the others are 0.
+    /// Indices of the entries that are coded in each row of the coefficient tensor, in coding order; all values of
+    /// other entries are 0.
     pub lane_order: Vec<u32>,
-    /// Level of each lane; 0 is the smooth part.
+    /// Wavelet level of each entry of a row of the coefficient tensor; 0 is the smooth part.
     pub lane_level: Vec<u8>,
-    /// Parent and predecessor in coding order of each lane; [`NONE`] if missing.
+    /// Indices of the two coefficients of a row that serve as context of each one: its parent in the wavelet tree, and
+    /// the one coded before it. A missing one is [`NONE`].
     pub lane_neighbours: Vec<[u32; 2]>,
 }
 
-/// Form in which a nonzero value is coded.
+/// Form in which a nonzero coefficient is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Payload {
-    /// A signed integer.
+    /// Signed integer: sign and magnitude are coded.
     Integer,
-    /// The bits of a nonzero float32.
+    /// Nonzero float32: the bits of the number are coded.
     Float,
 }
 
@@ -53,7 +57,7 @@ const ZERO_SET: usize = LEVELS;
 const MAGNITUDE_SET: usize = ZERO_SET + LEVELS;
 const SETS: usize = MAGNITUDE_SET + MagnitudeSlots::SETS;
 
-/// Codes `values` (all rows, in natural order); a decoder overwrites them.
+/// Encodes or decodes the coefficients `values` (all rows, in memory order); a decoder overwrites them.
 ///
 /// # Panics
 /// If `rows` does not describe `values`.
@@ -74,13 +78,15 @@ pub(crate) fn code_coefficients<C: BitCoder>(coder: &mut C, rows: &Rows, payload
     }
 }
 
-/// Codes the corrections that enforce a pointwise error bound, in natural order, in rows of `lanes`.
+/// Encodes or decodes the corrections of samples that enforce a pointwise error bound, in memory order, in rows of
+/// `lanes`.
 pub(crate) fn code_corrections<C: BitCoder>(coder: &mut C, lanes: usize, values: &mut [i32]) {
     code_coefficients(coder, &Rows::natural(values.len() / lanes, lanes), Payload::Integer, values);
 }
 
 impl Rows {
-    /// Describes rows and lanes without trees: the only neighbour of each is its predecessor.
+    /// Creates the coding order of a plain table: the only context of each row, and of each entry of a row, is its
+    /// predecessor.
     pub(crate) fn natural(rows: usize, lanes: usize) -> Self {
         let before = |i: usize| if i == 0 { NONE } else { i as u32 - 1 };
         Self {
@@ -97,7 +103,7 @@ impl Rows {
 struct State {
     model: Model,
     payload: Payload,
-    /// Running mean of magnitudes of each lane, in 1/256.
+    /// Running mean of the coefficient magnitudes at each position of a row, in units of 1/256.
     activity: Vec<u32>,
 }
 
@@ -163,7 +169,7 @@ impl State {
         }
     }
 
-    /// Codes one decision: true if the row has a nonzero value.
+    /// Encodes or decodes whether a row of the coefficient tensor (a run of its last axis) has a nonzero value.
     fn code_row_flag<C: BitCoder>(
         &mut self,
         coder: &mut C,

@@ -22,46 +22,47 @@
 use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 
-/// First four bytes of every material.
+/// First four bytes of every compressed material file.
 pub(crate) const MAGIC: [u8; 4] = [0x89, b'W', b'L', b'M'];
-/// Format version written and read.
+/// Version of the file format that this program writes and reads.
 pub(crate) const VERSION: u8 = 1;
-/// Length of a checksum in bytes.
+/// Length of the checksum of a chunk in bytes.
 const CHECKSUM: usize = 4;
 
-/// Kinds of chunk, in their order in a file.
+/// Kinds of chunk (section of a compressed file), in their order in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum ChunkKind {
-    /// Description of the material, and its error report.
+    /// Description of the material: axes, settings and error report.
     Header,
-    /// Interpolation between incidences.
+    /// Rule for interpolation between incoming directions.
     Between,
-    /// A lobe beside the cells.
+    /// Analytic reflection lobe that is added to the stored samples.
     Lobe,
-    /// Classes of samples: positive, negative, zero or masked.
+    /// Class of each sample: positive, negative, zero or masked.
     Classes,
-    /// Spectral basis computed from the data.
+    /// Spectral basis computed from the data (principal components).
     Basis,
-    /// Samples on triangles, predicted level by level.
+    /// Samples on triangles of the sphere, predicted from one subdivision level to the next.
     Pyramid,
-    /// Samples on grids of angles, predicted in steps that halve the spacing.
+    /// Samples on grids of angles, predicted in steps that halve the grid spacing.
     Grid,
-    /// Quantised or exact coefficients.
+    /// Wavelet coefficients, quantised or exact.
     Coefficients,
-    /// Corrections of the integrated light of whole blocks.
+    /// Corrections that keep the integral of whole blocks of samples accurate.
     Light,
-    /// Corrections that enforce a pointwise error bound.
+    /// Corrections of single samples that enforce a pointwise error bound.
     Corrections,
-    /// Lossless samples.
+    /// Samples stored without loss.
     Exact,
-    /// Provenance and other metadata: a JSON object.
+    /// Metadata, such as the origin of the data: a JSON object.
     Metadata,
-    /// Metadata of measurements on grids of angles, in which a digest takes 32 bytes.
+    /// Metadata of measurements on grids of angles: a JSON object. Each hash digest in it is stored as 32 raw bytes
+    /// instead of hexadecimal digits.
     Provenance,
 }
 
 impl ChunkKind {
-    /// Returns true for metadata, which end a file and contain no samples.
+    /// Returns true for chunks of metadata, which end a file and contain no samples.
     fn is_last(self) -> bool {
         matches!(self, Self::Metadata | Self::Provenance)
     }
@@ -103,50 +104,52 @@ impl ChunkKind {
     }
 }
 
-/// A chunk that a header announces.
+/// Chunk (section of a file) that the file header announces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Announced {
-    /// Kind of the chunk.
+    /// Kind of the chunk that the file header announces.
     pub kind: ChunkKind,
-    /// Length of the payload in bytes, if the header states it.
+    /// Length of the chunk's content in bytes, if the file header states it.
     pub length: Option<usize>,
 }
 
-/// One chunk of a file.
+/// One chunk (section) of a compressed file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunk<'a> {
     /// Kind of the chunk.
     pub kind: ChunkKind,
-    /// Payload; only its beginning if the chunk is truncated.
+    /// Content of the chunk; only its beginning if the file is truncated there.
     pub payload: &'a [u8],
-    /// Length of the whole payload in bytes.
+    /// Length of the complete content of the chunk in bytes.
     pub length: usize,
-    /// Offset of the payload in the file.
+    /// Offset in the file of the chunk's content, in bytes.
     pub offset: usize,
-    /// Start and end of the whole chunk in the file.
+    /// Offsets in the file of the start and the end of the whole chunk, in bytes.
     span: (usize, usize),
 }
 
 impl<'a> Chunk<'a> {
-    /// Returns a reader of the payload's fields.
+    /// Returns a reader of the fields inside the chunk.
     pub(crate) fn reader(&self) -> Reader<'a> {
         Reader::new(self.payload, self.offset)
     }
 
-    /// Returns the offset in the file of the end of the chunk, which lies beyond the bytes if the chunk is truncated.
+    /// Returns the offset in the file of the end of the chunk, which lies beyond the available bytes if the chunk is
+    /// truncated.
     pub(crate) fn end(&self) -> usize {
         self.span.1
     }
 }
 
-/// Chunks of a file or of a prefix. The checksums of all complete chunks are verified.
+/// Compressed file, or the first bytes of one, split into its chunks (sections). The checksums of all complete chunks
+/// are verified.
 #[derive(Clone, Debug)]
 pub(crate) struct Container<'a> {
     bytes: &'a [u8],
     chunks: Vec<Chunk<'a>>,
 }
 
-/// Returns the bytes of one chunk: length, payload, checksum.
+/// Returns the bytes of one chunk: length, content, checksum.
 pub(crate) fn write_chunk(kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
     let mut chunk = Writer::default();
     chunk.varint(payload.len() as u64);
@@ -156,7 +159,7 @@ pub(crate) fn write_chunk(kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
     chunk
 }
 
-/// Writes a file. `chunks` are in file order: the header, the chunks that it announces, then metadata.
+/// Returns the bytes of a file made of `chunks`: the header, the chunks that it announces, then metadata.
 pub(crate) fn write_container(chunks: &[(ChunkKind, Vec<u8>)]) -> Vec<u8> {
     let mut w = Writer::default();
     w.raw(&MAGIC);
@@ -176,8 +179,8 @@ fn checksum(kind: ChunkKind, covered: &[u8]) -> [u8; CHECKSUM] {
 }
 
 impl<'a> Container<'a> {
-    /// Splits `bytes` into chunks and verifies every checksum. `header` reads the header and returns the chunks that it
-    /// announces. The last one, the metadata, may be missing in the file.
+    /// Splits the bytes of a file into chunks and verifies every checksum. `header` reads the header and returns the
+    /// chunks that it announces. The last one, the metadata, may be missing in the file.
     pub(crate) fn read<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
@@ -195,7 +198,7 @@ impl<'a> Container<'a> {
         Ok((header, Self { bytes, chunks }))
     }
 
-    /// Like `read`, but for the first bytes of a file: the header must be complete, the last chunk may be truncated.
+    /// Splits the first bytes of a file into chunks. The header must be complete, the last chunk may be truncated.
     pub(crate) fn prefix<H>(
         bytes: &'a [u8],
         header: impl FnOnce(&mut Reader<'a>) -> Result<(H, Vec<Announced>), CodecError>,
@@ -219,36 +222,37 @@ impl<'a> Container<'a> {
         Ok((header, Self { bytes, chunks }))
     }
 
-    /// Returns the chunk of this kind, if present.
+    /// Returns the chunk of the given kind, if present.
     pub(crate) fn get(&self, kind: ChunkKind) -> Option<Chunk<'a>> {
         self.chunks.iter().find(|chunk| chunk.kind == kind).copied()
     }
 
-    /// Returns the file with the payload of all chunks of `kind` replaced.
+    /// Returns the bytes of the file with the content of all chunks of `kind` replaced.
     pub(crate) fn replaced(&self, kind: ChunkKind, payload: &[u8]) -> Vec<u8> {
         let payload_of = |chunk: &Chunk<'_>| if chunk.kind == kind { payload } else { chunk.payload }.to_vec();
         let chunks: Vec<_> = self.chunks.iter().map(|chunk| (chunk.kind, payload_of(chunk))).collect();
         write_container(&chunks)
     }
 
-    /// Returns the chunk of this kind, or an error that names it.
+    /// Returns the chunk of the given kind, or an error that names the missing chunk.
     pub(crate) fn require(&self, kind: ChunkKind) -> Result<Chunk<'a>, CodecError> {
         self.get(kind).ok_or(CodecError::Truncated { at: self.bytes.len(), expected: kind.name() })
     }
 
-    /// Returns the offset at which the metadata chunk starts or would start; in a prefix, the end of its last chunk.
+    /// Returns the offset in the file at which the metadata chunk starts or would start. In a truncated file it is the
+    /// end of the last chunk.
     pub(crate) fn payload_end(&self) -> usize {
         let before = self.chunks.iter().rfind(|chunk| !chunk.kind.is_last());
         before.map_or(0, Chunk::end)
     }
 
-    /// Returns the BLAKE3 digest of the file without its metadata chunk.
+    /// Returns the BLAKE3 digest of the file's bytes without its metadata chunk.
     pub(crate) fn payload_digest(&self) -> blake3::Hash {
         blake3::hash(&self.bytes[..self.payload_end().min(self.bytes.len())])
     }
 }
 
-/// Reads magic and version.
+/// Reads the magic number and the format version at the start of a file.
 fn start(bytes: &[u8]) -> Result<Reader<'_>, CodecError> {
     let mut r = Reader::new(bytes, 0);
     if r.take(MAGIC.len(), "magic").ok() != Some(&MAGIC) {
@@ -278,8 +282,8 @@ fn read_chunk<'a>(r: &mut Reader<'a>, announced: Announced) -> Result<Chunk<'a>,
     Ok(Chunk { kind, payload, length, offset, span: (start, r.offset()) })
 }
 
-/// Returns the available part of the next chunk if it is truncated, `Some(None)` if its length field already is, and
-/// `None` if the chunk is complete.
+/// Returns the available part of the next chunk if the file ends within its content. The result is `Some(None)` if the
+/// file ends within its length field, and `None` if the chunk is complete.
 #[allow(clippy::option_option, reason = "whether it is cut, and what is left of it")]
 fn cut_chunk<'a>(r: &Reader<'a>, announced: Announced) -> Result<Option<Option<Chunk<'a>>>, CodecError> {
     let mut r = r.clone();
@@ -306,7 +310,7 @@ impl From<ChunkKind> for Announced {
 }
 
 impl Announced {
-    /// Reads the length in front of the payload, which must agree with the one stated in the header.
+    /// Reads the length in front of a chunk's content, which must agree with the one stated in the file header.
     fn read_length(self, r: &mut Reader<'_>) -> Result<usize, CodecError> {
         let length = r.size(usize::MAX >> 1, "chunk length")?;
         match self.length {

@@ -4,18 +4,23 @@ use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::{FINE, GOLOMB_SLOTS, LEVELS, MagnitudeSlots, NONZERO, code_golomb, code_magnitude, fine};
 
-/// Magnitudes around a detail, in sixteenths of a quantiser step; `None` if unknown.
+/// Context of a detail (a child's difference from its parent triangle): magnitudes of details already coded around it,
+/// in sixteenths of a quantiser step. `None` if unknown.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Surroundings {
-    /// Level of the detail; 1 is that of the children of the coarsest triangles.
+    /// Subdivision level of the triangle whose difference from its parent is coded; 1 for children of the coarsest
+    /// triangles.
     pub level: u8,
-    /// Mean magnitude of the parent's details.
+    /// Mean magnitude of the details coded for the parent of the triangle being refined, in sixteenths of a quantiser
+    /// step.
     pub parent: Option<u32>,
-    /// Mean magnitude of the known details of neighbouring nodes.
+    /// Mean magnitude of the details already coded for neighbours of the triangle being refined, in sixteenths of a
+    /// quantiser step.
     pub neighbours: Option<u32>,
-    /// Mean magnitude of the known details of this node.
+    /// Mean magnitude of the details already coded for the triangle being refined, in sixteenths of a quantiser step.
     pub siblings: Option<u32>,
-    /// Magnitude at this place in the plane coded before.
+    /// Mean magnitude of the details that the triangle being refined has in the slice (one incoming direction and
+    /// spectral component) coded before, in sixteenths of a quantiser step.
     pub before: Option<u32>,
 }
 
@@ -27,7 +32,7 @@ const ROOT: usize = MAGNITUDE + MagnitudeSlots::COUNT;
 const SLOTS: usize = ROOT + 2 * GOLOMB_SLOTS;
 const SETS: usize = LEVELS + MagnitudeSlots::SETS;
 
-/// Adaptive models of the details of a pyramid.
+/// Coder of the details of a pyramid of triangles, with adaptive probabilities.
 pub(crate) struct DetailCoder {
     model: Model,
 }
@@ -50,15 +55,16 @@ impl Default for DetailCoder {
 }
 
 impl DetailCoder {
-    /// Codes the difference between a coarsest mean and the one coded before it; `first` is true if there is none
-    /// before.
+    /// Encodes or decodes the difference between the mean of one coarsest triangle and that of the one coded before it;
+    /// `first` is true if there is none before.
     pub(crate) fn code_root<C: BitCoder>(&mut self, coder: &mut C, first: bool, difference: i32) -> i32 {
         let slots = ROOT + usize::from(first) * GOLOMB_SLOTS;
         let magnitude = code_golomb(coder, &mut self.model, slots, difference.unsigned_abs()) as i32;
         if magnitude != 0 && coder.even(difference < 0) { -magnitude } else { magnitude }
     }
 
-    /// Codes a detail.
+    /// Encodes or decodes a quantised detail (a child's difference from its parent triangle), in the context of the
+    /// details around it.
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, around: &Surroundings, detail: i32) -> i32 {
         let level = usize::from(around.level).min(LEVELS - 1);

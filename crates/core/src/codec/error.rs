@@ -1,42 +1,42 @@
 //! Error type of the container format: position in the file, value found and value expected.
 
-/// Reasons why bytes are not a valid material.
+/// Reasons why bytes are not a valid compressed material.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CodecError {
-    /// The file does not start with the magic bytes.
-    #[error("not a wavelume material: the first 4 bytes are not 89 57 4C 4D")]
+    /// The file does not start with the magic number of the format.
+    #[error("not a wavelume file: expected the first 4 bytes to be 89 57 4C 4D")]
     Magic,
-    /// The format version is not supported.
-    #[error("material version {found}, this program reads version {expected}")]
+    /// The version of the file format is not supported.
+    #[error("the file has format version {found}, expected version {expected}, which this program reads")]
     Version {
-        /// Version of the file.
+        /// Version of the file format found in the file.
         found: u8,
-        /// Supported version.
+        /// Version of the file format that this program reads.
         expected: u8,
     },
     /// The file is truncated.
     #[error("byte {at}: the file ends where {expected} was expected")]
     Truncated {
-        /// Offset of the missing field, in bytes.
+        /// Offset in the file at which the missing field was expected, in bytes.
         at: usize,
-        /// Name of the missing field.
+        /// Name of the field that is missing at the end of the file.
         expected: &'static str,
     },
-    /// A chunk does not match its checksum.
+    /// A chunk (section of the file) does not match its checksum.
     #[error("byte {at}: the {chunk} does not match its checksum")]
     Checksum {
-        /// Offset of the chunk, in bytes.
+        /// Offset in the file of the damaged chunk, in bytes.
         at: usize,
-        /// Name of the chunk.
+        /// Name of the damaged chunk.
         chunk: &'static str,
     },
-    /// A field has an invalid value.
+    /// A field of the file has an invalid value.
     #[error("byte {at}: {reason}")]
     Malformed {
-        /// Offset of the end of the field, in bytes.
+        /// Offset in the file of the end of the invalid field, in bytes.
         at: usize,
-        /// The value found and the one expected.
+        /// Text that names the value found and what was expected.
         reason: String,
     },
 }

@@ -5,7 +5,7 @@ use super::model::Model;
 use super::range::BitCoder;
 use super::symbols::coarse;
 
-/// Number of possible bit lengths of a residual: 0..=33.
+/// Number of possible bit lengths (0..=33) of a prediction residual of a float32's bit pattern.
 const LENGTHS: usize = 34;
 const CONTEXTS: usize = LENGTHS * 6;
 const BY_BOTH: usize = 0;
@@ -14,7 +14,7 @@ const BY_UP: usize = BY_LEFT + LENGTHS * LENGTHS;
 const TOP: usize = BY_UP + LENGTHS * LENGTHS;
 const SLOTS: usize = TOP + LENGTHS;
 
-/// Maps the bits of a float to an integer whose order is that of the numbers.
+/// Maps the bits of a float to an unsigned integer, so that integers are ordered like the numbers.
 fn ordered(bits: u32) -> u32 {
     if bits >> 31 == 1 { !bits } else { bits | 1 << 31 }
 }
@@ -23,8 +23,8 @@ fn unordered(value: u32) -> u32 {
     if value >> 31 == 1 { value & !(1 << 31) } else { !value }
 }
 
-/// Codes every bit of `samples`, in rows of `lanes`; a decoder overwrites them. Masked samples (NaN) must be filled by
-/// the caller.
+/// Encodes or decodes float32 samples without loss, in rows of `lanes`; a decoder overwrites them. Masked samples (NaN)
+/// must be filled by the caller.
 ///
 /// # Panics
 /// If the number of samples is not a multiple of `lanes`.

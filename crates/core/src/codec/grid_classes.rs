@@ -6,7 +6,7 @@ use super::model::Model;
 use super::range::BitCoder;
 
 const CLASSES: usize = 4;
-/// Number of contexts formed by the classes of four neighbours.
+/// Number of contexts formed by the classes (positive, negative, zero, masked) of four neighbouring samples.
 const CUBE: usize = CLASSES * CLASSES * CLASSES * CLASSES;
 const REPEATS: usize = 0;
 const NEAR: usize = REPEATS + 4;
@@ -15,20 +15,23 @@ const ALONG: usize = AHEAD + 3 * CUBE;
 const LANES: usize = ALONG + 3 * CUBE;
 const SLOTS: usize = LANES + 4;
 
-/// Shape of a tensor of classes, and the coding order of its lanes.
+/// Shape of a tensor of sample classes (positive, negative, zero, masked), and the coding order of the entries of its
+/// last axis.
 #[derive(Clone, Debug)]
 pub(crate) struct ClassGrid {
-    /// Product of the lengths of the axes before the outgoing polar angles.
+    /// Number of slices of the tensor that hold all outgoing directions: the product of the lengths of the axes before
+    /// them.
     pub(crate) incoming: usize,
     /// Number of outgoing polar angles.
     pub(crate) polar: usize,
     /// Number of outgoing azimuths.
     pub(crate) azimuths: usize,
-    /// Indices along the last axis, in coding order.
+    /// Indices along the last axis (such as wavelength), in coding order.
     pub(crate) lanes: Vec<usize>,
 }
 
-/// Codes the classes of a tensor `[incoming, polar, azimuths, lanes]`; a decoder overwrites `classes`.
+/// Encodes or decodes the sample classes of a tensor `[incoming, polar, azimuths, lanes]`, where lanes are entries of
+/// the last axis, such as wavelengths. A decoder overwrites `classes`.
 ///
 /// # Panics
 /// If the number of classes is not the product of the lengths.

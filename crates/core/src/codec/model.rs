@@ -8,28 +8,30 @@
 use super::range::BitCoder;
 use std::sync::LazyLock;
 
-/// Number of contexts that predict one decision together.
+/// Number of adaptive probabilities that together predict one binary decision.
 pub(crate) const INPUTS: usize = 3;
-/// Number of inputs of a decision that has given log-odds beside its slots.
+/// Number of predictions that are mixed for one binary decision if the caller supplies log-odds in addition to the
+/// adaptive probabilities.
 const GUIDED: usize = INPUTS + 1;
 
-/// Bits of a stored probability; 16 of them are used for coding.
+/// Number of bits of a stored probability; 16 of them are used for coding.
 const PROBABILITY_BITS: u32 = 22;
 const ONE: u32 = 1 << PROBABILITY_BITS;
 /// Fixed-point scale of log-odds: 256 units are 1 in natural logarithms.
 pub(crate) const LOG_ODDS: f64 = 256.0;
-/// Fixed-point scale of tabulated log-odds: 8 fractional bits. They are limited to ±12 (a probability of 6e-6).
+/// Fixed-point scale of tabulated log-odds: 8 fractional bits. Log-odds are limited to ±12 (a probability of 6e-6).
 const STRETCH_SCALE: f64 = LOG_ODDS;
 const STRETCH_LIMIT: i32 = 3072;
-/// Upper limit of update counts. Raising it slows the adaptation of old slots, whose slowest rate is about 1 / 255.
+/// Upper limit of the update count of an adaptive probability. Raising it slows the adaptation after many updates,
+/// whose slowest rate is about 1 / 255.
 const COUNT_LIMIT: u8 = 254;
 
 struct Tables {
-    /// Log-odds by the 12 high bits of a probability.
+    /// Table of log-odds, indexed by the 12 high bits of a probability.
     stretch: [i16; 4096],
-    /// 16-bit probabilities by log-odds, from −[`STRETCH_LIMIT`].
+    /// Table of 16-bit probabilities, indexed by log-odds from −[`STRETCH_LIMIT`] on.
     squash: [u16; 2 * STRETCH_LIMIT as usize + 1],
-    /// Adaptation rates by update count: 65536 / (count + 1.6).
+    /// Table of adaptation rates 65536 / (count + 1.6), indexed by the update count of a probability.
     rate: [u32; COUNT_LIMIT as usize + 1],
 }
 
@@ -46,28 +48,29 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
     rate: std::array::from_fn(|n| libm::round(65536.0 / (n as f64 + 1.6)) as u32),
 });
 
-/// An adaptive probability and its number of updates.
+/// Adaptive probability of a binary decision, with its number of updates.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     p: u32,
     count: u8,
 }
 
-/// Adaptive probabilities, and sets of weights that mix `N` predictions.
+/// Context-mixing model: adaptive probabilities (*slots*), and sets of weights that mix `N` predictions of one binary
+/// decision.
 pub(crate) struct Model<const N: usize = INPUTS> {
     slots: Vec<Slot>,
-    /// Mixing weights, in 16.16 fixed point.
+    /// Sets of weights with which the entropy coder mixes predicted probabilities of a bit, in 16.16 fixed point.
     weights: Vec<[i32; N]>,
     tables: &'static Tables,
 }
 
 impl Model {
-    /// Creates `slots` probabilities of one half and `sets` sets of weights.
+    /// Creates a model with `slots` adaptive probabilities of one half and `sets` sets of mixing weights.
     pub(crate) fn new(slots: usize, sets: usize) -> Self {
         Self::starting(slots, sets, [26_214; INPUTS])
     }
 
-    /// Codes one decision predicted by three slots, mixed with weight set `set`.
+    /// Encodes or decodes one binary decision predicted by three adaptive probabilities, mixed with weight set `set`.
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slots: [usize; INPUTS], set: usize) -> bool {
         // Written out here and in `coefficients`: in test builds a `map` of the array costs several calls per decision.
@@ -82,13 +85,14 @@ impl Model {
 }
 
 impl Model<GUIDED> {
-    /// Creates `slots` probabilities of one half and `sets` sets of weights, which initially trust the given log-odds
-    /// alone.
+    /// Creates a model with `slots` adaptive probabilities of one half and `sets` sets of mixing weights, which
+    /// initially use only the log-odds that the caller supplies.
     pub(crate) fn guided(slots: usize, sets: usize) -> Self {
         Self::starting(slots, sets, [1 << 16, 0, 0, 0])
     }
 
-    /// Codes one decision predicted by log-odds (see [`LOG_ODDS`]) and three slots, mixed with weight set `set`.
+    /// Encodes or decodes one binary decision predicted by given log-odds (see [`LOG_ODDS`]) and three adaptive
+    /// probabilities, mixed with weight set `set`.
     #[inline]
     pub(crate) fn code_guided<C: BitCoder>(
         &mut self,
@@ -118,12 +122,12 @@ impl<const N: usize> Model<N> {
         i32::from(self.tables.stretch[(self.slots[slot].p >> 10 & 4095) as usize])
     }
 
-    /// Sets the initial probability of slot `slot`, in 1/65536.
+    /// Sets the initial value of the adaptive probability number `slot`, in 1/65536.
     pub(crate) fn prior(&mut self, slot: usize, p1: u32) {
         self.slots[slot].p = p1.clamp(64, 65536 - 64) << (PROBABILITY_BITS - 16);
     }
 
-    /// Codes one decision predicted by one slot.
+    /// Encodes or decodes one binary decision predicted by a single adaptive probability.
     pub(crate) fn code_one<C: BitCoder>(&mut self, coder: &mut C, bit: bool, slot: usize) -> bool {
         let p1 = (self.slots[slot].p >> (PROBABILITY_BITS - 16)).clamp(1, 65535);
         let bit = coder.bit(bit, p1);
@@ -131,7 +135,8 @@ impl<const N: usize> Model<N> {
         bit
     }
 
-    /// Codes one decision predicted by log-odds, mixed with weight set `set`, and updates the weights.
+    /// Encodes or decodes one binary decision predicted by several log-odds, mixed with weight set `set`, and updates
+    /// the weights.
     #[inline]
     fn mix<C: BitCoder>(&mut self, coder: &mut C, bit: bool, stretched: [i32; N], set: usize) -> bool {
         let weights = &mut self.weights[set];

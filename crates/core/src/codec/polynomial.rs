@@ -3,22 +3,22 @@
 
 use crate::numeric::dense::solve_in_order;
 
-/// Highest degree of a fit.
+/// Highest degree of a polynomial fitted to a list of numbers.
 pub(super) const MAX_DEGREE: usize = 12;
 
-/// Polynomial of the index, as Chebyshev coefficients on −1 … 1.
+/// Polynomial that predicts the entries of a list from their position, as Chebyshev coefficients on −1 … 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Polynomial {
     pub(super) coefficients: Vec<f64>,
 }
 
-/// Returns the position of entry `i` of `count` on −1 … 1.
+/// Maps position `i` in a list of `count` numbers to −1 … 1, the argument of the polynomial fitted to the list.
 fn place(i: usize, count: usize) -> f64 {
     if count < 2 { 0.0 } else { 2.0 * i as f64 / (count - 1) as f64 - 1.0 }
 }
 
 impl Polynomial {
-    /// Fits a polynomial of `degree` by least squares.
+    /// Fits a polynomial of `degree` to a list of values by least squares.
     pub(super) fn fit(values: &[f64], degree: usize) -> Self {
         let n = degree + 1;
         let mut matrix = vec![vec![0.0; n + 1]; n];
@@ -40,7 +40,7 @@ impl Polynomial {
         Self { coefficients }
     }
 
-    /// Returns the value at entry `i` of `count` (by Clenshaw's recurrence: additions and products only).
+    /// Returns the number that the fitted polynomial predicts at position `i` of a list of `count` numbers.
     pub(super) fn at(&self, i: usize, count: usize) -> f64 {
         let t = place(i, count);
         let (mut next, mut after) = (0.0, 0.0);

@@ -9,8 +9,8 @@ use super::bytes::{Reader, Writer};
 use super::error::CodecError;
 use super::text::{read_text, write_text};
 
-/// Typical provenance that primes the text model. It is part of the format: any change changes the coded bytes. Byte 1
-/// marks the place of a digest.
+/// Typical metadata with which the text model is trained before coding. It is part of the format: any change changes
+/// the coded bytes. A byte of value 1 marks the place of a hash digest.
 const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","request":{"basis":"auto","metadata":true,"policy":"rd","target":{"er_"#,
     "l2\":0.01}},\"source\":{\"content_digest\":\"\x01\",\"dialect\":\"reflection scalar 2 x 3, transmission rgb 4 x 4",
@@ -49,16 +49,16 @@ const TYPICAL: &str = concat!(
     r#"nd":"warning","message":"relative photometry: the intensities are for the stated 1000 lumens"}],"spe"#,
     r#"ctrum_digest":null}}"#,
 );
-/// Prefix of the hexadecimal digits of a digest.
+/// Marker before the hexadecimal digits of a hash digest in metadata.
 const PREFIX: &str = "b3-";
-/// Length of a digest in bytes.
+/// Length of a hash digest in bytes.
 const DIGEST: usize = 32;
-/// Largest number of digests in one text.
+/// Largest number of hash digests in one metadata text that are stored as raw bytes.
 const MOST_DIGESTS: usize = 64;
-/// Placeholder of a digest. JSON text never contains this character unescaped.
+/// Placeholder of a hash digest in metadata. JSON text never contains this character unescaped.
 const MARK: char = '\u{1}';
 
-/// Returns the digest at the start of `text` and the length of its textual form in bytes.
+/// Returns the hash digest at the start of `text` and the length of its textual form in bytes.
 fn digest_at(text: &str) -> Option<([u8; DIGEST], usize)> {
     let digits = text.strip_prefix(PREFIX)?.as_bytes().get(..2 * DIGEST)?;
     let nibble = |digit: u8| match digit {
@@ -73,7 +73,7 @@ fn digest_at(text: &str) -> Option<([u8; DIGEST], usize)> {
     Some((digest, PREFIX.len() + 2 * DIGEST))
 }
 
-/// Returns the coded form of a text without [`MARK`], such as JSON.
+/// Encodes a metadata text, such as JSON, that does not contain the placeholder [`MARK`].
 pub(crate) fn write_provenance(text: &str) -> Vec<u8> {
     let mut digests = Vec::new();
     let mut short = String::with_capacity(text.len());
@@ -100,7 +100,8 @@ pub(crate) fn write_provenance(text: &str) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads provenance to the end of `r`: at most `limit` bytes, in which each digest counts as 32.
+/// Decodes a metadata text from the remaining bytes of `r`. At most `limit` bytes are accepted, in which each hash
+/// digest counts as one.
 pub(crate) fn read_provenance(r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let count = r.size(MOST_DIGESTS, "number of digests")?;
     let digests = r.take(count * DIGEST, "digests")?;

@@ -1,31 +1,31 @@
 //! Binary range coder (Martin 1979, in the carry-propagating form of LZMA). Models are written once, for encoding and
 //! decoding.
 
-/// Coder of binary decisions: an encoder writes `bit`; a decoder ignores it and returns the bit that it read.
+/// Range coder of binary decisions: an encoder writes `bit`; a decoder ignores it and returns the bit that it read.
 pub(crate) trait BitCoder {
-    /// Codes one decision whose probability of being 1 is `p1 / 65536`, `0 < p1 < 65536`.
+    /// Encodes or decodes one binary decision whose probability of being 1 is `p1 / 65536`, `0 < p1 < 65536`.
     fn bit(&mut self, bit: bool, p1: u32) -> bool;
 
-    /// True for decoders.
+    /// True for decoders, false for encoders.
     const DECODES: bool;
 
-    /// Codes one decision at even odds.
+    /// Encodes or decodes one binary decision of probability one half.
     fn even(&mut self, bit: bool) -> bool {
         self.bit(bit, 1 << 15)
     }
 
-    /// Codes the `count` low bits of `value` at even odds, most significant first.
+    /// Encodes or decodes the `count` low bits of `value`, each with probability one half, most significant first.
     fn bits(&mut self, value: u32, count: u32) -> u32 {
         (0..count).rev().fold(0, |read, shift| read << 1 | u32::from(self.even(value >> shift & 1 == 1)))
     }
 }
 
-/// Writes decisions to bytes.
+/// Range encoder: writes binary decisions to bytes.
 #[derive(Clone, Debug)]
 pub(crate) struct Encoder {
     low: u64,
     range: u32,
-    /// Last byte, held back because a carry may still change it; `pending_ones` 0xFF bytes follow it.
+    /// Last byte of output, held back because a carry may still change it; `pending_ones` bytes of 0xFF follow it.
     pending: u8,
     pending_ones: u64,
     started: bool,
@@ -57,7 +57,7 @@ impl Encoder {
         self.low = (self.low & 0x00FF_FFFF) << 8;
     }
 
-    /// Returns the bytes without trailing zeros, since a decoder reads zeros past the end.
+    /// Returns the encoded bytes without trailing zeros, since a decoder reads zeros past the end.
     pub(crate) fn finish(mut self) -> Vec<u8> {
         // Any value in [low, low + range) decodes correctly; the one with the most trailing zero bits is the shortest.
         let high = self.low + u64::from(self.range) - 1;
@@ -93,7 +93,7 @@ impl BitCoder for Encoder {
     }
 }
 
-/// Reads decisions from bytes; past their end it reads zeros.
+/// Range decoder: reads binary decisions from bytes, and zeros past their end.
 #[derive(Clone, Debug)]
 pub(crate) struct Decoder<'a> {
     bytes: &'a [u8],
@@ -103,7 +103,7 @@ pub(crate) struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// Starts reading `bytes`.
+    /// Starts range decoding of `bytes`.
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
         let mut decoder = Self { bytes, position: 0, range: u32::MAX, code: 0 };
         for _ in 0..4 {
@@ -118,12 +118,12 @@ impl<'a> Decoder<'a> {
         u32::from(byte)
     }
 
-    /// Returns the number of bytes on which the decisions so far depend, including zeros past the end.
+    /// Returns the number of bytes on which the decisions decoded so far depend, including zeros past the end.
     pub(crate) fn position(&self) -> usize {
         self.position
     }
 
-    /// Returns true if all bytes were read.
+    /// Returns true if the decoder has read all bytes.
     #[cfg(test)]
     pub(crate) fn is_exhausted(&self) -> bool {
         self.position >= self.bytes.len()

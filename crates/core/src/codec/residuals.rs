@@ -8,45 +8,51 @@ use super::range::BitCoder;
 use super::symbols::{GOLOMB_SLOTS, code_golomb};
 use std::sync::LazyLock;
 
-/// Resolution of [`octaves`]: units per factor of two.
+/// Number of tabulated variances per factor of two. Raising it distinguishes the variances of residuals more finely.
 const PER_OCTAVE: i32 = 8;
-/// Number of scales with tabulated densities: variances from 2^−10 to 2^22 squared quantiser steps.
+/// Number of standard deviations for which logistic densities are tabulated: variances from 2^−10 to 2^22 squared
+/// quantiser steps.
 const SCALES: usize = 256;
-/// Index of the scale whose variance is one squared quantiser step.
+/// Index of the tabulated density whose variance is one squared quantiser step.
 const UNIT_SCALE: i32 = 80;
-/// Number of tabulated decisions on a magnitude: larger than 0, 1, 2, …, 15.
+/// Number of tabulated decisions on the magnitude of a residual: larger than 0, 1, 2, …, 15.
 const KINDS: usize = 16;
-/// Scale of the logistic density divided by the standard deviation, for probabilities.
+/// Ratio of the logistic scale parameter to the standard deviation of a residual, used for coding probabilities.
 const PROBABILITY_SCALE: f64 = 0.579;
-/// Scale of the logistic density divided by the standard deviation, for reconstruction.
+/// Ratio of the logistic scale parameter to the standard deviation of a residual, used to reconstruct values within a
+/// quantiser bin.
 const MEAN_SCALE: f64 = 0.58;
-/// Number of midpoints from which the mean of a density over a bin is computed.
+/// Number of sub-intervals of a quantiser bin in the midpoint rule for the mean of the logistic density over it.
 const MIDPOINTS: usize = 8;
-/// Units per quantiser step of the distance between the middle of a bin and the mean of its density.
+/// Fixed-point scale, in units per quantiser step, of the distance between the middle of a quantiser bin and the mean
+/// of the density over it.
 const OFFSET_UNITS: f64 = 4096.0;
-/// Largest magnitude of tabulated log-odds: 11.5 in natural logarithms.
+/// Largest magnitude of tabulated log-odds: 11.5 in natural logarithms, times the fixed-point scale.
 const LARGEST_ODDS: f64 = 11.5 * LOG_ODDS;
 
 const BY_SCALE: usize = 0;
 const SCALE_CLASSES: usize = 40;
 const BY_NEAR: usize = BY_SCALE + KINDS * SCALE_CLASSES;
 const NEAR_CLASSES: usize = 24;
-/// Number of level classes distinguished by contexts.
+/// Number of size classes of merged blocks that the adaptive probabilities of residuals distinguish, smallest first;
+/// larger blocks share the last class.
 pub(crate) const DEPTHS: usize = 4;
 const BY_PLACE: usize = BY_NEAR + KINDS * NEAR_CLASSES * DEPTHS;
-/// Number of places distinguished by contexts.
+/// Number of contexts of a residual (quantised prediction error) by its place in the tensor: for each of 4 axes along
+/// which grid nodes are divided, 4 classes of spectral channels.
 const PLACES: usize = 16;
 const PLACE_CLASSES: usize = SCALE_CLASSES.div_ceil(3);
 const ESCAPE: usize = BY_PLACE + KINDS * PLACES * PLACE_CLASSES;
 const SLOTS: usize = ESCAPE + GOLOMB_SLOTS;
 
 struct Tables {
-    /// Log-odds that the magnitude is larger, by scale and decision.
+    /// Log-odds that a residual whose magnitude is above k − ½ quantiser steps is also above k + ½: for each tabulated
+    /// standard deviation a list by k, from 0 to 15.
     odds: Vec<[i16; KINDS]>,
-    /// Distances from the middle of a bin to the mean of its density, by scale and magnitude (the last one for 15 and
-    /// more).
+    /// Distances from the middle of a quantiser bin to the mean of the residual's density over it: for each tabulated
+    /// standard deviation a list by magnitude of the bin (the last entry is for 15 and more).
     offsets: Vec<[i16; KINDS]>,
-    /// Units of [`octaves()`] above the power of two, by the 6 high bits of a mantissa.
+    /// Fractional part of a binary logarithm in units of [`octaves()`], by the 6 high bits of the mantissa.
     octaves: [i8; 64],
 }
 
@@ -61,8 +67,8 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| {
     }
 });
 
-/// Returns the log-odds of all decisions for a quantiser step of `h` logistic scales: that a magnitude above k − ½ is
-/// also above k + ½.
+/// Returns the log-odds that the magnitude of a residual above k − ½ is also above k + ½, for all k. `h` is the
+/// quantiser step divided by the logistic scale parameter.
 fn odds(h: f64) -> [i16; KINDS] {
     let t = libm::exp(-0.5 * h);
     let mut tail = t;
@@ -80,8 +86,8 @@ fn odds(h: f64) -> [i16; KINDS] {
     })
 }
 
-/// Returns the distances from the middle of each bin to its mean for a quantiser step of `h` logistic scales; at most
-/// half a step.
+/// Returns the distances from the middle of each quantiser bin to the mean of the density over it, at most half a step.
+/// `h` is the quantiser step divided by the logistic scale parameter.
 fn offsets(h: f64) -> [i16; KINDS] {
     std::array::from_fn(|magnitude| {
         if magnitude == 0 {
@@ -112,7 +118,7 @@ pub(crate) fn octaves(x: f64) -> i32 {
     power * PER_OCTAVE + i32::from(TABLES.octaves[(bits >> 46 & 63) as usize])
 }
 
-/// Scale and contexts of the density of one residual.
+/// Expected distribution of one residual: index of its logistic density, and contexts of the adaptive probabilities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Expected {
     scale: usize,
@@ -122,8 +128,12 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    /// Describes a residual of `variance` (in squared quantiser steps). `near` is the mean square of residuals around
-    /// it; `depth` and `place` are contexts below [`DEPTHS`] and [`PLACES`].
+    /// Creates the expected distribution of a quantised prediction error (residual) from its `variance`, in squared
+    /// quantiser steps.
+    ///
+    /// `near` is the mean squared prediction error at neighbouring nodes of the grid, in the same unit. `depth` (size
+    /// class of merged blocks, below [`DEPTHS`]) and `place` (axis of the division and class of the spectral channel,
+    /// below [`PLACES`]) select adaptive probabilities.
     #[inline]
     pub(crate) fn new(variance: f64, near: f64, depth: usize, place: usize) -> Self {
         Self {
@@ -134,7 +144,8 @@ impl Expected {
         }
     }
 
-    /// Returns the mean of the density over the bin of `residual`, in quantiser steps.
+    /// Returns the mean of the expected density over the quantiser bin of `residual`, in quantiser steps: the value to
+    /// reconstruct.
     #[inline]
     pub(crate) fn mean_of(self, residual: i32) -> f64 {
         let offset = TABLES.offsets[self.scale][residual.unsigned_abs().min(KINDS as u32 - 1) as usize];
@@ -143,7 +154,7 @@ impl Expected {
     }
 }
 
-/// Adaptive models of residuals.
+/// Coder of residuals, with adaptive probabilities.
 pub(crate) struct ResidualCoder {
     model: Model<4>,
     tables: &'static Tables,
@@ -156,7 +167,7 @@ impl Default for ResidualCoder {
 }
 
 impl ResidualCoder {
-    /// Codes a residual.
+    /// Encodes or decodes a residual, given its expected distribution.
     #[inline]
     pub(crate) fn code<C: BitCoder>(&mut self, coder: &mut C, expected: Expected, residual: i32) -> i32 {
         let wanted = residual.unsigned_abs();
@@ -186,8 +197,10 @@ impl ResidualCoder {
         if negative { -magnitude } else { magnitude }
     }
 
-    /// Codes the excess of a magnitude over the tabulated decisions. Low bits within the standard deviation are coded
-    /// at even odds.
+    /// Encodes or decodes the excess over 16 of the magnitude of a residual (quantised prediction error).
+    ///
+    /// The lowest log₂ σ bits of the excess (at most 12) are coded with probability one half; σ is the expected
+    /// standard deviation of the residual in quantiser steps.
     fn code_rest<C: BitCoder>(&mut self, coder: &mut C, expected: Expected, rest: u32) -> u32 {
         let low = ((expected.scale as i32 - UNIT_SCALE) / (2 * PER_OCTAVE)).clamp(0, 12) as u32;
         let high = code_golomb(coder, &mut self.model, ESCAPE, rest >> low).min(u32::MAX >> 1 >> low);
@@ -195,7 +208,8 @@ impl ResidualCoder {
     }
 }
 
-/// Codes a number without a model: 5 bits for its bit length, the bits below the leading one, and a sign.
+/// Encodes or decodes a number without adaptive probabilities: 5 bits for its bit length, the bits below the leading
+/// one, and a sign.
 pub(crate) fn code_number<C: BitCoder>(coder: &mut C, number: i32) -> i32 {
     let wanted = number.unsigned_abs().min(i32::MAX as u32);
     let count = coder.bits(u32::BITS - wanted.leading_zeros(), 5);

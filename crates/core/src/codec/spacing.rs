@@ -1,20 +1,21 @@
 //! Lists of angles determined by two ends and a count: even steps that decimals cannot represent, and even steps of the
 //! cosine.
 
-/// Formula for the entries between two ends, evaluated in f64.
+/// Formula for the entries of a list between its two ends, evaluated in f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// `start + i · (end − start) / (count − 1)`, the product first; the last entry is exactly `end`. Fits fractions of
-    /// a half circle.
+    /// Even steps, `start + i · (end − start) / (count − 1)`, in which the product is evaluated first. The last entry
+    /// is exactly `end`. Reproduces lists of equal fractions of 180°.
     Divided,
-    /// `start + i · step` with `step = (end − start) / (count − 1)`; the last entry is exactly `end`. Matches numpy's
-    /// `linspace`.
+    /// Even steps, `start + i · step` with `step = (end − start) / (count − 1)`; the last entry is exactly `end`.
+    /// Reproduces lists of numpy's `linspace`.
     Stepped,
-    /// Angle, in degrees rounded to nine decimals, whose cosine follows rule [`Rule::Divided`].
+    /// Even steps of the cosine: the entries are angles in degrees, rounded to nine decimals, whose cosines are evenly
+    /// spaced.
     Cosines,
 }
 
-/// List given by its rule and ends.
+/// List of numbers given by a formula and its first and last entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spacing {
     pub(super) rule: Rule,
@@ -31,7 +32,8 @@ impl Rule {
 }
 
 impl Spacing {
-    /// Returns the spacing that gives exactly these values; `None` if no rule does.
+    /// Finds the formula for even steps, of numbers or of cosines of angles, that gives exactly the list `values`;
+    /// `None` if there is none.
     pub(super) fn of(values: &[f64]) -> Option<Self> {
         let [first, _, .., last] = *values else { return None };
         Rule::ALL.into_iter().find_map(|rule| {
@@ -42,7 +44,8 @@ impl Spacing {
         })
     }
 
-    /// Returns entry `i` of `count`.
+    /// Returns entry `i` of a list of `count` numbers that are evenly spaced, or have evenly spaced cosines, between
+    /// the first and the last.
     pub(super) fn at(&self, i: usize, count: usize) -> f64 {
         let (start, end, last) = (self.start, self.end, count.saturating_sub(1).max(1));
         let divided = || if i == last { end } else { start + i as f64 * (end - start) / last as f64 };
@@ -55,7 +58,7 @@ impl Spacing {
     }
 }
 
-/// Rounds to nine decimals.
+/// Rounds a number to nine decimals.
 fn rounded(x: f64) -> f64 {
     libm::round(x * 1e9) / 1e9
 }

@@ -7,10 +7,10 @@ use super::symbols::{GOLOMB_SLOTS, code_golomb};
 const NONZERO: usize = 0;
 const SIGN: usize = NONZERO + 9;
 const MAGNITUDE: usize = SIGN + 3;
-/// Initial probability, in 1/65536, that an integer is not 0: one in five.
+/// Initial probability, in 1/65536, that a coded integer is not 0: one in five.
 const USUALLY_NONZERO: u32 = 13_107;
 
-/// Codes rows of `lanes` integers; a decoder overwrites them.
+/// Encodes or decodes rows of `lanes` small signed integers, mostly 0; a decoder overwrites them.
 ///
 /// # Panics
 /// If the number of integers is not a multiple of `lanes`.
@@ -39,7 +39,7 @@ pub(crate) fn code_steps<C: BitCoder>(coder: &mut C, lanes: usize, steps: &mut [
     }
 }
 
-/// Codes flags that come in runs, each in the context of the one before; a decoder overwrites them.
+/// Encodes or decodes flags that come in runs, each in the context of the preceding flag; a decoder overwrites them.
 pub(crate) fn code_flags<C: BitCoder>(coder: &mut C, flags: &mut [bool]) {
     let mut model = Model::new(2, 0);
     let mut before = false;

@@ -3,16 +3,18 @@
 use super::model::Model;
 use super::range::BitCoder;
 
-/// Number of classes of a magnitude given in sixteenths.
+/// Number of classes of an averaged magnitude of coded integers in units of 1/16, used as contexts of adaptive
+/// probabilities; finer than the [`COARSE`] classes of a single integer.
 pub(crate) const FINE: usize = 12;
-/// Number of classes of an integer magnitude.
+/// Number of coarse classes of an integer magnitude, used as contexts of adaptive probabilities.
 pub(crate) const COARSE: usize = 6;
-/// Magnitudes below this are coded in unary; the others escape to an Exp-Golomb code.
+/// Bound below which magnitudes are coded in unary; larger ones follow as an Exp-Golomb code.
 const UNARY: u32 = 14;
-/// Largest number of doublings of an Exp-Golomb code: values stay below 2^31 − 1.
+/// Largest exponent of an Exp-Golomb code, in bits: coded values stay below 2^31 − 1.
 const DOUBLINGS: u32 = 30;
 
-/// Returns the fine class of a magnitude given in sixteenths: class 0 is 0, class 11 is a magnitude of 12 or more.
+/// Returns the fine class (a context of adaptive probabilities) of an averaged magnitude in units of 1/16: class 0 is
+/// 0, class 11 is a magnitude above 12.
 pub(crate) fn fine(sixteenths: u32) -> usize {
     match sixteenths {
         0 => 0,
@@ -30,7 +32,7 @@ pub(crate) fn fine(sixteenths: u32) -> usize {
     }
 }
 
-/// Returns the coarse class of an integer magnitude.
+/// Returns the coarse class (a context of adaptive probabilities) of an integer magnitude.
 pub(crate) fn coarse(magnitude: u32) -> usize {
     match magnitude {
         0 => 0,
@@ -42,7 +44,7 @@ pub(crate) fn coarse(magnitude: u32) -> usize {
     }
 }
 
-/// Positions in a model of the slots for one kind of magnitude.
+/// Positions, in an entropy coder's model, of the adaptive probabilities for magnitudes of one kind of coded integer.
 #[derive(Clone, Copy)]
 pub(crate) struct MagnitudeSlots {
     first: usize,
@@ -53,16 +55,19 @@ impl MagnitudeSlots {
     const BY_SECOND: usize = UNARY as usize * FINE;
     const BY_LEVEL: usize = UNARY as usize * LEVELS;
     const ESCAPE: usize = (DOUBLINGS as usize + 1) * 2;
-    /// Number of slots needed.
+    /// Number of adaptive probabilities with which the entropy coder codes the magnitudes of one kind of integer, such
+    /// as coefficients.
     pub(crate) const COUNT: usize = Self::BY_FIRST + Self::BY_SECOND + Self::BY_LEVEL + Self::ESCAPE;
-    /// Number of weight sets needed.
+    /// Number of sets of weights that mix probabilities when the entropy coder codes the magnitudes of one kind of
+    /// integer, such as coefficients.
     pub(crate) const SETS: usize = UNARY as usize;
 
     pub(crate) fn at(first: usize) -> Self {
         Self { first }
     }
 
-    /// Initialises every "is it larger" decision from a Laplacian density whose scale follows from the fine class.
+    /// Initialises the probabilities of all decisions "is the magnitude larger than k" from a Laplacian density whose
+    /// scale follows from the fine class.
     pub(crate) fn set_priors(self, model: &mut Model) {
         for step in 0..UNARY as usize {
             for (class, &larger) in LARGER.iter().enumerate() {
@@ -73,16 +78,19 @@ impl MagnitudeSlots {
     }
 }
 
-/// Number of levels distinguished by contexts.
+/// Number of wavelet or subdivision levels that contexts distinguish; finer levels share the last one.
 pub(crate) const LEVELS: usize = 8;
 
-/// Initial `P(|q| > i | |q| ≥ i) · 65536`, by the fine class of the expected magnitude.
+/// Initial probabilities `P(|q| > i | |q| ≥ i) · 65536` of a quantised value q, for 12 classes of its expected
+/// magnitude: from 0 in the first class to above 12 in the last.
 const LARGER: [u32; FINE] = [5_243, 5_243, 5_243, 6_554, 9_830, 16_384, 23_593, 32_768, 42_598, 51_118, 57_672, 62_259];
-/// Initial `P(q ≠ 0) · 65536`, by the fine class of the expected magnitude.
+/// Initial probabilities `P(q ≠ 0) · 65536` of a quantised value q, for 12 classes of its expected magnitude: from 0 in
+/// the first class to above 12 in the last.
 pub(crate) const NONZERO: [u32; FINE] =
     [1_311, 3_277, 6_554, 13_107, 22_938, 32_768, 42_598, 52_429, 58_982, 62_259, 63_570, 64_225];
 
-/// Codes a magnitude ≥ 1 whose expected size has fine classes `first` and `second`, at level class `level`.
+/// Encodes or decodes a magnitude ≥ 1. Contexts are two fine classes of its expected size, `first` and `second`, and
+/// its level class `level`.
 pub(crate) fn code_magnitude<C: BitCoder>(
     coder: &mut C,
     model: &mut Model,
@@ -104,10 +112,11 @@ pub(crate) fn code_magnitude<C: BitCoder>(
     (UNARY + code_golomb(coder, model, escape, magnitude.wrapping_sub(UNARY))).min(i32::MAX as u32)
 }
 
-/// Number of slots that [`code_golomb`] needs.
+/// Number of adaptive probabilities that the Exp-Golomb code [`code_golomb`] needs in a model.
 pub(crate) const GOLOMB_SLOTS: usize = (DOUBLINGS as usize + 1) * 2;
 
-/// Codes `value` < 2^31 − 1 by an adaptive Exp-Golomb code: the number of doublings, the bit below the first, the rest.
+/// Encodes or decodes `value` < 2^31 − 1 by an adaptive Exp-Golomb code of value + 1: the position of its highest bit,
+/// the next bit, then the remaining bits.
 pub(crate) fn code_golomb<C: BitCoder, const N: usize>(
     coder: &mut C,
     model: &mut Model<N>,

@@ -13,8 +13,8 @@ use super::error::CodecError;
 use super::model::{INPUTS, Model};
 use super::range::{BitCoder, Decoder, Encoder};
 
-/// Typical metadata of chunk M that prime the text model. They are part of the format: any change changes the coded
-/// bytes.
+/// Typical metadata with which the text model is trained before coding. They are part of the format: any change changes
+/// the coded bytes.
 pub(crate) const TYPICAL: &str = concat!(
     r#"{"generator":"wavelume 0.1.0","labels":{"0":["1","2","3"]},"request":{"basis":"auto","metadata":true,"policy":"r"#,
     r#"d","target":{"max_relative_error":0.05}},"source":{"content_digest":"b3-6e340b9cffb37a989ca544e6bb780a2c78901d3f"#,
@@ -25,15 +25,17 @@ pub(crate) const TYPICAL: &str = concat!(
     r#"policy":"rd","target":{"er_l2":0.01}},"source":{"content_digest":"b3-dbc1b4c900ffe48d575b5da5c638040125f65db0fe3"#,
     r#"e24494b76ea986457d986","dialect":"","format":"npy","metadata":{},"notes":[],"spectrum_digest":null}}"#,
 );
-/// Largest ratio of text bytes to coded bytes; bounds the work that a short input can cause.
+/// Largest ratio of text bytes to coded bytes, which bounds the work that a short input can cause. Raising it allows
+/// longer texts from fewer bytes.
 const MOST_PER_BYTE: usize = 1 << 10;
-/// Number of hashed contexts of each order, a power of two.
+/// Number of adaptive probabilities for contexts of each length (one, two and four bytes), which are found by a hash; a
+/// power of two.
 const CONTEXTS: usize = 1 << 16;
 
-/// Text models, and the bytes coded before.
+/// Context-mixing coder of text: adaptive probabilities, and the bytes coded before.
 struct TextCoder {
     model: Model,
-    /// Last four bytes, the most recent one lowest.
+    /// Last four bytes of the text coded before, the most recent one lowest.
     before: u32,
 }
 
@@ -58,13 +60,14 @@ impl TextCoder {
     }
 }
 
-/// Returns the slot of a node of the byte's binary tree in a context.
+/// Returns the number of the adaptive probability for the next bit of a byte; `context` hashes preceding bytes, `node`
+/// the bits already coded.
 fn slot(context: u32, node: u32) -> usize {
     let mixed = (context.wrapping_mul(0x9E37_79B1) ^ node.wrapping_mul(0x85EB_CA77)).wrapping_mul(0xC2B2_AE3D);
     (mixed >> 16) as usize % CONTEXTS
 }
 
-/// Coder that trains the models and discards the decisions.
+/// Coder that trains the adaptive probabilities and discards the coded decisions.
 struct Listener;
 
 impl BitCoder for Listener {
@@ -75,7 +78,7 @@ impl BitCoder for Listener {
     }
 }
 
-/// Returns the coded form of `text`, by models primed with `typical`.
+/// Encodes `text`, by a model trained with the text `typical` first.
 pub(crate) fn write_text(typical: &str, text: &str) -> Vec<u8> {
     let mut w = Writer::default();
     w.varint(text.len() as u64);
@@ -90,7 +93,8 @@ pub(crate) fn write_text(typical: &str, text: &str) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads a text of at most `limit` bytes to the end of `r`, by models primed with `typical`.
+/// Decodes a text of at most `limit` bytes from the remaining bytes of `r`, by a model trained with the text `typical`
+/// first.
 pub(crate) fn read_text(typical: &str, r: &mut Reader<'_>, limit: usize) -> Result<String, CodecError> {
     let length = r.size(limit, "length of the metadata")?;
     let coded = r.take(r.remaining(), "metadata")?;

@@ -12,53 +12,60 @@ use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, Layout, Quantity};
 use serde::{Deserialize, Serialize};
 
-/// Bits of the first byte.
+/// Bits of the byte in which a file states its interpolation between incoming directions: kind of function that samples
+/// are divided by (3 bits), cubic interpolation, alignment with retro-reflection.
 const DIVISOR: u8 = 7;
 const CUBIC: u8 = 8;
 const RETRO: u8 = 16;
-/// Bounds of a GGX roughness. All bounds here are exact in the 16 bits that a file stores.
+/// Smallest and largest GGX roughness that a file can state; both are exact in the 16 bits that it stores.
 const ROUGHNESS: [f32; 2] = [1.0 / 1024.0, 4.0];
-/// Bounds of a reflectance at normal incidence.
+/// Smallest and largest reflectance at normal incidence that a file can state.
 const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
-/// Bounds of the base, relative to a lobe of scale 1.
+/// Smallest and largest constant (diffuse) term that a file can state for a microfacet model whose specular term has
+/// the factor 1.
 const BASE: [f32; 2] = [0.0, 1_048_576.0];
 
-/// Function V that divides the samples before their logarithms are interpolated between incidences; the result is
-/// multiplied by it again. c and d are the cosines of the incoming and the outgoing direction. r(c) = √(c² + a²·(1 −
-/// c²)), with a the roughness.
+/// Function of incoming and outgoing direction by which samples are divided before their logarithms are interpolated
+/// between incoming directions. The result is multiplied by it again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Divisor {
-    /// V = 1.
+    /// Samples are not divided before interpolation: V = 1.
     #[default]
     None,
-    /// V = 1 / (c + d).
+    /// Samples are divided by V = 1 / (c + d) before interpolation, with c and d the cosines of the incoming and the
+    /// outgoing direction.
     Cosines,
-    /// V = 1 / (σ(c)·σ(d)), σ(c) = c + r(c): twice the projected area of a GGX surface.
+    /// Samples are divided by V = 1 / (σ(c)·σ(d)) before interpolation, for cosines c and d of the incoming and
+    /// outgoing direction. σ(c) = c + √(c² + a²·(1 − c²)) is twice the projected area of a GGX surface of roughness a.
     ProjectedAreas {
-        /// Roughness of GGX.
+        /// Roughness of the GGX distribution.
         roughness: f32,
     },
-    /// V = 1 / (d·r(c) + c·r(d)): height-correlated masking over the cosines.
+    /// Samples are divided by V = 1 / (d·r(c) + c·r(d)) before interpolation: height-correlated GGX masking over the
+    /// cosines c and d of the incoming and outgoing direction. r(c) = √(c² + a²·(1 − c²)), with a the roughness.
     Masking {
-        /// Roughness of GGX.
+        /// Roughness of the GGX distribution.
         roughness: f32,
     },
-    /// V = base + F·D / (d·r(c) + c·r(d)): a microfacet model. D = a² / (x² + y² + a²·z²)² for the unit half vector (x,
-    /// y, z). F is Schlick's factor of the angle between half vector and incoming direction.
+    /// Samples are divided by a microfacet model before interpolation: V = base + F·D / (d·r(c) + c·r(d)), for cosines
+    /// c and d of the incoming and outgoing direction and a constant `base`. r(c) = √(c² + a²·(1 − c²)), with a the
+    /// roughness. D = a² / (x² + y² + a²·z²)² for the unit half vector (x, y, z). F is Schlick's Fresnel factor at the
+    /// angle between half vector and incoming direction.
     Model {
-        /// Roughness of GGX.
+        /// Roughness of the GGX distribution.
         roughness: f32,
-        /// Reflectance at normal incidence.
+        /// Fresnel reflectance at normal incidence.
         reflectance: f32,
-        /// Part of V that does not depend on directions, relative to a lobe of scale 1.
+        /// Constant (diffuse) term of the microfacet model, whose specular term has the factor 1.
         base: f32,
     },
 }
 
 impl Divisor {
-    /// Parameters of the divisor, in the order roughness, reflectance, base.
+    /// Parameters of the function by which samples are divided before interpolation: roughness, reflectance at normal
+    /// incidence, constant (diffuse) term, as many of these in order as it has.
     fn parameters(self) -> Vec<f32> {
         match self {
             Self::None | Self::Cosines => Vec::new(),
@@ -67,8 +74,8 @@ impl Divisor {
         }
     }
 
-    /// Returns the divisor with its numbers as a file states them: clamped to their bounds, rounded to the high 16 bits
-    /// of an f32.
+    /// Returns the function that divides samples with its parameters as a file stores them: clamped to their bounds,
+    /// rounded to the high 16 bits of an f32.
     #[must_use]
     pub fn stated(self) -> Self {
         let short = |x: f32, [low, high]: [f32; 2]| {
@@ -87,33 +94,37 @@ impl Divisor {
     }
 }
 
-/// Interpolation between measured incidences. The default, linear in logarithms, is that of files without chunk V.
+/// Interpolation between measured incoming directions. The default is linear in the logarithms of the samples; a file
+/// that states no interpolation has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Between {
-    /// Function that is divided out before interpolation.
+    /// Function that divides the samples before interpolation between incoming directions; the result is multiplied by
+    /// it.
     pub divisor: Divisor,
-    /// True for a cubic through four incidences (on triangles a quadratic through six) instead of a straight line
-    /// through two.
+    /// True for interpolation by a cubic through four incoming directions (on triangles a quadratic through six), false
+    /// for a straight line through two.
     pub cubic: bool,
-    /// True if outgoing directions keep their place relative to the direction back to the source, as the lobes of
-    /// retro-reflectors do.
+    /// True if interpolation combines samples at outgoing directions with equal offsets from the direction back to the
+    /// source, around which retro-reflectors have their lobe.
     pub retro: bool,
 }
 
 impl Between {
-    /// Returns true for the interpolation of files without chunk V.
+    /// Returns true for the default interpolation between incoming directions, linear in the logarithms of the samples.
+    /// A file does not state it.
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Returns the interpolation with its numbers as chunk V states them; `None` for the default, which has no chunk.
+    /// Returns the interpolation between incoming directions with its parameters rounded as a file states them; `None`
+    /// for the default, which a file does not state.
     pub(crate) fn stated(&self) -> Option<Self> {
         (!self.is_default()).then(|| Self { divisor: self.divisor.stated(), ..*self })
     }
 
-    /// Returns true if a measurement on these axes can have this interpolation. It always needs incidences; divisors
-    /// and `retro` also need a BRDF.
+    /// Returns true if a measurement on these axes can have this interpolation. It always needs incoming directions; a
+    /// divisor or retro-reflection also needs a BRDF.
     pub(crate) fn fits(&self, quantity: Quantity, axes: &[Axis]) -> bool {
         let Ok(layout) = Layout::of(quantity, axes) else { return false };
         let is_reflected = quantity == Quantity::Brdf && layout.outgoing.is_some();
@@ -121,7 +132,7 @@ impl Between {
         layout.incoming.is_some() && (is_reflected || !needs_reflection)
     }
 
-    /// Writes the payload of chunk V.
+    /// Writes the payload of the file chunk that states the interpolation between incoming directions.
     pub(crate) fn write(&self) -> Vec<u8> {
         let divisor = match self.divisor {
             Divisor::None => 0,
@@ -138,7 +149,7 @@ impl Between {
         w.into_bytes()
     }
 
-    /// Reads the payload of chunk V.
+    /// Reads the payload of the file chunk that states the interpolation between incoming directions.
     pub(crate) fn read(r: &mut Reader<'_>) -> Result<Self, CodecError> {
         let first = r.u8("interpolation between incidences")?;
         let mut number = |what: &'static str, [low, high]: [f32; 2]| {

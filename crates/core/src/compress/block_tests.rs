@@ -10,7 +10,7 @@ fn random(target: Target) -> Settings {
     Settings { random_access: true, ..settings(target, Policy::Rd) }
 }
 
-/// Number of blocks before the last triangle axis, and samples of one block.
+/// Number of blocks (entries of the axes before the last triangle axis), and number of samples in one block.
 fn blocks_of(m: &Measurement) -> Option<(usize, usize)> {
     let axes = m.tensor.axes();
     let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
@@ -18,7 +18,7 @@ fn blocks_of(m: &Measurement) -> Option<(usize, usize)> {
     (at > 0).then(|| (m.tensor.len() / length, length))
 }
 
-/// Multiplies every sample by `factor` of its incoming entry, outgoing entry and spectral index.
+/// Multiplies every sample by `factor` of its incoming index, outgoing index and wavelength index.
 fn varied(mut m: Measurement, factor: impl Fn(usize, usize, usize) -> f64) -> Measurement {
     let axes = m.tensor.axes().to_vec();
     let [_, outgoing, length] = m.tensor.shape()[..] else { unreachable!() };
@@ -30,8 +30,8 @@ fn varied(mut m: Measurement, factor: impl Fn(usize, usize, usize) -> f64) -> Me
     m
 }
 
-/// Materials folded by several symmetries or by none, with and without a model, on indices and elevations, with and
-/// without spectra.
+/// Test materials with several mesh symmetries or none, with and without a lobe model, on index and elevation axes,
+/// with and without spectra.
 fn materials() -> Vec<Measurement> {
     let hemi = |level| mesh(Domain::Hemisphere, level);
     let folded = measurement(Quantity::Brdf, vec![hemi(1), hemi(3), wavelengths(9)], 0.001);
@@ -71,7 +71,7 @@ fn chunks(bytes: &[u8]) -> Vec<(ChunkKind, Vec<u8>)> {
     std::iter::once((ChunkKind::Header, header.write())).chain(present).collect()
 }
 
-/// Replaces the pyramid of a file, and corrects its length in the header and its checksum.
+/// Replaces the pyramid chunk of a file, and corrects the chunk's length in the header and its checksum.
 fn with_pyramid(bytes: &[u8], pyramid: Vec<u8>) -> Vec<u8> {
     let mut chunks = chunks(bytes);
     let header = header::Header::read(&mut crate::codec::Reader::new(&chunks[0].1, 0)).unwrap();
@@ -227,8 +227,8 @@ fn random_access_is_refused_where_blocks_are_not_coded_by_themselves() {
         (&brdf, random_of(Target::MaxRelativeError(0.02), Policy::Rd), "found a target that bounds every sample"),
         (&brdf, random_of(Target::MaxAbsoluteError(0.02), Policy::Rd), "found a target that bounds every sample"),
         (&brdf, Settings { basis: "haar".to_owned(), ..random(er) }, "found basis haar"),
-        (&edf, random(er), "found no incoming directions and no index in [sphere"),
-        (&table, random(er), "found no incoming directions and no index in ["),
+        (&edf, random(er), "found no incoming directions and no index in the axes [sphere"),
+        (&table, random(er), "found no incoming directions and no index in the axes ["),
     ] {
         match compress(m, &settings, &Silent) {
             Err(CompressError::Setting(error @ SettingError::RandomAccess(_))) => {

@@ -6,7 +6,7 @@ use super::rows::lanes;
 use crate::codec::{BitCoder, ChunkKind, Class, Decoder, Encoder, code_classes, code_grid_classes};
 use crate::domain::Axis;
 
-/// Encodes the classes chunk; `None` if every sample has the default class.
+/// Encodes the class (positive, negative, zero or masked) of every sample as a chunk; `None` if all are positive.
 pub(super) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(ChunkKind, Vec<u8>)> {
     if classes.iter().all(|&class| class == Class::Positive) {
         return None;
@@ -16,7 +16,8 @@ pub(super) fn classes_chunk(axes: &[Axis], classes: &mut [Class]) -> Option<(Chu
     Some((ChunkKind::Classes, encoder.finish()))
 }
 
-/// Decodes the classes of all samples; `None` if all are positive.
+/// Decodes the class (positive, negative, zero or masked) of every sample; `None` if the file states that all are
+/// positive.
 pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>) -> Option<Vec<Class>> {
     header.has_classes.then(|| {
         let mut classes = vec![Class::Positive; header.axes.iter().map(Axis::len).product()];
@@ -26,7 +27,8 @@ pub(super) fn classes_of<'a>(header: &Header, chunk: impl Fn(ChunkKind) -> Optio
     })
 }
 
-/// Codes the classes of all samples. On grids of angles the context is the neighbours on every axis.
+/// Codes the class (positive, negative, zero or masked) of every sample. On grids of angles the context is the
+/// neighbours on every axis.
 fn code<C: BitCoder>(coder: &mut C, axes: &[Axis], classes: &mut [Class]) {
     match Shape::of(axes) {
         Some(shape) => code_grid_classes(coder, &shape.class_grid(), classes),
@@ -34,7 +36,8 @@ fn code<C: BitCoder>(coder: &mut C, axes: &[Axis], classes: &mut [Class]) {
     }
 }
 
-/// Applies signs, zeros and the mask to magnitudes.
+/// Turns decoded magnitudes into samples by the class of each sample: positive ones stay, negative ones change sign,
+/// zeros become 0 and masked ones NaN.
 pub(super) fn apply_classes(classes: &[Class], samples: &mut [f32]) {
     for (sample, class) in samples.iter_mut().zip(classes) {
         match class {

@@ -10,31 +10,31 @@ use crate::domain::Measurement;
 use crate::domain::colour::ColourReport;
 use serde::{Deserialize, Serialize};
 
-/// A compressed material.
+/// Result of a compression: the file, its errors and the search that found it.
 #[derive(Clone, Debug)]
 pub struct Compressed {
-    /// Bytes of the file.
+    /// Complete content of the compressed file.
     pub bytes: Vec<u8>,
-    /// Samples that the bytes decode to, as long as they are at hand: see [`Compressed::take_decoded`].
+    /// Samples that the file decodes to; `None` once they are freed or taken, see [`Compressed::take_decoded`].
     pub(crate) decoded: Option<Measurement>,
     /// Summary of the file, with the errors of the decoded bytes in full precision (the header rounds them).
     pub summary: Summary,
-    /// Comparison of the light (directional albedo, flux) of the decoded bytes with the measurement's; `None` without
-    /// directions.
+    /// Errors of the directional albedo or flux of the decoded file against the measurement; `None` without directions.
     pub light: Option<LightReport>,
-    /// Colour differences of the decoded bytes; `None` unless the target bounds them.
+    /// Colour differences between decoded file and measurement; `None` unless the target bounds them.
     pub colour: Option<ColourReport>,
-    /// Competing spectral bases, best first; a single one if the basis was named.
+    /// Spectral bases that competed, best first; a single one if the settings named it.
     pub ranking: Vec<Ranked>,
-    /// Noise of the measurement, if it can be estimated; informative only.
+    /// Estimated noise of the measurement; `None` if it cannot be estimated. It does not affect the file.
     pub noise: Option<Noise>,
-    /// Number of trials that the search took.
+    /// Work of the search for this file: trials (quantisations that were coded or reconstructed) and samples they
+    /// processed.
     pub effort: Effort,
 }
 
 impl Compressed {
-    /// Takes the samples that the bytes decode to. They are those that the errors were measured on, or are decoded
-    /// again if they were freed or taken before; both are the same.
+    /// Takes the decoded samples of the file. If they were freed or taken before, decodes them again, with the same
+    /// result.
     pub fn take_decoded(&mut self) -> Result<Decoded, CodecError> {
         match self.decoded.take() {
             Some(measurement) => Ok(Decoded { measurement, summary: self.summary.clone() }),
@@ -42,21 +42,22 @@ impl Compressed {
         }
     }
 
-    /// Frees the decoded samples, which take as much memory as the measurement, before another file is made.
+    /// Frees the decoded samples, which need as much memory as the measurement, for example before another file is
+    /// made.
     #[must_use]
     pub fn without_samples(self) -> Self {
         Self { decoded: None, ..self }
     }
 }
 
-/// Spectral basis that competed.
+/// Spectral basis that competed for a file, with the size and error it reached.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Ranked {
     /// Name of the basis.
     pub basis: String,
-    /// Bytes of the file made with the basis, or of its coefficients if only those were compared.
+    /// Size in bytes of the file made with this basis, or of its coefficients alone if only those were compared.
     pub bytes: u64,
-    /// er(L2) of the file made with the basis; `None` if the file was not decoded.
+    /// Relative RMS error er(L2) of the file made with this basis; `None` if the file was not decoded.
     pub er_l2: Option<f64>,
 }

@@ -25,12 +25,12 @@ use crate::codec::{
 };
 use crate::domain::{Axis, Measurement, Tensor};
 
-/// A decoded material.
+/// A decoded material: its samples and its header.
 #[derive(Clone, Debug)]
 pub struct Decoded {
-    /// The samples.
+    /// The decoded samples with quantity, unit and axes.
     pub measurement: Measurement,
-    /// The header.
+    /// Content of the file's header.
     pub summary: Summary,
 }
 
@@ -41,8 +41,8 @@ pub fn inspect(bytes: &[u8]) -> Result<Summary, CodecError> {
     Ok(Summary { axes, ..header.summary(metadata) })
 }
 
-/// Decodes a material. If it has a lobe beside its cells ([`Summary::lobe`]), the samples are those of the cells alone;
-/// [`Decoded::whole`] has both.
+/// Decodes a material. If it has an analytic lobe beside its samples ([`Summary::lobe`]), the decoded samples lack the
+/// lobe; [`Decoded::whole`] adds it.
 pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     let (header, container) = open(bytes)?;
     let (metadata, axes) = metadata_of(&header, &container)?;
@@ -51,21 +51,22 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, CodecError> {
     Ok(Decoded { measurement, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// Level at which a file can be decoded: of its last triangle axis, or of a coarser grid of angles.
+/// Resolution level at which a file can be decoded: level of its last triangle axis, or a coarser grid of angles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LevelInfo {
-    /// Level number, 0 = coarsest.
+    /// Number of the resolution level, 0 = coarsest.
     pub level: u8,
-    /// Bytes needed to decode this level, counted from the start of the file.
+    /// Bytes needed to decode this resolution level, counted from the start of the file.
     pub bytes: u64,
-    /// er(L2), rounded up. For triangles: against the averages of the original samples over the level's triangles.
-    /// Below the finest level it is stated to 9 %, and is `f64::MAX` above 20 000. For grids of angles: the error of
-    /// evaluating the level at the original samples, `f64::MAX` if not measured.
+    /// Relative RMS error er(L2) of this resolution level, rounded up. For triangles: against the averages of the
+    /// original samples over the level's triangles. Below the finest level it is stated to 9 %, and is `f64::MAX` above
+    /// 20 000. For grids of angles: the error of evaluating the level at the original samples, `f64::MAX` if not
+    /// measured.
     pub er_l2: f64,
 }
 
-/// Levels of a material, coarse first; only the finest if the file has no pyramid and no grid levels.
+/// Lists the resolution levels of a material, coarse first; only the finest if the file has no coarser ones.
 pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
     let (header, container) = open(bytes)?;
     let mut infos = Vec::new();
@@ -94,9 +95,9 @@ pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, CodecError> {
     Ok(infos)
 }
 
-/// Decodes a material, or a long enough prefix of it, at a coarser level. The samples are averages over larger
-/// triangles, or means over blocks of the grid of angles, placed at the mean of their angles. The summary is that of
-/// the whole file.
+/// Decodes a material, or a long enough prefix of it, at a coarser resolution level. The samples are averages over
+/// larger triangles, or means over blocks of the grid of angles, placed at the mean of their angles. The summary is
+/// that of the whole file.
 ///
 /// Complete chunks are verified; the chunk that the prefix cuts has no checksum. Labels are in the metadata at the end.
 pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
@@ -163,16 +164,17 @@ pub fn decode_level(bytes: &[u8], level: u8) -> Result<Decoded, CodecError> {
     Ok(Decoded { measurement, summary: header.summary(metadata) })
 }
 
-/// Slice of a material at one entry of the axes before the outgoing directions: one incoming direction.
+/// Slice of a material at one entry of the axes before the outgoing directions, usually one incoming direction.
 #[derive(Clone, Debug)]
 pub struct DecodedBlock {
-    /// Samples of the slice, `[outgoing]` or `[outgoing, spectral]`.
+    /// Samples of one incoming direction (one entry of all axes before the outgoing directions), as `[outgoing]` or
+    /// `[outgoing, wavelength]`.
     pub tensor: Tensor,
-    /// The header of the whole material.
+    /// Content of the file's header: quantity, axes and errors of the whole material, all incoming directions included.
     pub summary: Summary,
 }
 
-/// Decodes entry `block` (row-major) of the axes before the last directions: the slice of one incoming direction.
+/// Decodes the slice of one incoming direction: entry `block` (row-major) of the axes before the last directions.
 ///
 /// The samples equal those of [`decode`] bit for bit, without a lobe beside the cells ([`DecodedBlock::whole`] has
 /// both). With random access only classes, basis and model are decoded besides the block. Any other material is decoded
@@ -225,8 +227,8 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
     Ok(DecodedBlock { tensor, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// Coded bytes after the level index of a pyramid with independently decodable blocks; `None` if the blocks are not
-/// independent or have corrections.
+/// Returns the coded bytes behind the level index of a pyramid chunk if each block (incoming direction) in it can be
+/// decoded alone. `None` if not, or if samples have corrections.
 fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.predicted && header.correction_step == 0.0) else { return Ok(None) };
     let mut r = Reader::new(payload, 0);
@@ -235,7 +237,8 @@ fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Opti
     Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
 }
 
-/// Grid chunk with independently decodable incoming entries; `None` if they are not independent or have corrections.
+/// Returns the grid chunk if each incoming direction in it can be decoded alone; `None` otherwise, or if samples have
+/// corrections.
 fn random_grid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.gridded && header.correction_step == 0.0) else { return Ok(None) };
     Ok(gridded::is_random(payload)?.then_some(payload))
@@ -247,8 +250,8 @@ fn measurement_of(header: &Header, axes: Vec<Axis>, samples: Vec<f32>, at: usize
     Measurement::new(header.quantity, header.unit, header.sampling, tensor).map_err(|e| malformed(e.to_string()))
 }
 
-/// Replaces the stated errors of a file's coarser grid levels by `errors`, coarse first; files without grid levels stay
-/// as they are.
+/// Replaces the errors that a file states for its coarser grids of angles by `errors`, coarse first. Files without
+/// coarser grids stay as they are.
 pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
     let (header, container) = open(bytes)?;
     if !header.grid_levels {
@@ -258,8 +261,8 @@ pub(crate) fn with_level_errors(bytes: &[u8], errors: &[f64]) -> Result<Vec<u8>,
     Ok(container.replaced(ChunkKind::Grid, &payload))
 }
 
-/// Decodes the numbers of a lossless material that stores them beside one common factor ([`Summary::factor`]), NaN =
-/// masked. `None` for any other material.
+/// Decodes the numbers of a lossless material that stores numbers and one common factor ([`Summary::factor`]) instead
+/// of samples, NaN = masked. `None` for any other material.
 pub fn decode_numbers(bytes: &[u8]) -> Result<Option<Vec<f32>>, CodecError> {
     let (header, container) = open(bytes)?;
     if header.factor == 1.0 {
@@ -279,8 +282,8 @@ pub(crate) fn open(bytes: &[u8]) -> Result<(Header, Container<'_>), CodecError> 
     Ok((header, container))
 }
 
-/// Reads the functions beside the samples into a header that announces them: the interpolation between incidences, and
-/// the lobe beside the cells.
+/// Reads the optional chunks of interpolation between incoming directions and of the analytic lobe into a header that
+/// announces them.
 fn read_stated(header: &mut Header, container: &Container<'_>) -> Result<(), CodecError> {
     if header.between.is_some() {
         let mut r = container.require(ChunkKind::Between)?.reader();
@@ -304,8 +307,8 @@ fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError>
     Ok((header, chunks))
 }
 
-/// Decodes the corrections of the light (directional albedo or flux) of all blocks, in steps; `None` without a light
-/// chunk.
+/// Decodes the corrections of the light (directional albedo or flux) of every incoming direction and wavelength, in
+/// quantiser steps; `None` without a light chunk.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];
@@ -321,7 +324,8 @@ pub(crate) fn samples_of<'a>(
     samples_behind(header, chunk, None)
 }
 
-/// Like [`samples_of`], but reuses the values of an already decoded pyramid chunk.
+/// Decodes the samples that `header` and its chunks describe; NaN = masked. `pyramid` holds the values of samples on
+/// triangles (coded by prediction from coarse to fine) if the caller has already decoded them.
 pub(crate) fn samples_behind<'a>(
     header: &Header,
     chunk: impl Fn(ChunkKind) -> Option<&'a [u8]>,
@@ -389,7 +393,7 @@ pub(crate) fn samples_behind<'a>(
     Ok(samples)
 }
 
-/// Multiplies the numbers by the factor; a factor of 1 changes no bit.
+/// Multiplies every stored number by the common factor of a lossless file; a factor of 1 changes no bit.
 pub(super) fn scale(factor: f64, numbers: &mut [f32]) {
     if factor != 1.0 {
         for number in numbers.iter_mut() {
@@ -398,12 +402,12 @@ pub(super) fn scale(factor: f64, numbers: &mut [f32]) {
     }
 }
 
-/// Returns the sample of a number stated in its file: number × factor, rounded once to f32.
+/// Returns the sample that a number stored in a lossless file stands for: number × factor, rounded once to f32.
 pub(super) fn scaled(number: f32, factor: f64) -> f32 {
     (f64::from(number) * factor) as f32
 }
 
-/// Applies the classes (sign, zero, masked) to the magnitudes. Without classes, NaN is an error.
+/// Applies the classes (sign, zero, masked) to decoded magnitudes. Without classes, a NaN among them is an error.
 fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), CodecError> {
     if let Some(classes) = classes {
         apply_classes(classes, samples);
@@ -413,7 +417,7 @@ fn finish_samples(classes: Option<&[Class]>, samples: &mut [f32]) -> Result<(), 
     Ok(())
 }
 
-/// Decodes the logarithms of a first layer in fixed bases.
+/// Decodes the logarithms of samples that are coded as coefficients in fixed bases on all axes.
 fn fixed_logs(header: &Header, classes: Option<&[Class]>, coded: &[u8]) -> Result<Vec<f32>, CodecError> {
     let plan = plan_of(header)?;
     let mut quantised = vec![0_i32; header.axes.iter().map(Axis::len).product()];

@@ -2,19 +2,19 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Number of trials of a search.
+/// Work of a search for a file, counted in trials and in samples.
 ///
 /// A trial quantises coefficients with one step or threshold, and codes them, reconstructs the samples from them, or
 /// both. Transforms shared by trials, and counts of coefficients, are not trials.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Effort {
-    /// Number of trials, including those on a part of the samples.
+    /// Number of trials (quantisations that were coded or reconstructed), including those on a part of the samples.
     pub trials: u64,
-    /// Samples processed by all trials together.
+    /// Number of samples that all trial quantisations processed together; a sample counts once for each trial.
     pub samples: u64,
 }
 
-/// Thread-safe counter of an [`Effort`], shared by all searches.
+/// Thread-safe counter of trials and of the samples they process, shared by all searches for a file.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     trials: AtomicU64,
@@ -22,13 +22,13 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts one trial on `samples` samples.
+    /// Counts one trial that processes `samples` samples.
     pub(crate) fn add(&self, samples: usize) {
         self.trials.fetch_add(1, Ordering::Relaxed);
         self.samples.fetch_add(samples as u64, Ordering::Relaxed);
     }
 
-    /// Returns the counts accumulated up to now.
+    /// Returns the number of trial quantisations counted up to now, and of the samples that they processed.
     pub(crate) fn effort(&self) -> Effort {
         Effort { trials: self.trials.load(Ordering::Relaxed), samples: self.samples.load(Ordering::Relaxed) }
     }

@@ -4,7 +4,7 @@ use super::setting_error::SettingError;
 use super::unreachable_error::UnreachableError;
 use crate::domain::Cancelled;
 
-/// Reasons why a measurement is not compressed: wrong settings, a promise that no file keeps, or a cancellation.
+/// Reasons why a measurement is not compressed: wrong settings, a target that no file can meet, or a cancellation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CompressError {
     /// A setting is out of its range, contradicts another one, or does not fit the measurement.
@@ -13,7 +13,7 @@ pub enum CompressError {
     /// No file meets the target.
     #[error(transparent)]
     Unreachable(#[from] UnreachableError),
-    /// The caller asked to stop.
+    /// The caller cancelled the compression before it was finished.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -1,6 +1,6 @@
 //! Numbers in messages: suggestions rounded up to two digits, and readable decimals.
 
-/// Rounds `value` up to two significant digits, as the error to suggest instead.
+/// Rounds an error up to two significant digits, for messages that suggest an achievable error.
 pub(super) fn two_digits_up(value: f64) -> f64 {
     if !(value > 0.0 && value.is_finite()) {
         return value;

@@ -44,7 +44,7 @@ pub(crate) fn fill(axes: &[Axis], values: &mut [f32]) {
 }
 
 /// Changes bio-Haar coefficients (row-major on `axes`) without changing live samples, so that triangle nodes with fewer
-/// than two live children have no details. Dead samples there become equal to their live sibling.
+/// than two live children have no details. Dead (zero or masked) samples there become equal to their live sibling.
 pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64]) {
     for (at, axis) in axes.iter().enumerate() {
         let Axis::Triangles(mesh) = axis else { continue };
@@ -56,8 +56,8 @@ pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64])
     }
 }
 
-/// Settles one tree of rows of `inner` coefficients, from the leaves up. The change of a node's smooth row is carried
-/// to its parent.
+/// Removes the details of nodes with fewer than two live children from one triangle tree of rows of `inner`
+/// coefficients, from the leaves up. The change of a node's mean row is carried to its parent.
 fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mut [f64]) {
     let mut areas = mesh.solid_angles();
     let mut growths: Vec<Option<Vec<f64>>> = vec![None; live.len()];
@@ -105,8 +105,8 @@ fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mu
     }
 }
 
-/// Averages live children upward, and fills dead children with their parent's mean downward; `block` is `[4^k · bases,
-/// inner]`.
+/// Fills dead (zero or masked) rows of a triangle tree: averages live children upward, gives dead children their
+/// parent's mean downward. `block` is `[4^k · bases, inner]`.
 fn fill_tree(block: &mut [f32], inner: usize) {
     let mut levels: Vec<Vec<f32>> = Vec::new();
     let mut rows = block.len() / inner;
@@ -147,7 +147,8 @@ fn live_mean(four: &[f32], inner: usize, j: usize) -> f32 {
     sum / count
 }
 
-/// Interpolates linearly between live neighbours; constant beyond the first and the last.
+/// Fills gaps (NaN) in a row by linear interpolation between its known neighbours, constant beyond the first and the
+/// last.
 fn fill_line(row: &mut [f32]) {
     let mut last: Option<usize> = None;
     for i in 0..row.len() {
@@ -196,7 +197,8 @@ mod tests {
         assert_eq!(dead, vec![0.0; 32]);
     }
 
-    /// Nodes with one live child, which `rows` leaves uncoded, must have no details on any triangle axis.
+    /// Checks that a triangle node with one live child has no details on any triangle axis, because these are not
+    /// coded.
     #[test]
     fn dead_incoming_triangles_are_their_live_sibling() {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());

@@ -12,8 +12,8 @@ use super::refusal;
 use super::setting_error::SettingError;
 use crate::domain::{ErrorReport, Measurement, Tensor};
 
-/// Decodes `parts`, measures the errors, and writes the file that states them. Rejects a file that no reader accepts,
-/// because a sample exceeds float32 or a header number is out of range.
+/// Decodes the parts of a file again, measures the errors, and writes the file that states them. Rejects a file that no
+/// reader accepts, because a sample exceeds float32 or a header number is out of range.
 pub(super) fn finish(
     mut parts: Parts,
     measurement: &Measurement,

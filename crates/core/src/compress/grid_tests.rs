@@ -18,7 +18,7 @@ fn grid(frame: Frame, polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent
     Axis::Grid(DirectionGrid::new(frame, polar, azimuths).unwrap())
 }
 
-/// Lobe over the angles of all axes, with some noise.
+/// Test measurement: a lobe over the angles of all axes, with some noise.
 fn measured(quantity: Quantity, axes: &[Axis], noise: f64) -> Measurement {
     let lengths: Vec<usize> = axes.iter().map(Axis::len).collect();
     let mut state = 5_u64;
@@ -58,7 +58,7 @@ fn lamp(noise: f64) -> Measurement {
     })
 }
 
-/// Gloss lobe on a diffuse base, narrower across x by the factor `stretch`.
+/// Test BRDF: a gloss lobe on a diffuse base, narrower across x by the factor `stretch`.
 fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
     let wi = |i: usize| match &axes[0] {
         Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),
@@ -79,7 +79,8 @@ fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
     Measurement::new(Quantity::Brdf, Quantity::Brdf.default_unit(), Sampling::Point, tensor).unwrap()
 }
 
-/// Materials with lobes that are coded behind a model, and the kind of the model: isotropic and anisotropic.
+/// Test materials whose lobes are coded as the residual of a model, with the code of the model: 1 isotropic, 2
+/// anisotropic.
 fn modelled() -> Vec<(Measurement, u8)> {
     let half = Some((every(15.0, 13), AzimuthExtent::Mirrored));
     let circle = |count: usize| Some((every(360.0 / count as f64, count), AzimuthExtent::Circle));

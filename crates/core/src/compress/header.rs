@@ -47,7 +47,7 @@ use crate::codec::{Announced, ChunkKind, CodecError, Reader, Writer, read_axes, 
 use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
 use crate::transform::{AxisTransform, Plan};
 
-/// Everything in the header chunk.
+/// Content of a file's header chunk.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(crate) struct Header {
@@ -56,41 +56,47 @@ pub(crate) struct Header {
     pub(crate) sampling: Sampling,
     pub(crate) axes: Vec<Axis>,
     pub(crate) policy: Policy,
-    /// One transform per axis: identities where triangles or grids are predicted; empty for lossless.
+    /// Transform of each axis: identities if triangles or grids are coded by prediction; empty for lossless files.
     pub(crate) transforms: Vec<AxisTransform>,
-    /// True if the last axis is in the data's own basis, stored in the basis chunk; its transform is then the identity.
+    /// True if the last axis is in principal components of the data, stored in the basis chunk; its transform is then
+    /// the identity.
     pub(crate) klt: bool,
-    /// True if the last triangle axis is coded as a predicted pyramid; all transforms are then identities.
+    /// True if means over triangles of the last mesh are predicted from coarse to fine, and only the residuals coded;
+    /// `transforms` then holds identities alone.
     pub(crate) predicted: bool,
-    /// True if the last directions are a grid of angles coded by prediction; all transforms are then identities.
+    /// True if the last axis of directions is a grid of angles whose samples are predicted from neighbouring angles,
+    /// and only the residuals coded; `transforms` then holds identities alone.
     pub(crate) gridded: bool,
-    /// Share of straight-line interpolation between stated directions, in 255ths.
+    /// Share of straight lines in the interpolation between measured directions, in 255ths; the rest is cubics of
+    /// logarithms.
     pub(crate) straight_lines: u8,
-    /// Interpolation between incidences; its parameters come from the interpolation chunk.
+    /// Interpolation between incoming directions; its parameters come from the interpolation chunk.
     pub(crate) between: Option<Between>,
-    /// True if the file has a lobe chunk.
+    /// True if the file has a chunk with an analytic lobe, which is added to the samples.
     pub(crate) has_lobe: bool,
-    /// Lobe added to the cells; `None` until its chunk is read.
+    /// Analytic lobe that is added to the samples; `None` until its chunk is read.
     pub(crate) lobe: Option<Lobe>,
-    /// True if the grid chunk states coarser levels.
+    /// True if the grid chunk lists coarser resolution levels.
     pub(crate) grid_levels: bool,
-    /// Payload length in bytes of the pyramid chunk, or of a grid chunk with levels; 0 without either.
+    /// Payload length in bytes of the pyramid chunk, or of a grid chunk with coarser levels; 0 without either.
     pub(crate) pyramid_length: usize,
-    /// True if samples themselves are approximated, false for their logarithms.
+    /// True if the samples themselves are coded, false if their logarithms are.
     pub(crate) linear: bool,
     pub(crate) step: f32,
-    /// Quantiser step of the light chunk, 0 without one. Negative if odd steps correct negative samples, see `light`.
+    /// Quantiser step of the corrections that keep the total light (albedo or flux), in natural logarithms; 0 without
+    /// corrections. If it is negative, some corrections apply to negative samples only, see `light`.
     pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
     pub(crate) floor: f32,
-    /// Each sample is this factor times the number in the exact chunk; 1 without a factor.
+    /// Common factor of a lossless file: each sample is this factor times the number in the exact chunk; 1 without a
+    /// factor.
     pub(crate) factor: f64,
     pub(crate) kept: u64,
     pub(crate) errors: ErrorReport,
 }
 
-/// Bit set of a file's optional properties and chunks, as listed in the module's format.
+/// Bit set of a file's optional properties and chunks, listed in the description of the format.
 struct Flags(u16);
 
 impl Flags {
@@ -138,7 +144,8 @@ impl Flags {
         self.0 & flag != 0
     }
 
-    /// Rejects flags that contradict the policy or the axes.
+    /// Rejects header flags that contradict the compression policy (method of choosing and coding coefficients) or the
+    /// axes that the header states.
     fn check(&self, r: &Reader<'_>, policy: Policy, axes: &[Axis]) -> Result<(), CodecError> {
         let of_rd =
             Self::KLT | Self::PREDICTED | Self::CORRECTIONS | Self::LINEAR | Self::LIGHT | Self::GRIDDED | Self::LEVELS;
@@ -180,13 +187,14 @@ pub(super) fn ends_on_grid(axes: &[Axis]) -> bool {
     matches!(directions.next(), Some(Axis::Grid(_)))
 }
 
-/// Number of transforms written in the header: those not implied by policy and flags.
+/// Number of axis transforms that a header must list. Lossless and predicted files need none; a last axis in principal
+/// components of the data (`klt`) needs no entry.
 fn transforms_written(policy: Policy, klt: bool, predicted: bool, axes: usize) -> usize {
     if policy == Policy::Lossless || predicted { 0 } else { axes - usize::from(klt && axes > 0) }
 }
 
 impl Header {
-    /// Header of a measurement's samples before a policy adds its fields.
+    /// Builds the header of a measurement, with the fields of its coding policy still at their defaults.
     pub(crate) fn of(measurement: &Measurement, policy: Policy) -> Self {
         Self {
             quantity: measurement.quantity,
@@ -216,8 +224,8 @@ impl Header {
         }
     }
 
-    /// States the functions beside the samples that `settings` ask for: the share of straight lines, the interpolation
-    /// between incidences, and the lobe beside the cells.
+    /// Adds to a file header what `settings` say about evaluation: how much of the interpolation over outgoing angles
+    /// is linear rather than cubic, how to interpolate between incoming directions, and the analytic lobe.
     pub(crate) fn stating(self, settings: &Settings) -> Self {
         Self {
             straight_lines: settings.straight_lines,
@@ -373,18 +381,18 @@ impl Header {
         Ok(header)
     }
 
-    /// Quantity that the first layer approximates: logarithms or samples.
+    /// Returns which value of each sample the file codes: the logarithm or the sample itself.
     pub(crate) fn values(&self) -> Values {
         if self.linear { Values::Samples { signed: self.errors.negative_samples > 0 } } else { Values::Logarithms }
     }
 
-    /// Level of the last triangle axis, 0 without one.
+    /// Subdivision level of the mesh of the last triangle axis, 0 without such an axis.
     pub(crate) fn finest_level(&self) -> u8 {
         let level = |axis: &Axis| if let Axis::Triangles(mesh) = axis { Some(mesh.level()) } else { None };
         self.axes.iter().rev().find_map(level).unwrap_or(0)
     }
 
-    /// Chunks expected after the header, in file order; the last, metadata, is optional.
+    /// Chunks expected after the header, in file order; the last, the metadata chunk, is optional.
     pub(crate) fn announced(&self) -> Vec<Announced> {
         let lossless = self.policy == Policy::Lossless;
         let all = [
@@ -406,7 +414,7 @@ impl Header {
         announced.map(|(kind, _)| Announced { kind, length: length(kind) }).collect()
     }
 
-    /// Public view of the header.
+    /// Returns the content of the header in the form that users of the library see.
     pub(crate) fn summary(&self, metadata: Option<String>) -> Summary {
         Summary {
             quantity: self.quantity,
@@ -428,21 +436,22 @@ impl Header {
     }
 }
 
-/// Bytes that a header grows by when it states the error of unscored samples.
+/// Number of bytes by which a header grows when it states the error of samples that are excluded from relative errors.
 pub(crate) const UNSCORED_BYTES: usize = 3;
 
-/// Map from decoded values to magnitudes, to be applied while decoding. `None` if light or sample corrections must be
-/// added to the logarithms first.
+/// Map from decoded values to magnitudes, to be applied while decoding. `None` if corrections of light or samples must
+/// be added to the logarithms first.
 pub(super) fn finish_of(header: &Header) -> Option<Values> {
     (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
 }
 
-/// Transform plan of the bases that `header` names.
+/// Builds the transform plan from the axes and bases that a header names.
 pub(super) fn plan_of(header: &Header) -> Result<Plan, CodecError> {
     Plan::new(&header.axes, &header.transforms).map_err(|e| CodecError::Malformed { at: 0, reason: e.to_string() })
 }
 
-/// Reads the counts of unscored samples, and derives the number of scored ones.
+/// Reads how many samples relative errors leave out: zero, negative, below the declared floor, masked. Derives how many
+/// samples they take into account.
 fn read_counts(r: &mut Reader<'_>, present: bool, errors: &mut ErrorReport) -> Result<(), CodecError> {
     if present {
         errors.zero_samples = r.varint("zero samples")?;

@@ -18,7 +18,8 @@ use crate::codec::{ChunkKind, Class, CodecError};
 use crate::domain::Measurement;
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
-/// Policy, transforms and masking of a file with kept coefficients.
+/// Coding parameters of a file that keeps coefficients above a threshold exactly: rule of their selection (policy),
+/// axis transforms, and presence of masked samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Kept {
     pub(crate) policy: Policy,
@@ -27,8 +28,8 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
-    /// Reads a file's header. `None` if its policy does not keep coefficients of the samples, or if its triangles use a
-    /// basis other than bio-Haar.
+    /// Reads the coding of a file that keeps coefficients of its samples. `None` if its policy keeps none, or if its
+    /// triangles use a basis other than bio-Haar.
     pub(crate) fn of(bytes: &[u8]) -> Result<Option<Self>, CodecError> {
         let (Header { policy, transforms, has_classes, .. }, _) = open(bytes)?;
         let linear = match policy {
@@ -43,7 +44,7 @@ impl Kept {
         Ok((linear && known).then_some(Self { policy, transforms, has_masks: has_classes }))
     }
 
-    /// Decodes the coefficients of a file that [`Self::of`] accepts, row-major, 0 where none is kept.
+    /// Decodes the coefficients of a file of kept coefficients, row-major, 0 for dropped ones.
     pub(crate) fn coefficients(bytes: &[u8]) -> Result<Vec<f32>, CodecError> {
         let (header, container) = open(bytes)?;
         let chunk = |kind| container.get(kind).map(|chunk| chunk.payload);
@@ -51,8 +52,8 @@ impl Kept {
         Ok(coefficients_of(&header, classes.as_deref(), chunk(ChunkKind::Coefficients).unwrap_or_default())?.1)
     }
 
-    /// Writes a file of these coefficients, with `between` as its interpolation between incidences. Masked samples of
-    /// `measurement` become masked in the file, and the errors are measured against it.
+    /// Writes a file of the given coefficients, with `between` as its interpolation between incoming directions. Masked
+    /// samples of `measurement` become masked in the file, and errors are measured against `measurement`.
     pub(crate) fn write(
         &self,
         measurement: &Measurement,

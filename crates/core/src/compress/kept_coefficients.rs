@@ -8,7 +8,8 @@ use crate::codec::{ChunkKind, Class, CodecError, Decoder, Encoder, Payload, Rows
 use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::transform::{AxisTransform, Plan};
 
-/// Builds header and chunks for the kept coefficients; all others are 0.
+/// Builds the header and the chunks of a file that stores the kept coefficients exactly; a coefficient of 0 is a
+/// dropped one.
 pub(super) fn parts_of(
     measurement: &Measurement,
     (policy, transforms): (Policy, &[AxisTransform]),
@@ -34,7 +35,7 @@ pub(super) fn parts_of(
     Parts { header, chunks }
 }
 
-/// Decodes the coefficients of a file, row-major, and returns them with their transform plan.
+/// Decodes the exactly kept coefficients of a file, row-major, and returns them with their transform plan.
 pub(super) fn coefficients_of(
     header: &Header,
     classes: Option<&[Class]>,

@@ -5,7 +5,8 @@ use super::tests::{hurt, measurement, mesh, settings, shapes, wavelengths};
 use super::*;
 use crate::domain::{Axis, Domain, ErrorReport, Quantity, Silent, TriangleMesh};
 
-/// Means of the original samples over triangles of `level` of the last triangle axis, computed by definition.
+/// Means of the original samples over the triangles of a coarser `level` of the last triangle axis, computed by
+/// definition.
 fn averages(m: &Measurement, level: u8) -> Vec<f32> {
     let axes = m.tensor.axes();
     let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_))).unwrap();
@@ -23,7 +24,8 @@ fn averages(m: &Measurement, level: u8) -> Vec<f32> {
         .collect()
 }
 
-/// Light of every block, with `length` samples to a triangle.
+/// Light for each incoming direction: all samples summed, each weighted by the (projected) solid angle of its outgoing
+/// triangle. A triangle has `length` samples, one for each wavelength.
 fn light(m: &Measurement, mesh: TriangleMesh, length: usize, samples: &[f32]) -> Vec<f64> {
     let weight = |i| if m.quantity.has_cosine() { mesh.projected_solid_angle(i) } else { mesh.solid_angle(i) };
     let weights: Vec<f64> = (0..mesh.len()).map(weight).collect();

@@ -11,26 +11,29 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Quantity, Triangl
 use crate::numeric::wide;
 use serde::{Deserialize, Serialize};
 
-/// Deviation of the decoded file's light from the measurement's.
+/// Deviation of the decoded file's light (directional albedo, flux) from the measurement's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct LightReport {
-    /// Largest relative error over blocks and wavelengths that have light.
+    /// Largest relative error of the light (directional albedo, flux) over incoming directions and wavelengths that
+    /// have light.
     pub largest: f64,
-    /// Root mean square of the relative error over these blocks and wavelengths.
+    /// Root mean square of the relative error of the light (albedo, flux) over incoming directions and wavelengths that
+    /// have light.
     pub rms: f64,
-    /// Largest light of a block in the measurement; a value above 1 cannot be an albedo.
+    /// Largest light (directional albedo, flux) of an incoming direction in the measurement; a value above 1 cannot be
+    /// an albedo.
     pub brightest: f64,
 }
 
-/// Integration weights of the last axis of directions.
+/// Weights for integrating samples over the last axis of directions.
 pub(crate) struct Light {
     weights: Vec<f64>,
     inner: usize,
 }
 
 impl Light {
-    /// Weights for the last axis of directions; `None` without directions.
+    /// Computes the integration weights of the last axis of directions; `None` without directions.
     pub(crate) fn of(quantity: Quantity, axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
         let weights = match &axes[at] {
@@ -41,17 +44,19 @@ impl Light {
         Some(Self { weights, inner: axes[at + 1..].iter().map(Axis::len).product() })
     }
 
-    /// Number of entries after the directions.
+    /// Number of entries of all axes behind the directions, usually wavelengths.
     pub(crate) fn inner(&self) -> usize {
         self.inner
     }
 
-    /// Number of sums in a tensor of `samples` samples.
+    /// Number of integrals of samples over the outgoing directions, one for each incoming direction and wavelength, in
+    /// a tensor of `samples` samples.
     pub(crate) fn entries(&self, samples: usize) -> usize {
         samples / self.weights.len()
     }
 
-    /// Light of each block and entry, `[blocks, entries after the directions]`.
+    /// Integrates the samples over directions: light of each incoming direction and wavelength, `[blocks, entries
+    /// behind the directions]`.
     pub(crate) fn sums(&self, samples: &[f32]) -> Vec<f64> {
         let block = self.weights.len() * self.inner;
         let mut sums = vec![0.0; samples.len() / self.weights.len()];
@@ -71,7 +76,8 @@ impl Light {
         sums
     }
 
-    /// Adds the corrections to the logarithms of every block and entry.
+    /// Adds corrections of the light (albedo, flux), given in steps, to the logarithms of the samples of every incoming
+    /// direction and wavelength.
     pub(crate) fn add(&self, how: Correcting<'_>, steps: &[i32], logs: &mut [f32]) {
         let block = self.weights.len() * self.inner;
         for (number, (logs, steps)) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)).enumerate() {
@@ -105,8 +111,8 @@ impl Light {
         LightReport { largest, rms: if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }, brightest }
     }
 
-    /// Steps of the logarithm that bring the light of `decoded` within `bound` (relative) of that of `original`; 0
-    /// where it already is.
+    /// Computes for each incoming direction and wavelength the number of steps of the logarithm that brings the light
+    /// of `decoded` within `bound` (relative) of that of `original`; 0 where it already is.
     ///
     /// With a negative step, the negative samples of a block take the correction if they can, because their errors are
     /// not bounded. Otherwise the positive samples take it.
@@ -145,7 +151,7 @@ impl Light {
         all.map(|(entry, (wanted, found))| of_block(entry, wanted, found)).collect()
     }
 
-    /// Weights and magnitudes of the negative samples that contribute to an entry of the sums.
+    /// Integration weights and magnitudes of the negative samples of one incoming direction and wavelength.
     fn negative_of(&self, entry: usize, samples: &[f32]) -> Vec<(f64, f64)> {
         let first = entry / self.inner * self.weights.len() * self.inner + entry % self.inner;
         let own = samples[first..].iter().step_by(self.inner).zip(&self.weights);
@@ -153,40 +159,48 @@ impl Light {
     }
 }
 
-/// Parameters of light corrections: their step, and the negative samples that they may change freely.
+/// Parameters of corrections to the light (directional albedo, flux): their step, and the negative samples, which can
+/// take corrections of their own.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correcting<'a> {
-    /// Step of a logarithm; negative if odd steps apply to negative samples, see [`shift`].
+    /// Step of the corrections to the light (albedo, flux), which are added to logarithms of samples. If it is
+    /// negative, its magnitude counts, and the lowest bit of a correction tells if negative samples take it (1) or all
+    /// others (0).
     step: f32,
-    /// Class (positive, negative, zero or masked) of each sample on a grid of angles; `None` if all samples are
-    /// corrected alike. Negative samples are not corrected if the step is positive.
+    /// Class (positive, negative, zero or masked) of each sample on a grid of angles; `None` if a correction of the
+    /// light (albedo, flux) applies to all samples. With classes and a positive correction step, it skips negative
+    /// samples.
     classes: Option<&'a [Class]>,
     /// Upper bound on the logarithm of a negative sample's magnitude.
     bound: f32,
 }
 
 impl<'a> Correcting<'a> {
-    /// Corrections with a step. With `bound`, the largest logarithm of a negative sample, `classes` mark the negative
-    /// samples. Without it, all samples are corrected alike.
+    /// Builds the parameters of corrections to the light (albedo, flux). `bound` is the largest logarithm of a negative
+    /// sample's magnitude. Without it `classes` is ignored, and a correction applies to all samples alike.
     pub(crate) fn new(step: f32, classes: Option<&'a [Class]>, bound: Option<f32>) -> Self {
         Self { step, classes: classes.filter(|_| bound.is_some()), bound: bound.unwrap_or(f32::MAX) }
     }
 }
 
-/// Negative samples of a block: weights and magnitudes, and the largest magnitude that a decoder produces.
+/// Negative samples of one incoming direction and wavelength: integration weights and magnitudes, and the largest
+/// magnitude that a decoder produces.
 struct Negative {
     samples: Vec<(f64, f64)>,
     largest: f64,
 }
 
 impl Negative {
-    /// Magnitude of their total light after this shift of their logarithms.
+    /// Magnitude of the total light of the negative samples after `shift` is added to the logarithms of their
+    /// magnitudes.
     fn light(&self, shift: f64) -> f64 {
         let factor = libm::exp(shift);
         self.samples.iter().map(|(weight, size)| weight * (factor * size).min(self.largest)).sum()
     }
 
-    /// Largest number of steps with which the light does not exceed `wanted`, among those that float32 holds exactly.
+    /// Largest integer k such that the summed light of the negative samples (its magnitude) does not exceed `wanted`
+    /// after k · `step` is added to the logarithms of their magnitudes. Only integers that float32 holds exactly are
+    /// considered.
     fn nearest(&self, wanted: f64, step: f64) -> i32 {
         let most = (MOST_SHIFT / step).min(MOST_STEPS) as i32;
         let (mut low, mut high) = (-most, most);
@@ -198,18 +212,21 @@ impl Negative {
     }
 }
 
-/// Fraction of a bound within which light is left uncorrected; the remainder allows for rounding.
+/// Fraction of the allowed light error within which light is left uncorrected; the remainder allows for rounding.
 const NEAR: f64 = 0.9;
-/// Factor by which steps of negative samples are finer, because their light may be many times that of their block.
+/// Ratio of the step by which non-negative samples correct the light (albedo, flux) to that of negative samples. These
+/// need finer steps, because their light may be many times the total.
 const PARTS: f64 = 16.0;
-/// Largest shift of the logarithms of negative samples; it makes them negligible or takes them to their bound.
+/// Largest amount added to the logarithm of a negative sample's magnitude to correct the light (albedo, flux). It makes
+/// the sample negligible or takes it to its bound.
 const MOST_SHIFT: f64 = 20.0;
-/// Upper bound on the number of steps of such a shift: float32 holds every integer up to it.
+/// Upper bound on the number of correction steps added to the logarithm of a negative sample's magnitude to correct the
+/// light (albedo, flux). Float32 holds every integer up to it.
 const MOST_STEPS: f64 = (1 << 24) as f64;
 
-/// Change of a logarithm by the correction `k`, and true if it applies to negative samples. A negative step encodes its
-/// absolute value. An even k is then twice the steps of non-negative samples. An odd k is twice the steps of negative
-/// samples plus 1, each a sixteenth as large.
+/// Decodes correction `k` of the light (albedo, flux): the change of a logarithm, and true if negative samples take it.
+/// A negative step encodes its absolute value. An even k is then twice the steps of non-negative samples. An odd k is
+/// twice the steps of negative samples plus 1, each a sixteenth as large.
 fn shift(step: f32, k: i32) -> (bool, f32) {
     match (step < 0.0, k & 1) {
         (false, _) => (false, k as f32 * step),
@@ -218,7 +235,7 @@ fn shift(step: f32, k: i32) -> (bool, f32) {
     }
 }
 
-/// Weight of each cell: its solid angle, projected for quantities that go with a cosine.
+/// Integration weight of each triangle of a mesh: its solid angle, projected for quantities that go with a cosine.
 pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     if quantity.has_cosine() {
         (0..mesh.len()).map(|cell| mesh.projected_solid_angle(cell)).collect()
@@ -227,14 +244,14 @@ pub(crate) fn weights(quantity: Quantity, mesh: TriangleMesh) -> Vec<f64> {
     }
 }
 
-/// Solid angle that each stated direction of a grid represents, weighted by |cos θ| for surfaces.
+/// Solid angle that each measured direction of a grid represents, weighted by |cos θ| for surfaces.
 fn weights_of_angles(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let (polar, around) = (polar_weights(quantity, grid), azimuth_weights(grid));
     polar.iter().flat_map(|polar| around.iter().map(move |around| polar * around)).collect()
 }
 
-/// Weights of polar angles: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, with f linear between the angles and constant beyond
-/// the ends.
+/// Integration weights of the polar angles of a grid: ∫ f sin θ dθ, or ∫ f sin θ |cos θ| dθ, with f linear between the
+/// angles and constant beyond the ends.
 fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     let from_pole = if matches!(grid.frame(), Frame::TypeA | Frame::TypeB) { 90.0 } else { 0.0 };
     let angles: Vec<f64> = grid.polar().iter().map(|angle| (angle + from_pole).to_radians()).collect();
@@ -257,7 +274,8 @@ fn polar_weights(quantity: Quantity, grid: &DirectionGrid) -> Vec<f64> {
     weights
 }
 
-/// Weights of both ends of a zone from `a` to `b`, angles from a pole in radians.
+/// Weights of the values at the polar angles `a` and `b`, both in radians from a pole, in an integral over the zone of
+/// the sphere between them.
 fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
     // ∫ sin u of the straight lines that are 1 at one end and 0 at the other.
     let of_sine = |a: f64, b: f64| {
@@ -274,7 +292,7 @@ fn zone(quantity: Quantity, a: f64, b: f64) -> [f64; 2] {
     }
 }
 
-/// Weights of azimuths: half the angles to both neighbours, 2π in total except for sectors.
+/// Integration weights of azimuths in radians: half the angles to both neighbours, 2π in total except for sectors.
 fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
     let Some(azimuths) = grid.azimuths() else { return vec![std::f64::consts::TAU] };
     let (angles, last) = (&azimuths.angles, azimuths.angles.len() - 1);
@@ -300,7 +318,8 @@ fn azimuth_weights(grid: &DirectionGrid) -> Vec<f64> {
     weights
 }
 
-/// Step of the logarithm for a bound on the light's relative error; negative for samples with a sign, see [`shift`].
+/// Step of the amounts added to the logarithms of samples to keep the relative error of the light (albedo, flux) within
+/// `bound`. It carries a minus sign, as a flag, if negative samples may take a different amount from the rest.
 pub(crate) fn step_of(bound: f64, signed: bool) -> f32 {
     // Rounding to the nearest step leaves an error of half a step. The signed factor is smaller: positive light alone
     // exceeds the total.

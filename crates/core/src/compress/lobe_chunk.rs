@@ -13,22 +13,22 @@
 use crate::codec::{CodecError, Reader, Writer};
 use crate::domain::{Axis, Domain, Layout, Lobe, LobeCentre, LobeParameters, Quantity};
 
-/// Upper bound on incidences beside a lobe. Opening a file computes the lobe's means over cells and its light for each
-/// of them.
+/// Upper bound on the number of incoming directions of a file with an analytic lobe. Raising it slows opening, which
+/// computes the lobe's light and means over triangles for each of them.
 const MOST_INCIDENCES: usize = 4096;
 const CENTRE: u8 = 3;
 const TWO_WIDTHS: u8 = 4;
 
-/// Returns true if a measurement on these axes can have the lobe beside its cells. It must be a BRDF of few incoming
-/// directions over the triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe that
-/// turns with the surface also needs incoming azimuths.
+/// Returns true if a measurement on these axes can have this analytic lobe beside its samples. It must be a BRDF of few
+/// incoming directions over the triangles of the upper hemisphere, with a colour for each sample of a spectrum. A lobe
+/// that turns with the surface also needs incoming azimuths.
 pub(crate) fn fits(lobe: &Lobe, quantity: Quantity, axes: &[Axis]) -> bool {
     // The incoming axis is the first of those that can have a lobe.
     spectrum_length(quantity, axes) == Some(lobe.colours().len())
         && !(lobe.is_anisotropic() && matches!(axes[0], Axis::Elevation(_)))
 }
 
-/// Number of samples of a spectrum; `None` if a measurement on these axes cannot have a lobe.
+/// Number of samples of a spectrum; `None` if a measurement on these axes cannot have an analytic lobe.
 fn spectrum_length(quantity: Quantity, axes: &[Axis]) -> Option<usize> {
     let layout = Layout::of(quantity, axes).ok()?;
     let is_incoming = |axis: &Axis| matches!(axis, Axis::Elevation(_) | Axis::Triangles(_));
@@ -40,7 +40,7 @@ fn spectrum_length(quantity: Quantity, axes: &[Axis]) -> Option<usize> {
     (quantity == Quantity::Brdf && has_incoming && has_outgoing && is_whole).then_some(spectrum)
 }
 
-/// Writes the payload of chunk A.
+/// Writes the payload of chunk A, the analytic lobe.
 pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     let LobeParameters { centre, peak, range, widths, angle, tail, colours } = lobe.parameters();
     let code = match centre {
@@ -67,7 +67,7 @@ pub(crate) fn write(lobe: &Lobe) -> Vec<u8> {
     w.into_bytes()
 }
 
-/// Reads the payload of chunk A for a material of this quantity on these axes.
+/// Reads the payload of chunk A, the analytic lobe, for a material of this quantity on these axes.
 pub(crate) fn read(r: &mut Reader<'_>, quantity: Quantity, axes: &[Axis]) -> Result<Lobe, CodecError> {
     let Some(samples) = spectrum_length(quantity, axes) else {
         return Err(

@@ -5,12 +5,12 @@ use crate::codec::CodecError;
 use crate::domain::{Axis, Direction, Lobe, Measurement, Sampling, Tensor, TriangleMesh};
 use rayon::prelude::*;
 
-/// Cells per parallel task.
+/// Number of triangles per parallel task when the lobe's means over them are computed.
 const SHARE: usize = 256;
 
 impl Decoded {
-    /// Returns the samples of cells and lobe together: adds the mean of the lobe over each cell, or its value at the
-    /// centre for point samples. Without a lobe the samples stay as they are.
+    /// Returns the samples with the analytic lobe added: its mean over each triangle, or its value at the centre for
+    /// point samples. Without a lobe the samples stay as they are.
     pub fn whole(self) -> Result<Measurement, CodecError> {
         let Self { measurement, summary } = self;
         let Some(lobe) = &summary.lobe else { return Ok(measurement) };
@@ -23,7 +23,8 @@ impl Decoded {
 }
 
 impl DecodedBlock {
-    /// Returns the samples of incoming entry `block` with the lobe added, as [`Decoded::whole`] does.
+    /// Returns the samples of incoming direction number `block` with the analytic lobe added, as [`Decoded::whole`]
+    /// does.
     pub fn whole(self, block: usize) -> Result<Tensor, CodecError> {
         let Self { tensor, summary } = self;
         let Some(lobe) = &summary.lobe else { return Ok(tensor) };
@@ -38,7 +39,7 @@ fn tensor_of(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Tensor, CodecError> {
     Tensor::new(axes, samples).map_err(|error| CodecError::Malformed { at: 0, reason: error.to_string() })
 }
 
-/// Adds the lobe to the samples of incoming entries, starting at entry `first`.
+/// Adds the analytic lobe to the samples of consecutive incoming directions, starting at number `first`.
 fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples: &mut [f32]) {
     let (Some(incoming), Some(Axis::Triangles(mesh))) = (axes.first(), axes.get(1)) else { return };
     for (entry, samples) in (first..).zip(samples.chunks_mut(mesh.len() * lobe.colours().len())) {
@@ -48,7 +49,8 @@ fn add(lobe: &Lobe, (axes, sampling): (&[Axis], Sampling), first: usize, samples
     }
 }
 
-/// Adds the means over all cells of a lobe under `wi` to samples `[outgoing, lambda]`.
+/// Adds the lobe of incoming direction `wi` to samples `[triangle, wavelength]`: to each sample the mean of the lobe
+/// over its triangle or, for point samples, the value at the triangle's centre.
 pub(crate) fn lobe_means(lobe: &Lobe, wi: Direction, (mesh, sampling): (TriangleMesh, Sampling), samples: &mut [f32]) {
     let Some(under) = lobe.under(wi) else { return };
     let lambdas = lobe.colours().len();

@@ -5,10 +5,10 @@
 
 use crate::numeric::wide;
 
-/// Numbers processed together.
+/// Count of numbers whose logarithms are computed together.
 const LANES: usize = 16;
 
-/// Replaces every number by its logarithm.
+/// Replaces every number by its natural logarithm.
 pub(crate) fn logarithms(values: &mut [f64]) {
     wide(
         #[inline(always)]
@@ -33,7 +33,7 @@ pub(crate) fn logarithms(values: &mut [f64]) {
     );
 }
 
-/// ln x of a positive normal number.
+/// Natural logarithm of a positive normal number.
 #[inline]
 fn log(x: f64) -> f64 {
     const LN_2_HIGH: f64 = 0.693_147_180_369_123_8;

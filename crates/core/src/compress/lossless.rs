@@ -15,17 +15,19 @@ use super::settings::Settings;
 use crate::codec::{ChunkKind, Class, Encoder, code_exact};
 use crate::domain::{Measurement, Progress};
 
-/// Numbers stated in a file, one for each sample, and the factor from numbers to samples.
+/// Numbers that a measured file states, one for each sample, and the common factor that turns them into samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Numbers<'a> {
-    /// The numbers, NaN = masked.
+    /// One number for each sample, as the measured file writes it, without the common factor that turns it into a
+    /// sample; NaN if masked.
     pub values: &'a [f32],
-    /// Ratio of sample to number; each sample is `factor` × number, rounded to f32.
+    /// Common factor that turns the numbers of the measured file into samples: each sample is `factor` × number,
+    /// rounded to f32.
     pub factor: f64,
 }
 
 impl Numbers<'_> {
-    /// Returns true if the factor reproduces every sample from its number.
+    /// Returns true if factor × number reproduces every sample bit for bit.
     fn stand_for(&self, samples: &[f32]) -> bool {
         let is_same = |(&number, &sample): (&f32, &f32)| {
             number.is_nan() && sample.is_nan() || scaled(number, self.factor).to_bits() == sample.to_bits()

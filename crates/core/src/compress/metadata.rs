@@ -5,7 +5,7 @@ use super::metadata_chunk::{metadata_kind, read_metadata};
 use crate::codec::{CodecError, Container};
 use crate::domain::Axis;
 
-/// Adds the labels of index axes, which are stored only there, to the metadata: `"labels": {"0": [...]}`.
+/// Adds the labels of index axes to the metadata, the only place where a file stores them: `"labels": {"0": [...]}`.
 pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Option<String> {
     let mut object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(metadata?).ok()?;
     let labels: serde_json::Map<_, _> = axes
@@ -22,7 +22,7 @@ pub(super) fn metadata_with_labels(axes: &[Axis], metadata: Option<&str>) -> Opt
     Some(serde_json::Value::Object(object).to_string())
 }
 
-/// Returns the text of the metadata chunk, and the axes with the labels it holds.
+/// Returns the text of the metadata chunk, and the axes with the labels that the text holds.
 pub(super) fn metadata_of(
     header: &Header,
     container: &Container<'_>,

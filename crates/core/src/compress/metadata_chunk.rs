@@ -3,10 +3,11 @@
 use crate::codec::{Chunk, ChunkKind, CodecError, TYPICAL, read_provenance, read_text, write_provenance, write_text};
 use crate::domain::Axis;
 
-/// Largest metadata text, in bytes.
+/// Largest length of the metadata text, in bytes.
 pub(super) const MAX_METADATA: usize = 1 << 24;
 
-/// Kind of the chunk that holds the metadata of a measurement on these axes.
+/// Kind of file chunk that holds the metadata: one for measurements with a grid of angles among their axes, another for
+/// all others.
 pub(super) fn metadata_kind(axes: &[Axis]) -> ChunkKind {
     let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
     if on_grid { ChunkKind::Provenance } else { ChunkKind::Metadata }

@@ -85,16 +85,16 @@ use crate::domain::{Measurement, NoteTemplate, Progress};
 use effort::Tally;
 use spectral_basis::SpectralBasis;
 
-/// Declarations of the notes that this module returns.
+/// Templates of all notes that a compression can return.
 #[doc(hidden)]
 pub const NOTES: &[NoteTemplate] = notes::CompressionNote::TEMPLATES;
 
-/// Returns true if `bytes` start with the magic number of a material.
+/// Returns true if `bytes` start with the magic number of a compressed material.
 pub fn is_material(bytes: &[u8]) -> bool {
     bytes.starts_with(&MAGIC)
 }
 
-/// Compresses `measurement` to the promise of `settings`.
+/// Compresses `measurement` into a file that keeps the target of `settings`, for example an error or a size.
 pub fn compress(
     measurement: &Measurement,
     settings: &Settings,
@@ -103,8 +103,8 @@ pub fn compress(
     compress_numbers(measurement, None, settings, progress)
 }
 
-/// Like [`compress`], for a measurement whose file states `numbers` and one common factor. Lossless compression stores
-/// those numbers if number × factor reproduces every sample.
+/// Compresses a measurement like [`compress`], given the `numbers` and the one common factor that its file states.
+/// Lossless compression stores those numbers if number × factor reproduces every sample.
 pub fn compress_numbers(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,

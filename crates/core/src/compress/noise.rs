@@ -25,7 +25,7 @@
 //! meshes too coarse for cubics) only lose their mean. There is no estimate without neighbours on any axis, for single
 //! spectra (one line cannot distinguish noise from spectral lines), or from few coefficients.
 //!
-//! At most [`MAX_BLOCKS`] blocks are used, always the same ones: time and memory are bounded.
+//! No more blocks are sought once [`MAX_BLOCKS`] are found, always the same ones: time and memory are bounded.
 
 use super::figures::two_digits_up;
 use super::logarithm::logarithms;
@@ -44,20 +44,21 @@ mod basis;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Noise {
-    /// Noise that is independent from sample to sample, of a typical (median) sample. 0 if none was found.
+    /// Standard deviation of the noise that is independent from sample to sample, of a typical (median) sample,
+    /// relative to it. 0 if none was found.
     pub relative: f64,
-    /// Standard error of `relative`, including the part that may be signal instead.
+    /// Standard error of the estimated relative noise, including the part that may be signal instead.
     pub uncertainty: f64,
-    /// Noise that neighbouring spectral samples share (a direction's gain error); 0 if none was found or there is no
-    /// spectral axis.
+    /// Relative standard deviation of the noise that neighbouring spectral samples share (a direction's gain error); 0
+    /// if none was found or there is no spectral axis.
     pub common: f64,
-    /// Number of coefficients whose median gives `relative`.
+    /// Number of basis coefficients whose median magnitude gives the noise estimate.
     pub coefficients: u64,
 }
 
 impl Noise {
-    /// Returns a warning if `target` lies below the noise: the cost in bytes, and the smallest error worth asking for
-    /// instead.
+    /// Returns a warning if the error that `target` allows lies below the noise. It states the cost in bytes, and the
+    /// smallest error worth asking for.
     pub fn warning(&self, target: Target) -> Option<Note> {
         // The largest of a million normal deviates is 5 σ. Below 3 σ so many exceed the bound that each costs bits.
         let (bound, wanted, cliff, enough) = match target {
@@ -78,26 +79,31 @@ impl Noise {
     }
 }
 
-/// Upper bound on the number of blocks used; raising it costs time and memory.
+/// Number of blocks of samples that suffices for the noise estimate, so that no more are sought; raising it costs time
+/// and memory.
 const MAX_BLOCKS: usize = 2048;
-/// Upper bound on the rounds of [`MAX_BLOCKS`] candidates each; later rounds replace blocks lost to zeros and masks.
+/// Upper bound on the rounds of [`MAX_BLOCKS`] candidate blocks for the noise estimate; later rounds replace blocks
+/// that have zeros or masks.
 const ROUNDS: usize = 6;
-/// Smallest number of coefficients for an estimate: a standard error of 12 %.
+/// Smallest number of coefficients for a noise estimate; 96 give it a standard error of 12 %.
 const FEWEST: usize = 96;
-/// Assumed ratio of a signal's coefficients of degree 3 to those of higher degrees, at least. Raising it attributes
-/// more to noise.
+/// Smallest ratio assumed, in a noise-free signal, of coefficients of polynomial degree 3 to those of higher degrees.
+/// Raising it attributes more to noise.
 const DECAY: f64 = 2.5;
-/// Like [`DECAY`], when only one axis has order: rough signals decay as slowly there.
+/// Smallest ratio assumed, in a noise-free signal, of coefficients of polynomial degree 3 to those of higher degrees if
+/// neighbours are compared along one axis only; rough signals decay slowly there. Raising it attributes more to noise.
 const DECAY_ALONE: f64 = 1.5;
-/// The quietest 1/`QUIETEST` of the blocks give the single-axis estimate.
+/// Divisor of the number of blocks of samples: only the 1/`QUIETEST` of them with the least curvature serve to estimate
+/// noise along a single axis.
 const QUIETEST: usize = 4;
-/// Lower bound on the number of these blocks.
+/// Lower bound on the number of blocks of samples, those of least curvature, that serve to estimate noise along a
+/// single axis.
 const FEWEST_QUIET: usize = 64;
 /// Median magnitude of a standard normal deviate.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
-/// Standard error of the median-based σ from one deviate, relative to σ.
+/// Standard error of a σ estimated from the median magnitude of n normal deviates, relative to σ, times √n.
 const ERROR_OF_MEDIAN: f64 = 1.166;
-/// Noise below this is only the rounding of f32 samples, and is reported as 0.
+/// Relative noise below which an estimate is only the rounding of f32 samples, and is reported as 0.
 const ROUNDING: f64 = 2e-7;
 
 /// Estimates the noise of `measurement` from its positive samples of at least `floor` (absolute; 0 for all of them).
@@ -118,7 +124,7 @@ pub fn estimate(measurement: &Measurement, floor: f32) -> Option<Noise> {
     both.or_else(alone).filter(|noise| noise.relative > 0.0 || noise.common > 0.0)
 }
 
-/// Replaces grids of angles by two lines each: polar angles and azimuths.
+/// Replaces each axis that is a grid of angles by two axes: polar angles and azimuths.
 fn lines(axes: &[Axis]) -> Vec<Axis> {
     let line = |angles: &[f64]| Axis::Elevation(angles.to_vec());
     let of_axis = |axis: &Axis| match axis {
@@ -131,18 +137,21 @@ fn lines(axes: &[Axis]) -> Vec<Axis> {
     axes.iter().flat_map(of_axis).collect()
 }
 
-/// Division of one axis into blocks.
+/// Division of one axis into blocks of neighbouring entries for the noise estimate.
 struct Fit {
     axis: usize,
     place: Place,
-    /// First entry of each block, and the end of the last.
+    /// Index of the first entry of each block of neighbours into which the axis is cut for the noise estimate; then the
+    /// length of the axis.
     starts: Vec<usize>,
     spectral: bool,
-    /// Bases of unmasked blocks, computed once.
+    /// One polynomial basis for each block of neighbouring entries of the axis, computed when first needed. Each serves
+    /// where no entry of its block is left out because of zero or masked samples.
     whole: Vec<OnceLock<Option<Arc<Basis>>>>,
 }
 
-/// Returns the axis that predicts best, and the next one. `None` if no axis has neighbours.
+/// Returns the two axes along which samples predict their neighbours best, the best first. `None` if no axis has
+/// neighbours.
 fn fits(axes: &[Axis]) -> Option<(Fit, Option<Fit>)> {
     let mut ranked: Vec<(u8, Fit)> = axes.iter().enumerate().rev().filter_map(|(i, axis)| fit(i, axis)).collect();
     // The last mesh is the outgoing one; an incoming one comes after wavelengths.
@@ -155,7 +164,7 @@ fn fits(axes: &[Axis]) -> Option<(Fit, Option<Fit>)> {
     Some((first, ranked.next()))
 }
 
-/// Rank of an axis as a predictor of its samples, best first.
+/// Rank of an axis kind by how well neighbours along it predict a sample, 0 = best.
 const OUTGOING: u8 = 0;
 const WAVELENGTH: u8 = 1;
 const INCOMING: u8 = 2;
@@ -181,22 +190,27 @@ fn fit(axis: usize, what: &Axis) -> Option<(u8, Fit)> {
     (len >= 2).then(|| (rank, Fit { axis, place, starts, spectral: what.is_spectral(), whole }))
 }
 
-/// Coefficients of a block by degree (`high` above 3, `third` 3) on the first and the second axis.
+/// Coefficients for the noise estimate: the logarithms of a rectangle of samples, expanded in polynomials along both of
+/// its axes. Names give the degrees on the first and the second axis: `third` is 3, `high` above 3.
 struct Block {
     high_high: Vec<f64>,
     third_high: Vec<f64>,
     high_third: Vec<f64>,
-    /// Coefficients on the first axis alone, of means over the block's spectral samples (without a second axis, of its
-    /// samples).
+    /// Coefficients of polynomial degree above 3 along the first axis of a block of samples, each averaged over the
+    /// wavelengths on the second axis. Empty if the second axis is not spectral; without a second axis nothing is
+    /// averaged.
     high_mean: Vec<f64>,
     third_mean: Vec<f64>,
-    /// Energy of degree 2 in these means. Under noise it is unrelated to higher degrees; under signal it predicts them.
+    /// Sum of squares of the coefficients of polynomial degree 2 along the first axis of a block of samples, each first
+    /// averaged over wavelengths. Curved signals raise it; their coefficients of higher degree are not noise alone.
     second_mean: f64,
-    /// 1 / number of samples in a mean.
+    /// Reciprocal of the number n of entries on the second axis of a block of samples. The mean over this axis has 1/n
+    /// of the noise variance of single samples.
     inverse_width: f64,
 }
 
-/// Estimates the noise from blocks on two axes.
+/// Estimates the noise from blocks of samples along two axes, whose logarithms are expanded in orthonormal bases that
+/// start with polynomials of degree 0 to 3 along each axis.
 fn on_two_axes(mut blocks: Vec<Block>, decay: f64) -> Option<Noise> {
     let mut high_high: Vec<f64> = blocks.iter().flat_map(|block| &block.high_high).copied().collect();
     let all = deviation(&mut high_high)?;
@@ -211,14 +225,15 @@ fn on_two_axes(mut blocks: Vec<Block>, decay: f64) -> Option<Noise> {
     Some(noise(relative, all, high_high.len(), common))
 }
 
-/// Estimates the noise from blocks without a second axis.
+/// Estimates the noise from blocks of triangles alone, without a second axis.
 fn on_triangles_alone(mut blocks: Vec<Block>) -> Option<Noise> {
     let (relative, all, coefficients) = on_one_axis(&mut blocks, 0.0)?;
     Some(noise(relative, all, coefficients, 0.0))
 }
 
-/// Estimates the noise of the means beyond the variance `own` of their samples. Returns it with the total deviation of
-/// the means and the number of coefficients.
+/// Estimates the noise of means over wavelengths beyond that which noise of variance `own` in single samples explains.
+/// Returns its standard deviation, that of the means' coefficients of polynomial degree above 3 (signal included), and
+/// the number of these coefficients.
 ///
 /// One axis explains little. Only the quietest blocks are used, and their signal is assumed to decay slowly.
 fn on_one_axis(blocks: &mut Vec<Block>, own: f64) -> Option<(f64, f64, usize)> {
@@ -237,7 +252,8 @@ fn on_one_axis(blocks: &mut Vec<Block>, own: f64) -> Option<(f64, f64, usize)> {
     Some((if common < least { 0.0 } else { common.sqrt() }, high, n))
 }
 
-/// Assembles the report of a noise `relative` from `coefficients` coefficients whose total deviation is `all`.
+/// Assembles the noise report: `relative` is the standard deviation of the noise, `all` that of noise and signal
+/// together. Their difference and the number of basis coefficients evaluated give the uncertainty.
 fn noise(relative: f64, all: f64, coefficients: usize, common: f64) -> Noise {
     let unless_rounding = |noise: f64| if noise < ROUNDING { 0.0 } else { noise };
     let statistical = ERROR_OF_MEDIAN * all / (coefficients as f64).sqrt();
@@ -249,13 +265,14 @@ fn noise(relative: f64, all: f64, coefficients: usize, common: f64) -> Noise {
     }
 }
 
-/// Variance of the noise in `high`, assuming that the signal's variance is `decay`² times as large in `third`.
+/// Variance of the noise alone, from `high`, the variance of coefficients of polynomial degree above 3, and `third`,
+/// that of degree 3. The signal's share of `third` is assumed to be `decay`² times its share of `high`.
 fn without_signal(high: f64, third: f64, decay: f64) -> f64 {
     (high - (third - high).max(0.0) / (decay * decay - 1.0)).max(0.0)
 }
 
-/// Standard deviation of the normal distribution that most of `values` follow, from their median; `None` if there are
-/// too few.
+/// Standard deviation of the normal distribution that most of `values` follow, from the median of their magnitudes;
+/// `None` for fewer than [`FEWEST`].
 fn deviation(values: &mut [f64]) -> Option<f64> {
     if values.len() < FEWEST {
         return None;
@@ -268,7 +285,8 @@ fn deviation(values: &mut [f64]) -> Option<f64> {
     Some(*median / MEDIAN_OF_NORMAL)
 }
 
-/// Computes the coefficients of up to [`MAX_BLOCKS`] blocks without zeros and masks, spread over the tensor.
+/// Expands the logarithms of blocks of neighbouring samples, spread over the tensor, in polynomials along their axes.
+/// Zero and masked samples are left out. No more blocks are sought once [`MAX_BLOCKS`] are found.
 fn gather(axes: &[Axis], samples: &[f32], floor: f32, rows: &Fit, columns: Option<&Fit>) -> Vec<Block> {
     let strides = strides(axes);
     let fitted = |axis| axis == rows.axis || columns.is_some_and(|c| c.axis == axis);
@@ -326,7 +344,8 @@ fn scattering_stride(total: usize) -> usize {
     (golden.max(1)..=total).find(|&stride| gcd(stride, total) == 1).unwrap_or(1)
 }
 
-/// Extent of a block on one axis; without a fit, a single entry.
+/// Extent along one axis of a block of samples for the noise estimate; a single entry if the axis is not divided into
+/// blocks.
 struct Line<'a> {
     fit: Option<&'a Fit>,
     block: usize,
@@ -393,7 +412,8 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
     })
 }
 
-/// Drops the row or column with the largest fraction of unusable samples until all remaining samples are usable.
+/// Drops the row or column of a block with the largest fraction of unusable samples until all remaining samples are
+/// usable.
 fn keep_whole(rows: &mut Vec<usize>, columns: &mut Vec<usize>, usable: impl Fn(usize, usize) -> bool) {
     let worst = |lines: &[usize], across: &[usize], usable: &dyn Fn(usize, usize) -> bool| {
         let bad = |line: usize| across.iter().filter(|&&other| !usable(line, other)).count();

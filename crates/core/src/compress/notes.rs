@@ -3,7 +3,7 @@
 use super::figures::shown;
 
 crate::declare_notes! {
-    /// Notes on targets that a file misses, or that lie below the noise.
+    /// Notes on a compression whose file misses the wanted ratio, or whose target lies below the noise.
     CompressionNote {
         Warning RatioAboveSamples { wanted: f64, samples: u64, kept_coefficients: u64 } =>
             "ratio {ratio} is more than the {samples} samples there are: {kept}; ask for ratio {most} or less to keep one",

@@ -5,7 +5,7 @@ use super::lobe_chunk;
 use super::metadata_chunk::metadata_chunk;
 use crate::codec::{ChunkKind, write_container};
 
-/// Chunks between header and metadata, with the matching header.
+/// Chunks of a file between header and metadata, with the matching header.
 pub(super) struct Parts {
     pub(super) header: Header,
     pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
@@ -17,7 +17,7 @@ impl Parts {
     }
 }
 
-/// Assembles the file of `parts` with the errors its header currently holds.
+/// Assembles a file from its header, with the errors that the header states at this point, its chunks and its metadata.
 pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let kind = if parts.header.grid_levels { ChunkKind::Grid } else { ChunkKind::Pyramid };
     let pyramid_length = parts.chunk(kind).map_or(0, <[u8]>::len);

@@ -17,7 +17,7 @@ use super::unreachable_error::UnreachableError;
 use crate::domain::colour::{ColourReport, SpectraColours};
 use crate::domain::{Measurement, Note};
 
-/// Rejects settings whose promise this measurement or policy cannot keep.
+/// Rejects settings with a target or an option that this measurement, or the policy in the settings, cannot satisfy.
 pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<(), SettingError> {
     let policy = settings.policy;
     if settings.target == Target::Auto && policy != Policy::Rd {
@@ -67,7 +67,7 @@ fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> R
     Ok(())
 }
 
-/// Rejects random access where blocks cannot be coded independently.
+/// Rejects random access to single incoming directions where these cannot be coded independently.
 pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings) -> Result<(), SettingError> {
     let axes = measurement.tensor.axes();
     let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
@@ -107,7 +107,7 @@ pub(super) fn stateable(target: Target) -> Result<Target, UnreachableError> {
     })
 }
 
-/// Colours of the measurement's spectra under the illuminant of `target`.
+/// Computes the colours of the measurement's spectra under the illuminant that a colour-difference target names.
 pub(crate) fn colours_of(measurement: &Measurement, target: DeltaE) -> Result<SpectraColours, SettingError> {
     Ok(SpectraColours::of(measurement, target.illuminant)?)
 }

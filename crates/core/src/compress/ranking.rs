@@ -21,26 +21,29 @@ use crate::domain::{Axis, Measurement, Progress, Silent, Tensor};
 use crate::transform::{LineBasis, Plan, SphereBasis, Weights};
 use rayon::prelude::*;
 
-/// Largest number of wavelengths for which `auto` tries the data's own basis.
+/// Largest number of wavelengths for which basis `auto` tries the data's own principal components.
 const MOST_FOR_KLT: usize = 4096;
-/// Smallest number of spectra for which the data's own basis is worth its bytes.
+/// Smallest number of spectra for which a basis of the data's own principal components is worth its bytes.
 const LEAST_FOR_KLT: usize = 32;
-/// Largest number of samples for which every basis is tried on all of them.
+/// Largest number of samples for which every spectral basis is tried on all of them. Raising it costs trials.
 const SMALL: usize = 1 << 13;
-/// Number of bases tried on all samples of a large measurement. Raising it costs one search each.
+/// Number of spectral bases tried on all samples of a large measurement. Raising it costs one search each.
 const FINALISTS: usize = 4;
-/// Number of bases tried on all samples of a small measurement for a wanted size; a few of them are searched. Raising
-/// it costs trials: a size takes at most four times those of an error.
+/// Number of spectral bases tried on all samples of a small measurement for a wanted file size: one quantisation each,
+/// then a full search of the best few. Raising it costs trials; at this value a wanted size takes at most four times as
+/// many as a wanted error.
 const SMALL_FINALISTS: usize = 11;
 const SMALL_FINALISTS_OF_A_RATIO: usize = 42;
-/// Like `SMALL_FINALISTS_OF_A_RATIO`, for policies with a threshold for each space, which take more trials for a count.
+/// Number of spectral bases tried on all samples of a small measurement for a wanted ratio of samples to kept
+/// coefficients by the policies `generic` and `adaptive`. Each basis takes many trials to find a threshold for each
+/// axis.
 const SPACES_FINALISTS_OF_A_RATIO: usize = 24;
 /// Bytes of a small file besides its coefficients: magic, header and checksums.
 const HEADER: usize = 44;
-/// Bytes of an exactly kept coefficient, its position included.
+/// Typical number of bytes of an exactly kept coefficient, its position included.
 const BYTES_OF_A_FLOAT: f64 = 4.5;
 
-/// Returns the spectral bases to try.
+/// Returns the spectral bases to try for a measurement.
 pub(crate) fn candidates(
     measurement: &Measurement,
     settings: &Settings,
@@ -78,7 +81,7 @@ pub(crate) fn candidates(
     Ok(own.then_some(SpectralBasis::Klt).into_iter().chain(wavelets).collect())
 }
 
-/// Returns the bases of least error, ranked on all samples or on a sample of spectra.
+/// Returns the spectral bases of least error, ranked on all samples or on a subset of the spectra.
 fn finalists(
     measurement: &Measurement,
     settings: &Settings,
@@ -123,7 +126,7 @@ fn finalists(
     Ok(best)
 }
 
-/// Evenly spaced spectra of a large measurement: [`SMALL`] samples or a few more.
+/// Draws evenly spaced spectra from a large measurement, about [`SMALL`] samples in all, for ranking bases.
 fn sample_of(measurement: &Measurement, wavelengths: usize) -> Result<Measurement, CompressError> {
     let spectra: Vec<&[f32]> = measurement.tensor.samples().chunks_exact(wavelengths).collect();
     let stride = spectra.len().div_ceil((SMALL / wavelengths).max(1));
@@ -143,7 +146,8 @@ fn logarithms(measurement: &Measurement) -> Vec<f32> {
     logs
 }
 
-/// Energy lost by the logarithms when 1/`ratio` of the coefficients are kept; nothing is coded or reconstructed.
+/// Squared error of the logarithms of samples if only the largest 1/`ratio` of the coefficients of their transform are
+/// kept, with `basis` along wavelengths. It is computed without coding or reconstruction.
 fn lost_logarithms(measurement: &Measurement, logs: &[f32], basis: LineBasis, ratio: f64) -> Option<f64> {
     let axes = measurement.tensor.axes();
     let sphere = SphereBasis::Orthonormal(Weights::Count);

@@ -9,7 +9,8 @@ use super::unreachable_error::UnreachableError;
 use crate::codec::CodecError;
 use crate::domain::Measurement;
 
-/// Error that a basis does not reach however small the step, with logarithms or (`linear`) samples coded.
+/// Builds the error for a bound that a basis does not reach however small the step, with logarithms or (`linear`)
+/// samples coded.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,
@@ -18,12 +19,12 @@ pub(super) fn cannot_follow(
     UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear }.into()
 }
 
-/// Bound on every sample that float32 cannot resolve.
+/// Builds the error for a bound on every sample that float32 cannot resolve.
 pub(super) fn below_rounding(target: Target, measurement: &Measurement) -> CompressError {
     UnreachableError::BelowRounding { target, largest: largest_magnitude(measurement) }.into()
 }
 
-/// Size below the smallest file, or ratio above the fewest coefficients.
+/// Builds the error for a wanted size below the smallest file, or a ratio above the one of fewest coefficients.
 pub(super) fn too_large(
     target: Target,
     least: f64,
@@ -33,25 +34,27 @@ pub(super) fn too_large(
     UnreachableError::TooLarge { target, least, samples, basis: basis.name(), has_metadata }.into()
 }
 
-/// Sample that decodes beyond float32.
+/// Builds the error for a sample that decodes beyond the largest float32.
 pub(super) fn beyond_float32(header: &Header, index: usize, sample: f32) -> CompressError {
     let basis = basis_of(&header.axes, &header.transforms, header.klt);
     UnreachableError::SampleOverflow { policy: header.policy, basis, index, sample }.into()
 }
 
-/// File that its own decoder rejects, whatever its size.
+/// Builds the error for a file that its own decoder rejects, whatever its size.
 pub(super) fn undecodable(header: &Header, reason: CodecError) -> CompressError {
     let basis = basis_of(&header.axes, &header.transforms, header.klt);
     UnreachableError::Undecodable { policy: header.policy, basis, reason }.into()
 }
 
-/// Samples that exceed float32 in the linear transform of one of the paper's policies.
+/// Builds the error for samples whose transform exceeds float32, under a policy that transforms the samples themselves
+/// rather than their logarithms.
 pub(super) fn transform_overflows(policy: Policy, basis: SpectralBasis, measurement: &Measurement) -> CompressError {
     let largest = largest_magnitude(measurement);
     UnreachableError::TransformOverflow { policy, basis: basis.name(), largest }.into()
 }
 
-/// Returns the refusal that came closest to the requested target.
+/// Returns the failure of the spectral basis that came closest to the requested target. `refused` holds for each basis
+/// that failed the error or size it reached, and the failure to report.
 pub(super) fn nothing_reaches(refused: Vec<(f64, UnreachableError)>) -> CompressError {
     let closest = refused.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
     closest.map_or(UnreachableError::NoBasis, |(_, error)| error).into()

@@ -4,8 +4,8 @@ use crate::codec::{Class, NONE, Rows};
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan};
 
-/// Number of lanes in a row: the length of the last axis. For a grid of angles it is one line of the grid, so that the
-/// row above is the previous polar angle.
+/// Number of samples in a coding row: length of the last axis or, on a grid of angles, number of azimuths (of polar
+/// angles if there is one azimuth). The row above then is the previous polar angle.
 pub(crate) fn lanes(axes: &[Axis]) -> usize {
     match axes.last() {
         Some(Axis::Grid(grid)) => match grid.shape() {
@@ -16,7 +16,8 @@ pub(crate) fn lanes(axes: &[Axis]) -> usize {
     }
 }
 
-/// Coding order of a tensor on `axes` transformed by `plan`: the last axis gives the lanes, all others the rows.
+/// Coding order of the coefficients of a tensor on `axes`, transformed by `plan`: the last axis gives the positions in
+/// a row, all others the rows.
 ///
 /// With `classes`, triangles without a live sample in any row and lane are dead. No detail is coded below a node with
 /// fewer than two live children, because the filled values have none there.
@@ -47,7 +48,7 @@ pub(crate) fn coding_order(axes: &[Axis], plan: &Plan, classes: Option<&[Class]>
     rows
 }
 
-/// Marks the entries of `axis` that have a nonzero, unmasked sample.
+/// Marks the entries of an axis that have a sample neither zero nor masked.
 pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec<bool> {
     let inner: usize = axes[axis + 1..].iter().map(Axis::len).product();
     let n = axes[axis].len();
@@ -59,8 +60,8 @@ pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec
     live
 }
 
-/// Marks the indices of a tree with `bases` base triangles that carry a coefficient: the smooth part, and details of
-/// nodes with two or more live children.
+/// Marks the positions of a triangle tree with `bases` base triangles that carry a coefficient: the smooth part, and
+/// details of nodes with two or more live (nonzero, unmasked) children.
 fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     let mut coded = vec![true; live.len()];
     let mut live = live.to_vec();
@@ -79,7 +80,7 @@ fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     coded
 }
 
-/// Sets uncoded values to 0, as the decoder does.
+/// Sets to 0 the values at positions that a file does not code, as the decoder does.
 pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
     let lanes = rows.lane_neighbours.len();
     if rows.order.len() * rows.lane_order.len() == values.len() {
@@ -101,7 +102,8 @@ pub(crate) fn clear_uncoded<T: Copy + Default>(rows: &Rows, values: &mut [T]) {
 struct AxisNeighbours {
     order: Vec<u32>,
     parent: Vec<u32>,
-    /// Predecessor in coding order at the same level.
+    /// For each entry of the transformed axis, the entry that comes just before it in coding order, if both are on the
+    /// same level of the wavelet tree; otherwise `NONE`.
     before: Vec<u32>,
 }
 
@@ -119,7 +121,8 @@ impl AxisNeighbours {
     }
 }
 
-/// Rows of `outer × axis` from the rows of `outer`.
+/// Extends the coding order and the coded neighbours of coefficients from the axes of `outer` to one more axis, `axis`,
+/// which varies fastest.
 fn nest(outer: Rows, axis: &AxisNeighbours, level: &[u8]) -> Rows {
     let n = axis.before.len() as u32;
     let mut order = Vec::with_capacity(outer.order.len() * axis.order.len());

@@ -4,20 +4,23 @@ use crate::domain::Axis;
 use crate::transform::{Plan, Weights};
 use rayon::prelude::*;
 
-/// Widening of the zero bin, in steps: coefficients within 0.5 + this become 0. Raising it drops more coefficients.
+/// Widening of the quantiser's zero bin, in steps: coefficients within 0.5 + this become 0. Raising it drops more
+/// coefficients.
 const DEAD_ZONE: f32 = 0.12;
-/// Shift of decoded magnitudes towards 0, in steps, because small coefficients are more frequent within a bin.
+/// Shift of decoded coefficient magnitudes towards 0, in steps, because small coefficients are more frequent within a
+/// bin.
 const RECONSTRUCTION_OFFSET: f32 = 0.03;
-/// Upper bound on quantised magnitudes.
+/// Upper bound on the magnitude of a quantised coefficient.
 pub(crate) const LARGEST: f32 = (1 << 30) as f32;
 
-/// Norms of synthesis functions, by row and by lane. A coefficient times both norms is in units of the error it makes.
+/// Norms of the synthesis functions of a tensor transform: `lanes` along the last axis, `rows` the products of those
+/// along all others. A coefficient times both norms is in units of the sample error it makes if dropped.
 pub(crate) struct Scales {
     rows: Vec<Scale>,
     lanes: Vec<Scale>,
 }
 
-/// Norm and its inverse, so that the inner loops do not divide.
+/// Norm of a synthesis function, and 1 / norm, so that inner loops multiply instead of dividing.
 #[derive(Clone, Copy)]
 struct Scale {
     norm: f32,
@@ -44,13 +47,15 @@ impl Scales {
         Self { rows: single(rows), lanes: single(lanes) }
     }
 
-    /// Returns the scales of one row of `lanes` coefficients with equal weight.
+    /// Returns norms of 1 for the synthesis functions of `lanes` coefficients on a single axis, so that one quantiser
+    /// step treats them all alike.
     pub(crate) fn uniform(lanes: usize) -> Self {
         let one = Scale { norm: 1.0, inverse: 1.0 };
         Self { rows: vec![one], lanes: vec![one; lanes] }
     }
 
-    /// Calls `each(coefficient, scale, out)` for every element, rows in parallel.
+    /// Calls `each(coefficient, norm, result)` for every coefficient of a tensor, rows in parallel. `norm` is that of
+    /// the coefficient's synthesis function, `result` the element of `to` that the call sets.
     fn for_each<A: Sync, B: Send>(&self, from: &[A], to: &mut [B], each: impl Fn(&A, Scale, &mut B) + Sync) {
         let n = self.lanes.len();
         // Blocks of whole rows, large enough to be worth a task.
@@ -65,7 +70,8 @@ impl Scales {
         });
     }
 
-    /// Quantises coefficients to integers.
+    /// Multiplies coefficients by the norms of their synthesis functions, divides them by `step` and rounds them to
+    /// integers, with a widened zero bin.
     pub(crate) fn quantise(&self, step: f32, coefficients: &[f32], quantised: &mut [i32]) {
         let inverse = 1.0 / step;
         self.for_each(coefficients, quantised, |&c, scale, q| *q = quantise(c, scale, inverse));
@@ -82,12 +88,13 @@ impl Scales {
         self.for_each(coefficients, decoded, |&c, scale, d| *d = dequantise(quantise(c, scale, inverse), scale, step));
     }
 
-    /// Keeps coefficients whose normalised magnitude reaches `threshold`, and sets the others to 0.
+    /// Keeps coefficients whose magnitude times the norm of their synthesis function reaches `threshold`, and sets the
+    /// others to 0.
     pub(crate) fn threshold(&self, threshold: f32, coefficients: &[f32], kept: &mut [f32]) {
         self.for_each(coefficients, kept, |&c, scale, k| *k = if c.abs() * scale.norm >= threshold { c } else { 0.0 });
     }
 
-    /// Counts the nonzero coefficients whose normalised magnitude is at least `threshold`.
+    /// Counts the nonzero coefficients whose magnitude times the norm of their synthesis function reaches `threshold`.
     pub(crate) fn count_above(&self, threshold: f32, coefficients: &[f32]) -> u64 {
         self.count(coefficients, |c, scale| c != 0.0 && c.abs() * scale.norm >= threshold)
     }
@@ -98,7 +105,8 @@ impl Scales {
         self.count(coefficients, |c, scale| quantise(c, scale, inverse) != 0)
     }
 
-    /// Returns the threshold that exactly `count` coefficients reach (without ties); 0 if there are no more of them.
+    /// Returns the threshold that exactly `count` coefficients reach (without ties) with their magnitude times the norm
+    /// of their synthesis function; 0 if `count` includes all of them.
     pub(crate) fn threshold_of_count(&self, count: usize, coefficients: &[f32]) -> f32 {
         let mut magnitudes = vec![0.0; coefficients.len()];
         self.for_each(coefficients, &mut magnitudes, |&c, scale, m| *m = c.abs() * scale.norm);
@@ -108,8 +116,8 @@ impl Scales {
         *magnitudes.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1
     }
 
-    /// Energy lost when `count` coefficients are kept, quantised with the step that keeps this number. For an
-    /// orthonormal basis this is the squared error of the samples.
+    /// Squared error of the coefficients when `count` of them are kept, quantised with the step that keeps this number.
+    /// For an orthonormal basis this is the squared error of the samples.
     pub(crate) fn lost(&self, count: usize, coefficients: &[f32]) -> f64 {
         let least = self.threshold_of_count(count, coefficients);
         let step = (least / (0.5 + DEAD_ZONE)).clamp(f32::MIN_POSITIVE, f32::MAX);
@@ -134,13 +142,13 @@ fn quantise(coefficient: f32, scale: Scale, inverse_step: f32) -> i32 {
     integer_of(coefficient * scale.norm * inverse_step)
 }
 
-/// Quantises a coefficient given in steps.
+/// Rounds a coefficient, given in quantiser steps, to an integer, with a widened zero bin.
 pub(crate) fn integer_of(x: f32) -> i32 {
     let magnitude = (x.abs() + (0.5 - DEAD_ZONE)).min(LARGEST) as i32;
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
-/// Decodes an integer to a coefficient in steps.
+/// Decodes a quantised integer to a coefficient, in quantiser steps.
 pub(crate) fn steps_of(quantised: i32) -> f32 {
     quantised as f32 - quantised.signum() as f32 * RECONSTRUCTION_OFFSET
 }

@@ -39,30 +39,32 @@ pub(crate) fn largest<E>(
     Ok(Some(low))
 }
 
-/// Steps to try where rounding misleads a search by halving: powers of two from `start` down, then `finest`. The powers
-/// do not depend on `start`, so that searches with slightly different targets find each other's results.
+/// Lists quantiser steps to try where rounding misleads a search by halving: powers of two from `start` down, then
+/// `finest`. The powers do not depend on `start`, so that searches with slightly different targets find each other's
+/// results.
 pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64> {
-    /// Upper bound on the number of powers; more than the range that rounding affects.
+    /// Upper bound on the number of powers of two tried as quantiser steps; they span more than the range that rounding
+    /// affects.
     const MOST: usize = 12;
     let first = libm::exp2(libm::floor(libm::log2(start.max(finest))));
     let powers = std::iter::successors(Some(first), |step| Some(0.5 * step));
     powers.take_while(move |&step| step > finest).take(MOST).chain([finest])
 }
 
-/// Watches an error while a step is halved, and gives up after two halvings in a row without a fall. One halving is too
-/// little evidence where the error is close to rounding.
+/// Watches an error while a quantiser step is halved, and gives up after two halvings in a row without a fall. One
+/// halving is too little evidence where the error is close to rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
-    /// Last step, and the smallest error up to now.
+    /// Last quantiser step tried, and the smallest error up to now.
     last: Option<(f64, f64)>,
     stood: u32,
 }
 
 impl Falling {
-    /// Halvings in a row without a smaller error after which the search ends.
+    /// Number of halvings of the quantiser step in a row without a smaller error after which the search ends.
     const MOST: u32 = 2;
 
-    /// Returns true while the error may still fall as the step shrinks.
+    /// Returns true while the error may still fall as the quantiser step shrinks.
     pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
         let least = self.last.map_or(f64::INFINITY, |(_, least)| least);
         if self.last.is_some_and(|(before, _)| step <= 0.51 * before) {
@@ -73,66 +75,73 @@ impl Falling {
     }
 }
 
-/// Step or threshold on the lattice of f32 numbers with 8 significant bits, the steps that a header can hold. There are
-/// 128 notches to a doubling, in ascending order.
+/// Notch: a quantiser step or threshold among the f32 numbers with 8 significant bits, those that a header can hold.
+/// There are 128 notches to a doubling, in ascending order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Notch(u32);
 
 impl Notch {
-    /// Smallest normal f32.
+    /// Smallest possible quantiser step: the smallest normal f32.
     pub(crate) const FINEST: Self = Self(f32::MIN_POSITIVE.to_bits() >> 16);
-    /// Largest finite number on the lattice.
+    /// Largest possible quantiser step: the largest finite f32 of 8 significant bits.
     pub(crate) const COARSEST: Self = Self(f32::MAX.to_bits() >> 16);
 
-    /// Returns the largest notch at or below `value`, clamped to the lattice.
+    /// Returns the largest quantiser step of 8 significant bits that is not above `value`, or the smallest one of all.
     pub(crate) fn below(value: f32) -> Self {
         Self(value.clamp(f32::MIN_POSITIVE, f32::MAX).to_bits() >> 16)
     }
 
-    /// Step of this notch.
+    /// Quantiser step that this notch (place on the logarithmic scale of possible steps) stands for.
     pub(crate) fn value(self) -> f32 {
         f32::from_bits(self.0 << 16)
     }
 
-    /// Doublings from `other` to this step.
+    /// Number of doublings (octaves) from the step `other` to this quantiser step; negative if this one is finer.
     pub(crate) fn octaves_from(self, other: Self) -> f64 {
         (f64::from(self.0) - f64::from(other.0)) / DOUBLING
     }
 
-    /// Returns the notch `by` places coarser (finer if negative), clamped to the lattice.
+    /// Returns the quantiser step that lies `by` places after this one (before it if negative) in the ascending list of
+    /// possible steps, 128 to a doubling. The result is clamped to the first and last of the list.
     pub(crate) fn moved(self, by: f64) -> Self {
         let moved = (f64::from(self.0) + by).clamp(f64::from(Self::FINEST.0), f64::from(Self::COARSEST.0));
         Self(moved as u32)
     }
 }
 
-/// Notches to a doubling of the step.
+/// Number of notches (possible quantiser steps) to a doubling of the step.
 pub(crate) const DOUBLING: f64 = 128.0;
-/// Fraction of the allowed size that ends a search of [`Until::Close`]; the remainder buys less than one notch.
+/// Fraction of the allowed file size above which a search for the quantiser step ends; the remainder would refine the
+/// step by less than 1/128 of a doubling.
 const CLOSE: f64 = 0.998;
-/// Distance in notches between the two sides that ends a search of [`Until::Near`].
+/// Distance, in 128ths of a doubling, between a quantiser step whose file fits and one whose file does not, at which an
+/// approximate search ends.
 pub(crate) const NEAR: f64 = 4.0;
-/// Smallest allowed size (bytes or coefficients) for which [`CLOSE`] ends a search. Below it a size stays equal over
-/// many steps, and the finest of them is wanted.
+/// Smallest allowed size (bytes or coefficients) for which a nearly reached size ends a search. Below it a size stays
+/// equal over many quantiser steps, and the finest of them is wanted.
 const LARGE: f64 = 1000.0;
-/// Assumed size octaves per step octave until two sizes give the slope.
+/// Assumed octaves by which a file shrinks for each octave of its quantiser step, until two sizes give the slope.
 const USUAL_SLOPE: f64 = 0.8;
-/// Largest move of the step in one trial before both sides of the answer are known, in notches: a factor of 256.
+/// Largest change of the quantiser step from one trial to the next, in 128ths of a doubling (a factor of 256), until
+/// both a file within the wanted size and a larger one have been found.
 const FARTHEST: f64 = 8.0 * DOUBLING;
 
-/// Condition that ends a search for the finest fitting step.
+/// Condition that ends a search for the finest quantiser step whose file fits a size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
-    /// The step is within 2 % of the answer, or [`Until::Close`] holds: for comparing bases with each other.
+    /// Search that ends when the finest quantiser step whose file fits the allowed size is known within 2 %, or when
+    /// the file fills nearly all of a large allowed size. Such a step is precise enough for comparing bases.
     Near,
-    /// The size is large and nearly the allowed one, or the next finer notch does not fit.
+    /// Search that ends when the file fills nearly all of a large allowed size, or when the next finer quantiser step
+    /// would make the file too large.
     Close,
-    /// The next finer notch does not fit: for sizes that are cheap to compute, or must not be missed.
+    /// Search that ends only when the next finer quantiser step would make the file too large. It is meant for sizes
+    /// that are cheap to compute, or that must be filled as far as possible.
     Exact,
 }
 
-/// Finds the finest notch, not below `finest`, whose size is at most `most`, assuming that sizes fall as steps grow.
-/// `None` if even the coarsest does not fit. The returned notch was itself tried.
+/// Finds the finest quantiser step, not below `finest`, whose size is at most `most`, assuming that sizes fall as steps
+/// grow. `None` if even the coarsest does not fit. The returned step was itself tried.
 ///
 /// Sizes are nearly powers of the step. The next trial is therefore where a straight line through the logarithms of the
 /// last sizes meets `most`. A search takes a handful of trials instead of one for each bit of the answer.
@@ -194,7 +203,7 @@ mod tests {
     use super::*;
     use std::convert::Infallible;
 
-    /// Returns the notch that a search finds for sizes `size_of(step)`, and the number of trials.
+    /// Returns the quantiser step that a search finds for sizes `size_of(step)`, and the number of trials.
     fn fitted(start: f32, most: f64, size_of: impl Fn(f64) -> f64) -> (Option<Notch>, u32) {
         let mut trials = 0;
         let size = |at: Notch| {

@@ -9,74 +9,77 @@ use crate::transform::{KltError, LineBasis, PlanError};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingError {
-    /// Number outside its range.
+    /// Option whose number is outside its range.
     #[error("{option} is {found}, expected {expected}")]
     Range {
-        /// Name of the option.
+        /// Name of the option that is out of range.
         option: &'static str,
-        /// Number found.
+        /// Value given for the option, outside its range.
         found: f64,
-        /// Expected range, in words.
+        /// Expected range of the option, in words.
         expected: &'static str,
     },
-    /// Policy lossless with a target that allows errors.
-    #[error("policy lossless keeps every bit and has no error to aim at: ask for lossless instead of another target")]
+    /// Policy lossless combined with a target that allows errors.
+    #[error(
+        "policy lossless: found a target that allows errors, expected target lossless; ask for it, or use another policy"
+    )]
     LosslessTarget,
-    /// Unknown basis name.
+    /// Name of a spectral basis that does not exist.
     #[error(
         "unknown basis `{found}`, expected auto, klt, identity or one of {}",
         LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ")
     )]
     UnknownBasis {
-        /// Name found.
+        /// Basis name found in the settings.
         found: String,
     },
-    /// Option that only policy `rd` has, with another policy.
+    /// Option that only policy `rd` has, used with another policy.
     #[error("{}", option.refusal(*policy))]
     NeedsRd {
-        /// The option.
+        /// Option in the settings that only the rate–distortion policy (`rd`) supports.
         option: RdOption,
-        /// The policy found.
+        /// Policy found in the settings.
         policy: Policy,
     },
-    /// Bound on the error of albedos that cannot be kept, or that the target already implies.
+    /// Requested bound on the error of albedos that cannot be kept with the other settings, or that the target already
+    /// implies.
     #[error("albedo_error: {0}")]
     Albedo(AlbedoConflict),
-    /// Random access where blocks cannot be coded separately.
+    /// Random access requested where single incoming directions cannot be coded separately.
     #[error(
-        "random_access: found {0}, expected policy rd with basis auto or klt, another target, and incoming directions or an \
-         index in front of the outgoing directions"
+        "random_access: found {0}, expected policy rd with basis auto or klt, a target that does not bound every sample, and \
+         incoming directions or an index in front of the outgoing directions"
     )]
     RandomAccess(RandomAccessConflict),
-    /// Straight lines between directions that are not on a grid of angles.
+    /// Straight-line interpolation requested between directions that are not on a grid of angles.
     #[error(
-        "straight lines between stated directions: the measurement has no outgoing grid of angles; keep the interpolation \
-         cubic, or the directions on the grid of the file (domain grid)"
+        "straight lines between directions: found no grid of outgoing angles in the measurement, expected one; keep the \
+         interpolation cubic, or keep the directions on the grid of the measured file (domain grid)"
     )]
     StraightLines,
-    /// Interpolation between incidences that the measurement cannot have.
+    /// Interpolation between incoming directions that does not suit the measurement's quantity or axes.
     #[error(
-        "interpolation between incidences: divisors and the direction back to the source are for BRDFs of several incoming \
-         directions, cubics for measurements of such; leave it at its default"
+        "interpolation between incoming directions: a divisor or retro-reflection needs a BRDF of several incoming directions, \
+         a cubic any measurement of several; leave the interpolation at its default"
     )]
     Between,
-    /// Lobe that the measurement cannot have.
+    /// Analytic lobe that does not suit the measurement's quantity or axes.
     #[error(
-        "lobe beside the cells: found a measurement without place for it, expected a BRDF of incoming directions over \
+        "lobe beside the cells: found a measurement that cannot have one, expected a BRDF of incoming directions over \
          triangles of the upper hemisphere with one colour of the lobe for each sample of a spectrum, and incoming azimuths where \
          its widths differ"
     )]
     Lobe,
-    /// Metadata that are not a JSON object.
+    /// Metadata text that is not a JSON object.
     #[error("metadata is no JSON object, expected text such as {{\"name\": \"value\"}}")]
     MetadataObject,
-    /// Metadata above the limit of 16 MiB.
+    /// Metadata text longer than the limit of 16 MiB.
     #[error("metadata has {found} bytes, expected at most 16 MiB; leave it out (--no-metadata, \"metadata\": false)")]
     MetadataLength {
-        /// Length in bytes, with the labels of index axes.
+        /// Length of the metadata text in bytes, labels of index axes included.
         found: usize,
     },
-    /// Bound on colour differences for spectra without colours.
+    /// Requested bound on colour differences of spectra whose colours cannot be computed.
     #[error("delta_e: {0}")]
     Colour(#[from] ColourError),
     /// Measurement whose noise cannot be estimated.
@@ -86,48 +89,49 @@ pub enum SettingError {
          er_l2 0.01"
     )]
     NoNoise,
-    /// No spectral basis to try.
+    /// Axes for which no spectral basis is available.
     #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
     NoBasis,
-    /// Transforms that do not fit the axes.
+    /// Transforms that do not suit the axes of the measurement.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// Principal components that cannot be computed.
+    /// Failure to compute the principal components of the data.
     #[error("basis klt: {0}")]
     Klt(#[from] KltError),
-    /// Symmetry that the domain of the directions does not have.
+    /// Symmetry that does not map the directions of the measurement to themselves.
     #[error("the symmetry does not map the directions of the measurement to themselves")]
     Symmetry,
-    /// Model of appearance on axes that it does not support.
+    /// Scattering model on axes that lack the directions it needs.
     #[error("the model of the lobe needs incoming and outgoing directions, which these axes do not have")]
     Model,
-    /// Target that bounds no error where an error bound is needed.
-    #[error("this target promises no error of the samples; give one that does, for example er_l2 0.01")]
+    /// Compression target that bounds no error of the samples, such as a size, where the search needs an error bound.
+    #[error("this target bounds no error of the samples; give one that does, for example er_l2 0.01")]
     Unbounded,
-    /// The lossless target with a policy that allows errors.
-    #[error("the rd policy is not lossless")]
+    /// Lossless target combined with a policy that allows errors.
+    #[error("found target lossless with policy rd, which allows errors; use policy lossless")]
     NotLossless,
-    /// Spectra, sampled for ranking bases, that do not form a measurement.
-    #[error("the spectral bases cannot be ranked, as the spectra drawn for it form no measurement: {0}")]
+    /// Subset of the spectra, selected for comparing spectral bases, that forms no valid tensor.
+    #[error("the spectral bases cannot be compared on a subset of the spectra, which forms no valid tensor: {0}")]
     Sample(TensorError),
-    /// Samples that do not form a tensor.
+    /// Samples that do not form a valid tensor.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
 
-/// Options that need policy `rd`.
+/// Options that only policy `rd` has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RdOption {
-    /// The data's own spectral basis.
+    /// Spectral basis of the data's own principal components.
     Klt,
-    /// Target that stops at the noise.
+    /// Target whose error is as small as the noise of the measurement.
     Auto,
-    /// A step of the quantiser.
+    /// Target that fixes the quantiser step.
     Step,
-    /// A bound on colour differences.
+    /// Target that bounds colour differences.
     DeltaE,
-    /// Target that the policy cannot aim at.
+    /// Compression target, other than `er_l2` auto, `step` and `delta_e`, that only the rate–distortion policy `rd` can
+    /// meet.
     Target,
 }
 
@@ -147,38 +151,46 @@ impl RdOption {
     }
 }
 
-/// Conflicts of a bound on the error of albedos with other settings.
+/// Reasons why a bound on the error of albedos conflicts with other settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AlbedoConflict {
-    /// Policy or target without light corrections.
-    #[error("only policy rd with an error to keep corrects light; use that, or leave albedo_error out")]
+    /// Policy or target that does not correct the light (albedo, flux) of the decoded samples.
+    #[error(
+        "only policy rd with a target that allows errors corrects albedos; use policy rd, or leave albedo_error out"
+    )]
     Uncorrected,
-    /// Target that already bounds the light.
+    /// Target that already bounds the error of the light (albedo, flux).
     #[error(
         "a bound on every sample, or in the unit of the samples, bounds the light already; leave albedo_error out, or ask \
          for er_l2 or er_l1"
     )]
     Bounded,
-    /// Axes without outgoing directions.
-    #[error("the axes have no directions to add light over; leave albedo_error out")]
+    /// Axes without outgoing directions, over which light could be summed.
+    #[error("the axes have no directions over which to integrate an albedo; leave albedo_error out")]
     NoDirections,
 }
 
-/// Conflicts of random access with other settings.
+/// Reasons why random access to single incoming directions conflicts with other settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RandomAccessConflict {
-    /// Policy without independent blocks.
-    #[error("policy {0}")]
+    /// Compression policy that codes all incoming directions together, so that none can be decoded alone as random
+    /// access needs.
+    #[error("policy {0}, which codes all incoming directions together, so that none can be decoded alone")]
     Policy(Policy),
-    /// Basis other than the data's own.
-    #[error("basis {0}")]
+    /// Spectral basis with which all incoming directions are coded together: any but the data's own principal
+    /// components.
+    #[error("basis {0}, which codes all incoming directions together, so that none can be decoded alone")]
     Basis(String),
-    /// Target whose corrections are coded for all samples together.
-    #[error("a target that bounds every sample: its corrections are coded for all samples together")]
+    /// Target that bounds every sample, with corrections coded for all samples together.
+    #[error(
+        "a target that bounds every sample, which takes corrections coded for all incoming directions together, so \
+         that none can be decoded alone"
+    )]
     EverySample,
-    /// Axes without blocks.
-    #[error("no incoming directions and no index in [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
+    /// Axes with neither incoming directions nor numbered entries before the outgoing directions: there are no parts
+    /// that could be decoded singly.
+    #[error("no incoming directions and no index in the axes [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
     Axes(Vec<Axis>),
 }

@@ -8,12 +8,12 @@ use super::target::Target;
 use crate::domain::{Limits, Lobe, Measurement};
 use std::ops::Bound::Excluded;
 
-/// Everything besides the measurement that determines the bytes.
+/// Settings of a compression: together with the measurement they determine every byte of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Promised error, size or ratio.
+    /// Target that the file must meet: an error, a size or a ratio.
     pub target: Target,
-    /// Coding policy.
+    /// Policy: how coefficients are chosen and coded.
     pub policy: Policy,
     /// Name of the spectral basis (`haar`, `db4`, `bior4.4`, any of
     /// [`LineBasis::all`](crate::transform::LineBasis::all)), or `auto`.
@@ -30,20 +30,21 @@ pub struct Settings {
     /// Needs policy `rd`, the data's own basis (`auto` then means `klt`), an axis before the outgoing directions, and
     /// no target that bounds every sample. The file then has no coarser levels.
     pub random_access: bool,
-    /// Share of straight lines between stated directions, in 255ths: 0 for cubics of logarithms, 255 for straight lines
-    /// alone. A nonzero share needs a grid of angles as the last directions. `evaluate::straight_lines_for_flux` finds
-    /// the share that keeps the flux of a luminaire.
+    /// Share of straight lines in the interpolation between measured directions, in 255ths: 0 for cubics of logarithms,
+    /// 255 for straight lines alone. A nonzero share needs a grid of angles as the last directions.
+    /// `evaluate::straight_lines_for_flux` finds the share that keeps the flux of a luminaire.
     pub straight_lines: u8,
-    /// Interpolation between incidences; `evaluate::interpolation_between` finds the one that predicts the measured
-    /// incidences best.
+    /// Interpolation between incoming directions; `evaluate::interpolation_between` finds the one that predicts the
+    /// measured ones best.
     pub between: Between,
-    /// Lobe beside the cells of a BRDF, already subtracted from the measurement; evaluation adds it back. Errors and
-    /// levels are those of the cells alone.
+    /// Analytic lobe of a BRDF, already subtracted from the samples of the measurement; evaluation adds it back. Errors
+    /// and levels are those of the samples without the lobe.
     pub lobe: Option<Lobe>,
 }
 
 impl Default for Settings {
-    /// er(L2) of 1 %, policy `rd`, any basis, no further options.
+    /// Returns the default settings of a compression: relative RMS error er(L2) of at most 1 %, rate–distortion coding
+    /// (policy `rd`), an automatic choice of the basis, no further options.
     fn default() -> Self {
         Self {
             target: Target::ErL2(0.01),
@@ -60,13 +61,13 @@ impl Default for Settings {
     }
 }
 
-/// Limits of the floor.
+/// Limits of the option `floor`, the fraction of the largest sample below which relative errors do not count.
 pub const FLOOR: Limits = Limits {
     low: Excluded(0.0),
     high: Excluded(1.0),
     expected: "a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)",
 };
-/// Limits of the bound on the error of the light.
+/// Limits of the option `albedo_error`, the bound on the relative error of the light (directional albedo, flux).
 pub const ALBEDO_ERROR: Limits = Limits::up_to(1.0, "more than 0 and at most 1 (0.01 is 1 %)");
 
 /// Checks the name of a spectral basis, which may be `auto`. The error lists the names.
@@ -77,7 +78,7 @@ pub fn check_basis(name: &str) -> Result<(), SettingError> {
     Err(SettingError::UnknownBasis { found: name.to_owned() })
 }
 
-/// Rejects settings that are out of range or contradict each other.
+/// Rejects settings of a compression that are out of range or contradict each other.
 pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     settings.target.check()?;
     if settings.policy == Policy::Lossless && settings.target != Target::Lossless {
@@ -100,7 +101,8 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     Ok(())
 }
 
-/// Floor in the unit of a sample, as the file stores it; 0 without a floor.
+/// Converts the floor from a fraction of the largest sample to the unit of a sample, rounded to f32 as the file stores
+/// it; 0 without a floor.
 pub fn absolute_floor(measurement: &Measurement, floor: Option<f64>) -> f32 {
     let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
     floor.map_or(0.0, |floor| (floor * maximum()) as f32)

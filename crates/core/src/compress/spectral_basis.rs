@@ -3,19 +3,19 @@
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, LineBasis, SphereBasis};
 
-/// Transform along the wavelength axis.
+/// Transform of the samples along the wavelength axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SpectralBasis {
-    /// A wavelet.
+    /// A wavelet basis of the wavelength axis.
     Line(LineBasis),
-    /// No transform.
+    /// No transform along the wavelength axis.
     Identity,
-    /// The data's own principal components, stored with the material (policy `rd`).
+    /// Principal components of the data's own spectra, stored in the file (policy `rd`).
     Klt,
 }
 
 impl SpectralBasis {
-    /// Name of the basis in settings and reports.
+    /// Name of the spectral basis in settings and reports.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Line(basis) => basis.name(),
@@ -24,7 +24,7 @@ impl SpectralBasis {
         }
     }
 
-    /// Transform of an axis; triangles take `sphere`.
+    /// Returns the transform of any axis under this spectral basis; triangle axes take the basis `sphere`.
     pub(super) fn transform_of(self, axis: &Axis, sphere: SphereBasis) -> AxisTransform {
         match axis {
             Axis::Triangles(_) => AxisTransform::Sphere(sphere),
@@ -38,7 +38,7 @@ impl SpectralBasis {
         }
     }
 
-    /// Basis with this name; `None` for `auto` and for unknown names.
+    /// Returns the spectral basis with this name; `None` for `auto` and for unknown names.
     pub(super) fn named(name: &str) -> Option<Self> {
         match name {
             "klt" => Some(Self::Klt),
@@ -48,7 +48,7 @@ impl SpectralBasis {
     }
 }
 
-/// Name of the basis on the wavelength axis, `none` without such an axis.
+/// Name of the transform of the wavelength axis, `none` without such an axis.
 pub(super) fn basis_of(axes: &[Axis], transforms: &[AxisTransform], klt: bool) -> String {
     let on_wavelength = axes.iter().zip(transforms).find(|(axis, _)| matches!(axis, Axis::Wavelength(_)));
     match on_wavelength {

@@ -2,12 +2,12 @@
 
 use crate::codec::{CodecError, Reader, Writer};
 
-/// Low bits of an f32 that a stated error omits.
+/// Number of low bits of an f32 that a header omits when it stores an error.
 const STATED_SHIFT: u32 = 8;
-/// Largest error that can be stated, as f32 bits.
+/// Largest error that a header can store, as the bits of an f32.
 const LARGEST_STATED: u32 = 0x7F7F_FF00;
 
-/// Returns the smallest statable number that is not below `error`.
+/// Returns the smallest error not below `error` that a header can store.
 pub(super) fn rounded_up(error: f64) -> f32 {
     let nearest = error.min(f64::from(f32::MAX)) as f32;
     let above = if f64::from(nearest) < error { nearest.next_up() } else { nearest };
@@ -15,20 +15,21 @@ pub(super) fn rounded_up(error: f64) -> f32 {
     f32::from_bits(((above.to_bits() + left_out) & !left_out).min(LARGEST_STATED))
 }
 
-/// Returns the largest statable number that is not above `target`. An error rounded up is at most `target` exactly if
-/// the error is at most this number.
+/// Returns the largest error not above `target` that a header can store. An error rounded up is at most `target`
+/// exactly if the error is at most this number.
 pub(super) fn rounded_down(target: f64) -> f64 {
     let nearest = target.min(f64::from(f32::MAX)) as f32;
     let below = if f64::from(nearest) > target { nearest.next_down() } else { nearest };
     f64::from(f32::from_bits((below.to_bits() >> STATED_SHIFT << STATED_SHIFT).min(LARGEST_STATED)))
 }
 
-/// Writes `error`, rounded up.
+/// Writes `error` to a header, rounded up to 24 bits.
 pub(super) fn write_error(w: &mut Writer, error: f64) {
     w.low_bytes(rounded_up(error).to_bits() >> STATED_SHIFT, 3);
 }
 
-/// Reads an error; rejects negative and non-finite ones.
+/// Reads one of the 24-bit errors that a file states about its decoded samples (relative or absolute, `what` names it);
+/// rejects negative and non-finite ones.
 pub(super) fn read_error(r: &mut Reader<'_>, what: &'static str) -> Result<f64, CodecError> {
     let value = f32::from_bits(r.low_bytes(3, what)? << STATED_SHIFT);
     if value >= 0.0 && value.is_finite() {

@@ -4,36 +4,36 @@ use super::between::Between;
 use super::policy::Policy;
 use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
 
-/// Properties of a material that are known from its header.
+/// Properties of a compressed material that are known from its header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// Measured quantity.
+    /// Measured quantity, for example a BRDF or a reflectance.
     pub quantity: Quantity,
-    /// The unit of a sample.
+    /// Unit of a sample.
     pub unit: Unit,
     /// Meaning of a sample on a triangle axis: point value or average over the triangle.
     pub sampling: Sampling,
-    /// Axes, outermost first.
+    /// Axes of the samples, outermost first.
     pub axes: Vec<Axis>,
-    /// Coding policy.
+    /// Policy: how coefficients were chosen and coded.
     pub policy: Policy,
     /// Name of the spectral basis; `none` without a wavelength axis.
     pub basis: String,
-    /// Number of nonzero coefficients; `None` for lossless.
+    /// Number of nonzero coefficients in the file; `None` for a lossless file.
     pub kept_coefficients: Option<u64>,
     /// Quantiser step of normalised coefficients ([`Target::Step`](super::Target::Step)), in natural-log units or, for
     /// targets of absolute errors, in the unit of a sample. `None` for policies other than `rd`.
     pub step: Option<f64>,
-    /// Absolute floor in the unit of a sample, 0 if none was declared.
+    /// Magnitude below which samples do not count in relative errors, in the unit of a sample; 0 if none was declared.
     pub floor: f64,
-    /// Share of straight lines between stated directions, 0 (cubics of logarithms) to 1. `None` unless the last
-    /// directions are a grid of angles.
+    /// Share of straight lines in the interpolation between measured directions, from 0 (cubics of logarithms) to 1.
+    /// `None` unless the last directions are a grid of angles.
     pub straight_lines: Option<f64>,
-    /// Interpolation between incidences.
+    /// Interpolation between incoming directions.
     pub between: Between,
-    /// Lobe beside the cells; evaluation adds it to them.
+    /// Analytic lobe stored beside the samples; evaluation adds it to them. `None` without one.
     pub lobe: Option<Lobe>,
-    /// Ratio of a sample to the number stated in the measured file, if both were kept (lossless only); else 1.
+    /// Ratio of a sample to the number stated in the measured file, if a lossless file stores those numbers; else 1.
     pub factor: f64,
     /// Errors of the decoded file against its input tensor (each rounded up by at most 0.007 % when read from a file).
     pub errors: ErrorReport,

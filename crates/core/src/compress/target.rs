@@ -8,7 +8,7 @@ use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, IntoDeserializer, 
 use serde::{Deserialize as DeriveDeserialize, Serialize, Serializer};
 use std::ops::Bound::{Included, Unbounded};
 
-/// Declares the targets: each once, with the help text, the name and the values of its option.
+/// Declares the targets of a compression: each once, with the help text, the name and the values of its option.
 macro_rules! targets {
     ($(#[$meta:meta])* pub enum Target { $(
         $(#[doc = $help:literal])+
@@ -23,13 +23,13 @@ macro_rules! targets {
         )+ }
 
         impl Target {
-            /// All targets, in the order of the variants. In JSON a target with a value is the object `{NAME: value}`,
-            /// one without is the text `NAME`.
+            /// All targets of a compression, in the order of the variants. In JSON a target with a value is the object
+            /// `{NAME: value}`, one without is the text `NAME`.
             pub const DECLARED: &'static [Declared] = &[$(
                 Declared { name: $name, help: concat!($($help),+), values: targets!(@values $($values)?) },
             )+];
 
-            /// Returns the name of the target in JSON.
+            /// Returns the name of the target in JSON, for example `er_l2`.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant { .. } => $name,)+ }
             }
@@ -39,16 +39,16 @@ macro_rules! targets {
     (@values $values:expr) => { $values };
 }
 
-/// Relative errors that can be requested; larger ones are meaningless.
+/// Range of relative errors that can be requested; larger ones are meaningless.
 const RELATIVE: Values =
     Values::Number { shown: "E", limits: Limits::up_to(10.0, "more than 0 and at most 10 (0.01 is 1 %)") };
-/// Smallest quantiser step; float32 logarithms cannot resolve finer ones.
+/// Smallest quantiser step that can be requested, in natural logarithms; float32 logarithms cannot resolve finer ones.
 pub(crate) const LEAST_STEP: f64 = 1e-6;
-/// Largest quantiser step; at the loosest targets it leaves one coefficient.
+/// Largest quantiser step that can be requested, in natural logarithms; it leaves about one coefficient.
 const MOST_STEP: f64 = 64.0;
 
 targets! {
-    /// Promise that the compressed file keeps.
+    /// Promise that the compressed file keeps, for example an error or a size.
     pub enum Target {
         /// Upper bound on the mean relative error, er(L1), of the samples above 0: 0.01 is 1 %.
         ErL1(f64) = "er_l1": RELATIVE,
@@ -59,14 +59,14 @@ targets! {
         /// Upper bound on the absolute error of every sample, in the unit of the samples.
         MaxAbsoluteError(f64) = "max_absolute_error":
             Values::Number { shown: "E", limits: Limits::positive("more than 0, in the unit of the samples") },
-        /// Upper bound on the relative root mean square error: the root of the sum of squared errors over the sum of
-        /// squared samples.
+        /// Upper bound on the relative root mean square error: the square root of the ratio of the sum of squared
+        /// errors to the sum of squared samples.
         RelativeRmse(f64) = "relative_rmse": RELATIVE,
         /// Upper bound on the colour difference CIEDE2000 of every spectrum, under an illuminant (D65 unless stated);
-        /// needs policy rd.
+        /// needs the rate–distortion policy, rd.
         DeltaE(DeltaE) = "delta_e":
             Values::Number { shown: "E", limits: Limits::up_to(100.0, "more than 0 and at most 100") },
-        /// Lower bound on the samples per kept coefficient.
+        /// Lower bound on the compression ratio: number of samples divided by that of kept transform coefficients.
         Ratio(f64) = "ratio": Values::Number {
             shown: "R",
             limits: Limits {
@@ -78,8 +78,9 @@ targets! {
         /// Upper bound on the bytes of the file, metadata included.
         Bytes(u64) = "bytes": Values::Whole { shown: "N", least: 1, most: u64::MAX },
         /// No error bound: fixes the quantiser step, in natural logarithms of the samples, without a search. Errors are
-        /// still measured and reported; er(L2) is about a tenth of the step, unless the data's own basis (a choice of
-        /// auto) has too few vectors to follow the data. Needs policy rd.
+        /// still measured and reported; er(L2) is about a tenth of the step, unless the spectral basis is the data's
+        /// own (auto may choose it) and has too few vectors to follow the data. Only the rate–distortion policy, rd,
+        /// has a quantiser.
         Step(f64) = "step": Values::Number {
             shown: "S",
             limits: Limits {
@@ -88,45 +89,47 @@ targets! {
                 expected: "0.000001 to 64, in natural logarithms",
             },
         },
-        /// As accurate as the measurement: er(L2) stops at the estimated noise, or at the uncertainty that the file
-        /// states if that is larger; needs policy rd.
+        /// Error er(L2) as small as the noise of the measurement justifies, as estimated from the samples or, if
+        /// larger, as the file states its uncertainty; needs the rate–distortion policy, rd.
         Auto = "auto",
-        /// Every bit is kept.
+        /// Every bit of every sample is kept.
         Lossless = "lossless",
     }
 }
 
-/// Upper bound on CIEDE2000 of every scored spectrum, as `domain::colour::SpectraColours` defines it.
+/// Upper bound on the colour difference CIEDE2000 of every spectrum with enough measured wavelengths for a colour, and
+/// the illuminant to which the colours refer.
 ///
 /// In JSON a number (the illuminant is then D65), or an object with both fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct DeltaE {
-    /// Largest colour difference allowed; about 1 is just noticeable.
+    /// Largest CIEDE2000 colour difference allowed; about 1 is just noticeable.
     #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0.0, maximum = 100.0))]
     pub at_most: f64,
-    /// Illuminant of reflection and transmission; for emission, the chromaticity of white.
+    /// Illuminant of reflection and transmission; for emission, the light whose chromaticity counts as white.
     pub illuminant: Illuminant,
 }
 
-/// Figure of an error report, with its upper bound.
+/// Error of all samples in one number (for example er(L2)) that a target bounds, with its upper bound.
 #[derive(Clone, Copy)]
 pub(crate) struct Bound {
-    /// Name of the figure in requests and reports.
+    /// Name of the bounded error figure in requests and reports.
     pub(crate) name: &'static str,
     pub(crate) at_most: f64,
     pub(crate) figure: fn(&ErrorReport) -> f64,
 }
 
 impl Bound {
-    /// Returns true if `errors` are within the bound.
+    /// Returns true if the bounded figure of an error report is within its bound.
     pub(crate) fn keeps(&self, errors: &ErrorReport) -> bool {
         (self.figure)(errors) <= self.at_most
     }
 }
 
 impl Target {
-    /// Returns the figure that the target bounds; `None` if it bounds no figure of an error report.
+    /// Returns the error of the samples that this target bounds, for example er(L2), with its upper bound. `None` if
+    /// the target bounds no such error, for example a size.
     pub(crate) fn bound(self) -> Option<Bound> {
         let (at_most, figure): (_, fn(&ErrorReport) -> f64) = match self {
             Self::ErL1(most) => (most, |e| e.er_l1),
@@ -141,7 +144,8 @@ impl Target {
         Some(Bound { name, at_most, figure })
     }
 
-    /// Returns the declaration of the target.
+    /// Returns the declaration of this compression target, from which the command line and the service offer it as an
+    /// option: name, help text and allowed values.
     pub fn declared(self) -> Option<&'static Declared> {
         Self::DECLARED.iter().find(|declared| declared.name == self.name())
     }
@@ -160,7 +164,7 @@ impl Target {
         }
     }
 
-    /// Rejects a target value outside its range.
+    /// Rejects a target whose value is outside its range.
     pub fn check(self) -> Result<(), SettingError> {
         match (self.declared(), self.number()) {
             (Some(&Declared { name, values: Values::Number { limits, .. }, .. }), Some(found))

@@ -22,7 +22,7 @@ pub(super) fn index(count: usize) -> Axis {
     Axis::Index { count, labels: (0..count).map(|i| format!("patch {i}")).collect() }
 }
 
-/// Smooth positive function of every axis, with a little seeded noise.
+/// Test measurement: a smooth positive function of every axis, with a little seeded noise.
 pub(super) fn measurement(quantity: Quantity, axes: Vec<Axis>, noise: f64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(7);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -97,7 +97,8 @@ pub(super) fn settings(target: Target, policy: Policy) -> Settings {
     }
 }
 
-/// Compresses, decodes, checks the report against an independent measurement, and returns the file.
+/// Compresses a measurement, decodes the file, checks the reported errors against an independent computation, and
+/// returns the file.
 fn check_file(m: &Measurement, settings: &Settings) -> Compressed {
     let compressed = compress(m, settings, &Silent).unwrap();
     let decoded = decode(&compressed.bytes).unwrap();

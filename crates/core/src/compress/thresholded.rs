@@ -30,12 +30,13 @@ use crate::codec::{ChunkKind, Class, Rows};
 use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use crate::transform::{AxisTransform, Plan, SphereBasis};
 
-/// Number of bisections of the threshold; each halves the remaining interval.
+/// Number of bisections of the coefficient threshold; each halves the remaining interval.
 const REFINEMENTS: u32 = 12;
-/// Fraction of the allowed bytes at which the search for a count stops.
+/// Fraction of the allowed bytes at which the search for the number of kept coefficients stops.
 const ENOUGH: f64 = 0.99;
 
-/// Compresses with every candidate basis and keeps the best: the smallest file, or the least error at a given size.
+/// Compresses by a threshold in every candidate basis and keeps the best file: the smallest, or the one of least error
+/// at a given size.
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
@@ -82,7 +83,7 @@ pub(crate) fn compress(
     best(found, settings.target)
 }
 
-/// Returns the best of files made to one target, with the ranking of all of them; ties go to the earlier one.
+/// Returns the best of files made to one target, with the ranking of all of them; of equal files the earlier one.
 fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, CompressError> {
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
     found.sort_by(|a, b| {
@@ -142,7 +143,7 @@ impl<'a> Work<'a> {
         Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, basis, floor, tally })
     }
 
-    /// Bounded figure of the target; `None` for lossless, which thresholds cannot reach.
+    /// Figure of an error report that the target bounds; `None` for lossless, which thresholds cannot reach.
     fn bound(&self) -> Option<Bound> {
         self.settings.target.bound().filter(|_| self.settings.target != Target::Lossless)
     }
@@ -157,7 +158,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Finds the largest threshold whose decoded errors are accepted; 0 keeps everything.
+    /// Finds the largest threshold on coefficients whose decoded errors are accepted; 0 if only keeping all of them is.
     fn largest_threshold(
         &self,
         progress: &dyn Progress,
@@ -182,7 +183,7 @@ impl<'a> Work<'a> {
         Ok(largest(self.scale(), REFINEMENTS, keeps)?.map_or(0.0, |threshold| threshold as f32))
     }
 
-    /// Finds the least threshold, hence the least error, that `fits` accepts.
+    /// Finds the smallest threshold on coefficients, hence the least error, that `fits` accepts.
     fn least_threshold(&self, progress: &dyn Progress, fits: impl Fn(f32) -> bool) -> Result<f32, CompressError> {
         // Bisects the bit patterns of positive floats, which are in the order of the floats.
         let (mut low, mut high) = (0_u32, f32::MAX.to_bits());
@@ -205,7 +206,7 @@ impl<'a> Work<'a> {
         Ok(f32::from_bits(low))
     }
 
-    /// Finds the least threshold on the lattice of notches whose file has at most `bytes` bytes.
+    /// Finds the smallest threshold, among f32 numbers of 8 significant bits, whose file has at most `bytes` bytes.
     fn threshold_of_size(&self, progress: &dyn Progress, bytes: u64) -> Result<f32, CompressError> {
         let size = |at: Notch| {
             if progress.is_cancelled() {
@@ -221,14 +222,14 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Error for a target smaller than the smallest file.
+    /// Builds the error for a wanted size below that of the smallest file.
     fn too_large(&self) -> CompressError {
         let smallest = self.size_of(&self.parts_of(vec![0.0; self.coefficients.len()])) as f64;
         let of = (self.coefficients.len(), self.basis);
         refusal::too_large(self.settings.target, smallest, of, self.settings.metadata.is_some())
     }
 
-    /// Initial threshold: 1 % of the mean magnitude of a sample.
+    /// Threshold at which the search starts: 1 % of the mean magnitude of a sample.
     fn scale(&self) -> f64 {
         let samples = self.measurement.tensor.samples();
         let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|s| f64::from(s.abs())).sum();
@@ -252,7 +253,8 @@ impl<'a> Work<'a> {
         assemble(parts, metadata.as_deref()).len() + if unscored { UNSCORED_BYTES } else { 0 }
     }
 
-    /// Finds the coefficients kept by the thresholds of each space.
+    /// Finds thresholds that meet the target, one for each axis, on coefficients that are functions of the later axes
+    /// (policies generic and adaptive). Returns the parts of a file with the coefficients they keep.
     fn find_generic(&self, samples: &[f32], rule: Rule, progress: &dyn Progress) -> Result<Parts, CompressError> {
         let axes = self.measurement.tensor.axes();
         let transform = GenericTransform::new(axes, &self.transforms, samples, true).map_err(SettingError::from)?;
@@ -301,8 +303,8 @@ impl<'a> Work<'a> {
         Ok(self.parts_of(kept))
     }
 
-    /// Finds the selection with the largest count of coefficients whose file has at most `bytes` bytes; `None` if no
-    /// file is that small.
+    /// Finds the selection with the most coefficients whose file has at most `bytes` bytes; `None` if no file is that
+    /// small.
     fn largest_count(
         &self,
         bytes: u64,

@@ -3,7 +3,7 @@
 use crate::codec::{CodecError, Reader, Writer};
 use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
 
-/// Codes of transforms without a basis on a line.
+/// File codes of the axis transforms that are not wavelets on a line.
 const FIXED: [(u64, AxisTransform); 4] = [
     (0, AxisTransform::Identity),
     (1, AxisTransform::Sphere(SphereBasis::BioHaar)),
@@ -11,10 +11,10 @@ const FIXED: [(u64, AxisTransform); 4] = [
     (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
 
-/// Code of basis 0 on a line.
+/// File code of the first wavelet basis on a line; the code of basis n is this plus n.
 const FIRST_LINE: u64 = 16;
 
-/// Writes the code of `transform`.
+/// Writes the file code of an axis transform.
 pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
     if let AxisTransform::Line { basis, boundary } = transform {
         w.varint(FIRST_LINE + u64::from(basis.code()));
@@ -24,7 +24,7 @@ pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
     }
 }
 
-/// Reads a transform; rejects unknown codes.
+/// Reads the file code of an axis transform; rejects unknown codes.
 pub(super) fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
     let code = r.varint("transform")?;
     if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {

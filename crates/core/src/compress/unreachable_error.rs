@@ -5,170 +5,177 @@ use super::policy::Policy;
 use super::target::Target;
 use crate::codec::CodecError;
 
-/// Promises that no file of a measurement keeps.
+/// Reasons why no file of a measurement meets its target.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnreachableError {
-    /// No spectral basis can be tried.
+    /// Axes for which no spectral basis is available.
     #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
     NoBasis,
-    /// Error that a basis does not reach, however small the step.
+    /// Error bound that a basis does not reach, however small the quantiser step.
     #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear)))]
     CannotFollow {
-        /// Name of the option.
+        /// Name of the option with the error bound.
         option: &'static str,
-        /// Requested error.
+        /// Requested upper bound on the error that `option` names: a fraction for relative errors, in the unit of the
+        /// samples for absolute ones.
         wanted: f64,
-        /// The smallest error found; infinite where float32 overflows.
+        /// Smallest error of the decoded samples that the search over quantiser steps found; infinite if samples
+        /// exceeded float32 with every step.
         closest: f64,
         /// Name of the spectral basis.
         basis: &'static str,
         /// True if samples are coded, false if their logarithms are.
         linear: bool,
     },
-    /// Bound on every sample that float32 cannot resolve.
+    /// Bound on the error of every sample, too small for float32 to resolve.
     #[error("{}", below_rounding(*target, *largest))]
     BelowRounding {
-        /// The target.
+        /// Target with the bound on every sample.
         target: Target,
-        /// The largest magnitude of a sample.
+        /// Largest magnitude of a sample.
         largest: f64,
     },
-    /// Error below the smallest one that a file can state.
+    /// Error bound below the smallest error that a file can state.
     #[error(
         "{option} {wanted:e} is below 3.6e-43, the smallest error that a file can state; ask for a larger one, or lossless"
     )]
     BelowStated {
-        /// Name of the option.
+        /// Name of the option with the error bound.
         option: &'static str,
-        /// Requested error.
+        /// Requested upper bound on the error that `option` names: a fraction for relative errors, in the unit of the
+        /// samples for absolute ones.
         wanted: f64,
     },
-    /// Size below that of the smallest file, or ratio above that of the fewest coefficients.
+    /// Requested size below that of the smallest file, or requested ratio above that of the fewest coefficients.
     #[error("{}", too_large(*target, *least, (*samples, basis), *has_metadata))]
     TooLarge {
-        /// The target.
+        /// Compression target that the user requested: a file size in bytes, or a ratio of samples to kept
+        /// coefficients.
         target: Target,
-        /// Smallest possible size: bytes, or coefficients for a ratio.
+        /// Smallest possible size of the file: bytes, or coefficients if a ratio was requested.
         least: f64,
-        /// Number of samples.
+        /// Number of samples of the measurement.
         samples: usize,
         /// Name of the spectral basis.
         basis: &'static str,
-        /// True if the file has metadata.
+        /// True if the file contains metadata, which count towards its size.
         has_metadata: bool,
     },
-    /// Ratio that the adaptive rule does not reach, because it keeps all coefficients of constant functions.
+    /// Requested ratio of samples to kept coefficients that the policy `adaptive` does not reach. It scales thresholds
+    /// by √(max − min) of a function, so that it keeps all coefficients of functions that are constant.
     #[error(
         "ratio {ratio}: the adaptive rule keeps {kept} of {count} coefficients, those of functions that are constant; ask for \
          ratio {} or less, or for another policy",
         shown((*count as f64 / (*kept).max(1) as f64).floor())
     )]
     ConstantFunctions {
-        /// Requested ratio.
+        /// Requested number of samples per kept coefficient.
         ratio: f64,
         /// Number of kept coefficients.
         kept: usize,
-        /// Number of coefficients.
+        /// Number of all coefficients, kept or dropped.
         count: usize,
     },
-    /// Figure of the best file found that misses its bound.
+    /// Error or size that exceeds its bound even in the file that came closest to it.
     #[error("{}", missed(option, (*wanted, *found), basis))]
     Missed {
-        /// Name of the option.
+        /// Name of the option whose bound is missed.
         option: &'static str,
-        /// The bound.
+        /// Requested upper bound on the error figure or size.
         wanted: f64,
-        /// The figure of the file.
+        /// Value of the bounded quantity, an error or a size in bytes as `option` says, in the file that came closest
+        /// to the bound.
         found: f64,
-        /// Name of the spectral basis of the file.
+        /// Name of the spectral basis of the file that came closest to the bound.
         basis: String,
     },
-    /// Samples below the floor whose error exceeds it.
+    /// Samples below the floor (the smallest sample whose relative error counts) that would decode with an absolute
+    /// error larger than the floor.
     #[error(
         "floor {}: samples below the floor of {} (in the unit of the samples) are to be kept within it, but the error asked for \
          lets one be off by {}; ask for a smaller error, a larger floor, or leave the floor out",
         shown(*wanted), shown(*floor), shown(*found)
     )]
     Floor {
-        /// Requested floor, as a fraction of the largest sample.
+        /// Requested floor, the smallest sample whose relative error counts, as a fraction of the largest sample.
         wanted: f64,
-        /// The floor in the unit of the samples.
+        /// Requested floor, the smallest sample whose relative error counts, in the unit of the samples.
         floor: f64,
-        /// Largest error of a sample below the floor, in the same unit.
+        /// Largest error of a sample below the floor, in the unit of the samples.
         found: f64,
     },
-    /// Samples that decode as masked, or masked ones as numbers.
+    /// Samples that decode as masked although measured, or as numbers although masked.
     #[error(
         "policy {policy}, basis {basis}: {count} samples would decode as masked, or masked ones as numbers, because the samples \
          leave the range in which this transform works in float32; use lossless, or store the measurement in another unit"
     )]
     Mask {
-        /// The policy.
+        /// Compression policy (method of choosing and coding coefficients) of the rejected file.
         policy: Policy,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis of the rejected file.
         basis: String,
-        /// Number of such samples.
+        /// Number of samples whose mask does not survive decoding.
         count: u64,
     },
-    /// Samples that decode beyond float32 with every step.
+    /// Samples that decode beyond the largest float32 with every quantiser step.
     #[error(
         "samples would decode beyond 3.4e38, the largest float32: the samples come close to it; ask for a larger file, a \
          smaller ratio or step, an error to keep instead (for example er_l2 0.01), or lossless, or store the measurement in a \
          larger unit"
     )]
     Overflow,
-    /// A sample that decodes beyond float32.
+    /// Sample that decodes beyond the largest float32.
     #[error(
         "policy {policy}, basis {basis}: sample {index} of the measurement is {sample:e} and would decode beyond 3.4e38, the \
          largest float32; ask for a smaller error or step, more bytes or a smaller ratio, or lossless, or store the \
          measurement in a larger unit"
     )]
     SampleOverflow {
-        /// The policy.
+        /// Compression policy (method of choosing and coding coefficients) of the rejected file.
         policy: Policy,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis of the rejected file.
         basis: String,
-        /// Flat index of the sample.
+        /// Row-major index of the sample that decodes beyond float32.
         index: usize,
-        /// The sample.
+        /// Value of the sample in the measurement.
         sample: f32,
     },
-    /// Samples that exceed float32 in one of the paper's linear transforms.
+    /// Samples so large that their transform exceeds float32, in a policy that transforms the samples themselves.
     #[error(
         "policy {policy}, basis {basis}: samples as large as {} leave the range of float32 in the transform; use policy rd, \
          lossless, or store the measurement in a larger unit", shown(*largest)
     )]
     TransformOverflow {
-        /// The policy.
+        /// Compression policy (method of choosing and coding coefficients) whose transform coefficients exceed float32.
         policy: Policy,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis whose transform coefficients exceed float32.
         basis: &'static str,
-        /// The largest magnitude of a sample.
+        /// Largest magnitude of a sample.
         largest: f64,
     },
-    /// Given coefficient that float32 cannot hold.
+    /// Coefficient, supplied by the caller, that float32 cannot hold.
     #[error("coefficient {index} is {found}, expected a number that an f32 holds")]
     Coefficient {
-        /// Flat index of the coefficient.
+        /// Row-major index of the coefficient that float32 cannot hold.
         index: usize,
-        /// Value of the coefficient as a float32.
+        /// Rejected coefficient as converted to float32: infinite or not a number.
         found: f32,
     },
-    /// File that its own decoder rejects.
+    /// File that its own decoder rejects, and that is therefore not written.
     #[error(
         "policy {policy}, basis {basis}: no file was written, because its decoder would refuse it ({reason}): the samples leave \
          the range in which this transform works in float32; use lossless, or store the measurement in another unit"
     )]
     Undecodable {
-        /// The policy.
+        /// Compression policy (method of choosing and coding coefficients) of the rejected file.
         policy: Policy,
-        /// Name of the spectral basis.
+        /// Name of the spectral basis of the rejected file.
         basis: String,
-        /// The decoder's reason.
+        /// Reason why the decoder rejects the file.
         reason: CodecError,
     },
-    /// File that does not decode, so that its colours cannot be checked.
+    /// File that does not decode, so that its colour differences cannot be checked.
     #[error("delta_e: the file does not decode ({0}); use lossless")]
     Colours(CodecError),
 }
@@ -242,8 +249,8 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
     text
 }
 
-/// Size of a file that has `least` bytes and metadata with a request for `bytes`, once the request names that size. The
-/// number in the metadata, and numbers computed from it, may then be longer.
+/// Estimates how large the smallest possible file, now of `least` bytes, becomes if the user asks for just that size.
+/// Its metadata repeat the size asked for, now `bytes`, and numbers computed from it, which may get more digits.
 fn with_longer_request(bytes: u64, least: f64) -> f64 {
     let digits = |number: u64| number.max(1).ilog10();
     least + f64::from(4 + 2 * digits(least as u64).saturating_sub(digits(bytes)))

@@ -26,20 +26,21 @@ pub(crate) fn all_positive(samples: &[f32]) -> bool {
     samples.par_chunks(1 << 14).all(block)
 }
 
-/// Value that is approximated for each sample.
+/// Value that the file approximates for each sample: the logarithm of its magnitude, or the sample itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Values {
-    /// Natural logarithm of the magnitude; the sample's class carries the sign.
+    /// Natural logarithm of the sample's magnitude; the sample's class carries the sign.
     Logarithms,
-    /// The sample itself. Unless `signed`, decoded values below 0 become 0.
+    /// Sample itself, not its logarithm. Decoded values below 0 become 0 unless the measurement has negative samples
+    /// (`signed`).
     Samples {
-        /// True if the measurement has negative samples.
+        /// True if the measurement has negative samples, so that decoded values may be negative.
         signed: bool,
     },
 }
 
 impl Values {
-    /// Returns the kind of value that serves `target` best.
+    /// Returns the kind of value, logarithms or samples, that serves `target` best.
     pub(crate) fn of(target: Target, samples: &[f32]) -> Self {
         match target {
             Target::MaxAbsoluteError(_) | Target::RelativeRmse(_) => {
@@ -49,13 +50,14 @@ impl Values {
         }
     }
 
-    /// Returns true if samples are approximated themselves, not as logarithms.
+    /// Returns true if samples themselves are approximated, not their logarithms.
     pub(crate) fn is_linear(self) -> bool {
         matches!(self, Self::Samples { .. })
     }
 
-    /// Returns the class of a sample. Negative samples smaller than the floor become zeros where logarithms are coded.
-    /// Coding their sign would cost more than it is worth, and their error stays below the floor.
+    /// Returns the class (positive, negative, zero or masked) of a sample. Negative samples smaller than the floor
+    /// become zeros if logarithms are coded. Coding their sign would cost more than it is worth, and their error stays
+    /// below the floor.
     pub(crate) fn class_of(self, sample: f32, floor: f32) -> Class {
         if sample.is_nan() {
             Class::Masked
@@ -73,7 +75,8 @@ impl Values {
         }
     }
 
-    /// Returns the value to approximate for a sample; NaN for zero and masked ones.
+    /// Returns the value (logarithm or sample) that a file should approximate for a sample; NaN for zero and masked
+    /// ones.
     pub(crate) fn wanted(self, sample: f32, class: Class, floor: f32) -> f64 {
         match (class, self) {
             (Class::Zero | Class::Masked, _) => f64::NAN,
@@ -82,7 +85,8 @@ impl Values {
         }
     }
 
-    /// Like [`Self::wanted`], for many samples.
+    /// Computes for many samples the values (logarithms or samples) that a file should approximate; NaN for zero and
+    /// masked ones.
     pub(crate) fn wanted_of_all(self, samples: &[f32], classes: &[Class], floor: f32, wanted: &mut [f32]) {
         const BLOCK: usize = 256;
         if self.is_linear() {
@@ -105,7 +109,8 @@ impl Values {
         }
     }
 
-    /// Converts approximated values to samples, before the classes are applied.
+    /// Converts decoded values (logarithms or samples) to magnitudes or samples, before classes restore signs, zeros
+    /// and masks.
     pub(crate) fn finish(self, values: &mut [f32]) {
         match self {
             Self::Logarithms => exponentiate(values),

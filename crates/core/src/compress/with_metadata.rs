@@ -5,8 +5,8 @@ use super::metadata::{metadata_of, metadata_with_labels};
 use super::metadata_chunk::{MAX_METADATA, metadata_chunk};
 use crate::codec::{CodecError, write_chunk};
 
-/// Returns the material `bytes` with its metadata replaced by `metadata`, a JSON object; labels of index axes stay.
-/// Samples and payload digest do not change.
+/// Returns the file `bytes` of a material with its metadata replaced by `metadata`, a JSON object; labels of index axes
+/// stay. Samples and payload digest do not change.
 pub fn with_metadata(bytes: &[u8], metadata: &str) -> Result<Vec<u8>, CodecError> {
     let (header, container) = open(bytes)?;
     let (_, axes) = metadata_of(&header, &container)?;

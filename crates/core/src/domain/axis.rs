@@ -7,63 +7,63 @@ use super::quantity::Quantity;
 use super::triangles::TriangleMesh;
 use super::wavelengths::WavelengthGrid;
 
-/// Axis of a tensor.
+/// Axis of a tensor of samples, such as directions or wavelengths.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Axis {
-    /// Directions on the triangles of a mesh.
+    /// Directions, one per triangle of a mesh on the sphere.
     Triangles(TriangleMesh),
-    /// Directions on a grid of polar angles and azimuths, `[polar, azimuth]` row-major.
+    /// Directions on a grid of polar angles and azimuths, row-major in the order `[polar, azimuth]`.
     Grid(DirectionGrid),
-    /// Incoming elevations of isotropic data: theta in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
+    /// Incoming polar angles of isotropic data, in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
     Elevation(Vec<f64>),
     /// Wavelengths in nm.
     Wavelength(WavelengthGrid),
-    /// Entries without geometry: columns of a table, scan positions.
+    /// Numbered entries without geometry, such as columns of a table or scan positions.
     Index {
-        /// Number of entries.
+        /// Number of entries of the axis.
         count: usize,
-        /// Names of the entries: none, or one per entry.
+        /// Names of the entries of the axis: none, or one per entry.
         labels: Vec<String>,
     },
-    /// The three channels red, green, blue of data without wavelengths.
+    /// Three colour channels, red, green and blue, of data without wavelengths.
     Rgb,
 }
 
-/// Reasons why axes do not form a tensor of a quantity.
+/// Reasons why a list of axes does not form a tensor of a radiometric quantity.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AxisError {
-    /// There are too many axes.
+    /// The tensor has too many axes.
     #[error("{found} axes are more than the limit of {MAX_AXES}")]
     TooManyAxes {
-        /// Number of axes.
+        /// Number of axes of the refused tensor.
         found: usize,
     },
-    /// The product of the lengths exceeds the limit.
+    /// The number of samples, the product of the lengths of the axes, exceeds the limit.
     #[error("axes of lengths {shape:?} make more than the limit of {MAX_SAMPLES} samples")]
     TooManySamples {
-        /// Lengths of the axes.
+        /// Number of entries of each axis.
         shape: Vec<usize>,
     },
-    /// An elevation or index axis is invalid.
+    /// An axis of elevations or of numbered entries is invalid.
     #[error("axis {axis}: {reason}")]
     Malformed {
-        /// Position of the axis, from 0.
+        /// Position of the invalid axis, from 0.
         axis: usize,
-        /// The value found and the one expected.
+        /// Text that names the fault of the axis and what was expected.
         reason: String,
     },
-    /// The axes do not fit the quantity.
-    #[error("{quantity}: {reason}")]
+    /// The axes of the tensor do not fit its radiometric quantity.
+    #[error("the axes do not fit the quantity {quantity}: {reason}")]
     Unfit {
-        /// Quantity of the tensor.
+        /// Radiometric quantity of the tensor.
         quantity: Quantity,
-        /// The value found and the one expected.
+        /// Text that names the axes found and those expected.
         reason: String,
     },
 }
 
 impl Axis {
-    /// Returns the number of entries along the axis; never 0 on a checked axis.
+    /// Returns the number of entries of the axis; never 0 once the axis is checked.
     #[allow(clippy::len_without_is_empty, reason = "a checked axis is never empty")]
     pub fn len(&self) -> usize {
         match self {
@@ -76,18 +76,18 @@ impl Axis {
         }
     }
 
-    /// Returns true if the entries are directions.
+    /// Returns true if the entries of the axis are directions.
     pub fn is_directional(&self) -> bool {
         matches!(self, Self::Triangles(_) | Self::Grid(_) | Self::Elevation(_))
     }
 
-    /// Returns true if the entries are wavelengths or colour channels.
+    /// Returns true if the entries of the axis are wavelengths or colour channels.
     pub fn is_spectral(&self) -> bool {
         matches!(self, Self::Wavelength(_) | Self::Rgb)
     }
 
-    /// Returns the direction that an entry represents: that of an elevation at azimuth 0, the centroid of a triangle,
-    /// or the node of a grid. `None` for axes without directions.
+    /// Returns the direction that an entry of the axis represents: an elevation at azimuth 0, the centroid of a
+    /// triangle, or the node of a grid. `None` for axes without directions.
     pub fn direction(&self, entry: usize) -> Option<Direction> {
         match self {
             Self::Elevation(degrees) => Some(Direction::from_degrees(degrees[entry], 0.0)),
@@ -97,7 +97,8 @@ impl Axis {
         }
     }
 
-    /// Returns a short description for people: `hemisphere:4 (1024 triangles)`, `380..750 nm (75)`, `12 elevations`.
+    /// Returns a short description of the axis for people: `hemisphere:4 (1024 triangles)`, `380..750 nm (75)`, `12
+    /// elevations`.
     pub fn describe(&self) -> String {
         match self {
             Self::Triangles(mesh) => format!("{}:{} ({} triangles)", mesh.domain(), mesh.level(), mesh.len()),
@@ -145,7 +146,7 @@ impl Axis {
     }
 }
 
-/// Checks the limits of each axis and returns the product of the lengths.
+/// Checks the limits of each axis of a tensor and returns the number of samples, the product of the lengths.
 pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
     if axes.len() > MAX_AXES {
         return Err(AxisError::TooManyAxes { found: axes.len() });
@@ -159,23 +160,24 @@ pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
         .ok_or_else(|| AxisError::TooManySamples { shape: axes.iter().map(Axis::len).collect() })
 }
 
-/// Roles of the axes of a tensor: leading index axes without geometry, then directions, then the spectral axis.
+/// Positions of the axes of a tensor by meaning: leading index axes (numbered entries), then directions, then the
+/// spectral axis.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// Number of leading index axes.
+    /// Number of leading index axes (axes of numbered entries without geometry).
     pub indices: usize,
-    /// Position of the axis of `wi`, if any.
+    /// Position of the axis of incoming directions, if there is one.
     pub incoming: Option<usize>,
-    /// Position of the axis of `wo`, if any.
+    /// Position of the axis of outgoing directions, if there is one.
     pub outgoing: Option<usize>,
-    /// Position of the last axis, if it is spectral.
+    /// Position of the spectral axis (wavelengths or colour channels), the last one, if there is one.
     pub spectral: Option<usize>,
 }
 
 impl Layout {
-    /// Returns the roles of `axes` for `quantity`, or the reason why they do not fit. The order is
-    /// `[index…, incoming, outgoing, spectral]`, and each part may be missing. Directional quantities may have index
-    /// axes only (scans without geometry); they then have no directions to query.
+    /// Finds the meaning of each axis for `quantity`, or the reason why the axes do not fit. The order is `[index…,
+    /// incoming, outgoing, spectral]`, and each part may be missing. Directional quantities may have index axes only
+    /// (scans without geometry); they then have no directions to query.
     pub fn of(quantity: Quantity, axes: &[Axis]) -> Result<Self, AxisError> {
         let unfit = |reason: String| AxisError::Unfit { quantity, reason };
         let indices = axes.iter().take_while(|axis| matches!(axis, Axis::Index { .. })).count();

@@ -4,7 +4,7 @@ use super::vector::{self, Vector};
 
 const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Unit vector in the surface or luminaire frame (see [`crate::domain`]).
+/// Direction: unit vector in the frame of a surface or luminaire (see [`crate::domain`]).
 ///
 /// ```
 /// use wavelume_core::domain::Direction;
@@ -17,69 +17,71 @@ const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 pub struct Direction(Vector);
 
 impl Direction {
-    /// Creates the direction of a vector of any length; `None` if it is zero or not finite.
+    /// Creates a direction from a vector of any length; `None` if it is zero or not finite.
     #[inline]
     pub fn new(x: f64, y: f64, z: f64) -> Option<Self> {
         let length = vector::norm([x, y, z]);
         (length.is_finite() && length > 0.0).then(|| Self(vector::scale([x, y, z], 1.0 / length)))
     }
 
-    /// Creates a direction from `theta` (from `+z`) and `phi` (counter-clockwise from `+x`), in radians.
+    /// Creates a direction from the polar angle `theta` (from `+z`) and the azimuth `phi` (counter-clockwise from
+    /// `+x`), in radians.
     pub fn from_radians(theta: f64, phi: f64) -> Self {
         let (sin_theta, cos_theta) = libm::sincos(theta);
         let (sin_phi, cos_phi) = libm::sincos(phi);
         Self([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta])
     }
 
-    /// Creates a direction from `theta` and `phi` in degrees. Multiples of 90° are exact.
+    /// Creates a direction from the polar angle `theta` (from `+z`) and the azimuth `phi` (counter-clockwise from `+x`)
+    /// in degrees. Multiples of 90° are exact.
     pub fn from_degrees(theta: f64, phi: f64) -> Self {
         let (sin_theta, cos_theta) = sin_cos_degrees(theta);
         let (sin_phi, cos_phi) = sin_cos_degrees(phi);
         Self([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta])
     }
 
-    /// Creates a direction from the photometric angles of a luminaire in degrees: `gamma` from nadir (`-z`), `c`
-    /// counter-clockwise seen from above, 0 at `+x`.
+    /// Creates a direction from the photometric angles of a luminaire in degrees. `gamma` is counted from nadir (`-z`),
+    /// `c` counter-clockwise seen from above, from `+x`.
     pub fn from_luminaire_degrees(c: f64, gamma: f64) -> Self {
         Self::from_degrees(180.0 - gamma, c)
     }
 
-    /// Wraps a vector that already has unit length, which is not checked.
+    /// Creates a direction from a vector that already has unit length, which is not checked.
     #[inline]
     pub fn from_unit(v: Vector) -> Self {
         Self(v)
     }
 
-    /// Returns the components `[x, y, z]`.
+    /// Returns the components `[x, y, z]` of the direction.
     #[inline]
     pub fn xyz(self) -> [f64; 3] {
         self.0
     }
 
-    /// Returns the cosine of the angle from `+z`: the `z` component.
+    /// Returns the cosine of the angle between the direction and `+z`: the `z` component.
     #[inline]
     pub fn cos_theta(self) -> f64 {
         self.0[2]
     }
 
-    /// Returns the angle from `+z` in radians, 0..=π.
+    /// Returns the polar angle of the direction from `+z` in radians, 0..=π.
     pub fn theta(self) -> f64 {
         // atan2 is precise near the poles, acos is not.
         libm::atan2(libm::hypot(self.0[0], self.0[1]), self.0[2])
     }
 
-    /// Returns the azimuth from `+x` in radians, 0..2π; 0 at the poles.
+    /// Returns the azimuth of the direction from `+x` in radians, 0..2π; 0 at the poles.
     pub fn phi(self) -> f64 {
         let phi = libm::atan2(self.0[1], self.0[0]);
         if phi < 0.0 { phi + std::f64::consts::TAU } else { phi }
     }
 
-    /// Returns the angle from `+z` in degrees, 0..=180.
+    /// Returns the polar angle of the direction from `+z` in degrees, 0..=180.
     pub fn theta_degrees(self) -> f64 {
         self.theta() / RADIANS_PER_DEGREE
     }
 
-    /// Returns the azimuth from `+x` in degrees, 0..360.
+    /// Returns the azimuth of the direction from `+x` in degrees, 0..360.
     pub fn phi_degrees(self) -> f64 {
         self.phi() / RADIANS_PER_DEGREE
     }
@@ -89,14 +91,14 @@ impl Direction {
         vector::dot(self.0, other.0)
     }
 
-    /// Returns this direction rotated by `phi` radians counter-clockwise about `+z`.
+    /// Returns the direction rotated by `phi` radians counter-clockwise about `+z`.
     #[must_use]
     pub fn rotated_about_z(self, phi: f64) -> Self {
         Self(vector::about_z(self.0, phi))
     }
 }
 
-/// Returns sine and cosine of an angle in degrees, exact at multiples of 90°.
+/// Returns the sine and the cosine of an angle in degrees, exact at multiples of 90°.
 fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     let turned = degrees.rem_euclid(360.0);
     match turned {

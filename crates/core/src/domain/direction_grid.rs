@@ -10,27 +10,27 @@ use super::quantity::named;
 use super::vector::Vector;
 use crate::numeric::arctangent::atan2_degrees;
 
-/// Coordinate frame that maps a pair of angles, in degrees, to a direction.
+/// Coordinate frame of a goniometer, which maps a polar angle and an azimuth, in degrees, to a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Frame {
-    /// Surfaces: the polar angle is theta from `+z`, 0..=180; the azimuth phi turns from `+x` towards `+y`. If the
-    /// incoming axis has elevations only, phi is relative to the azimuth of `wi`.
+    /// Surfaces: the polar angle is theta from `+z`, 0..=180; the azimuth phi turns from `+x` towards `+y`. For
+    /// isotropic data, phi is relative to the azimuth of the incoming direction.
     Surface,
-    /// Photometric type C (LM-63, EULUMDAT): the polar angle is gamma from nadir (`-z`), 0..=180; the azimuth C turns
-    /// from `+x` towards `+y`.
+    /// Photometric type C of luminaires (LM-63, EULUMDAT): the polar angle is gamma from nadir (`-z`), 0..=180; the
+    /// azimuth C turns from `+x` towards `+y`.
     TypeC,
-    /// Photometric type B: the polar angle is the latitude H about the horizontal axis `-y`, -90..=90, and the azimuth
-    /// V turns from nadir (`-z`) towards `+x`: `(cos H sin V, -sin H, -cos H cos V)`.
+    /// Photometric type B of luminaires: the polar angle is the latitude H about the horizontal axis `-y`, -90..=90.
+    /// The azimuth V turns from nadir (`-z`) towards `+x`: `(cos H sin V, -sin H, -cos H cos V)`.
     TypeB,
-    /// Photometric type A: the polar angle is the latitude V about the vertical axis `+z`, -90..=90, and the azimuth H
-    /// turns from `+x` towards `-y`: `(cos V cos H, -cos V sin H, sin V)`.
+    /// Photometric type A of luminaires: the polar angle is the latitude V about the vertical axis `+z`, -90..=90. The
+    /// azimuth H turns from `+x` towards `-y`: `(cos V cos H, -cos V sin H, sin V)`.
     TypeA,
 }
 named!(Frame, "frame", { Surface = "surface", TypeC = "type-c", TypeB = "type-b", TypeA = "type-a" });
 
 impl Frame {
-    /// Returns the range of the polar angle in degrees, from pole to pole.
+    /// Returns the range of polar angles of the frame in degrees, from pole to pole.
     pub fn polar_range(self) -> (f64, f64) {
         match self {
             Self::Surface | Self::TypeC => (0.0, 180.0),
@@ -38,7 +38,8 @@ impl Frame {
         }
     }
 
-    /// Returns the direction at a polar angle and an azimuth, in degrees. Multiples of 90° are exact.
+    /// Returns the direction with this polar angle and azimuth, in degrees, as the frame (surface, or goniometer type
+    /// A, B or C) defines them. Multiples of 90° are exact.
     pub fn direction(self, polar: f64, azimuth: f64) -> Direction {
         match self {
             Self::Surface => Direction::from_degrees(polar, azimuth),
@@ -54,7 +55,8 @@ impl Frame {
         }
     }
 
-    /// Returns polar angle and azimuth of a direction in degrees; the azimuth is in -180..=180 and 0 at the poles.
+    /// Returns the polar angle and the azimuth of a direction in degrees; the azimuth is in -180..=180, and 0 at the
+    /// poles.
     pub fn angles(self, direction: Direction) -> [f64; 2] {
         let [x, y, z] = self.upright(direction.xyz());
         let across = libm::hypot(x, y);
@@ -66,8 +68,9 @@ impl Frame {
         [polar.to_degrees(), azimuth]
     }
 
-    /// Computes [`Frame::angles`] of a vector of any length rotated by [`Frame::upright`], up to the last bits. It
-    /// needs few operations, and loops over it become vector code.
+    /// Computes the polar angle and the azimuth, in degrees, of a vector of any length that [`Frame::upright`] has
+    /// rotated. The result equals that of [`Frame::angles`] up to the last bits. It needs few operations, and loops
+    /// over it become vector code.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn angles_of_upright(self, [x, y, z]: Vector) -> [f64; 2] {
@@ -78,7 +81,8 @@ impl Frame {
         [atan2_degrees(up, along), azimuth]
     }
 
-    /// Rotates the vector so that the pole is at `+z` and the azimuth counts from `+x`, which makes all frames alike.
+    /// Rotates a vector so that the pole of the frame is at `+z` and the azimuth counts from `+x`, which makes all
+    /// frames alike.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn upright(self, [x, y, z]: Vector) -> Vector {
@@ -93,26 +97,26 @@ impl Frame {
 
 /// Sine of the angular distance from a pole below which the azimuth of a direction is taken as 0.
 const AT_POLE: f64 = 1e-12;
-/// Tolerance in degrees at the ends of a range, for the rounding of arc functions.
+/// Tolerance in degrees at the ends of an angular range, for the rounding of inverse trigonometric functions.
 const ROUNDING: f64 = 1e-9;
-/// Largest azimuth accepted, in degrees.
+/// Largest azimuth accepted in a file, in degrees.
 const LARGEST_AZIMUTH: f64 = 720.0;
 
-/// Part of the full circle covered by the listed azimuths, and the symmetry that gives the rest.
+/// Part of the full circle that the azimuths of a file cover, and the symmetry that gives the rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum AzimuthExtent {
-    /// Full circle: the last azimuth is followed by the first + 360°.
+    /// Full circle: after the last azimuth comes the first + 360°.
     Circle,
-    /// Full circle with the first azimuth repeated as the last one, 360° later.
+    /// Full circle in which the last azimuth repeats the first one, 360° later.
     Closed,
-    /// Sector from the first to the last azimuth; values outside are unknown.
+    /// Sector from the first to the last azimuth; values outside the sector are unknown.
     Sector,
-    /// Azimuths in 0..=180°; the other half is the mirror image across the plane of azimuth 0 and 180°.
+    /// Azimuths in 0..=180°; the other half circle is the mirror image across the plane of azimuth 0 and 180°.
     Mirrored,
-    /// Azimuths in 90..=270°; the other half is the mirror image across the plane of azimuth 90° and 270°.
+    /// Azimuths in 90..=270°; the other half circle is the mirror image across the plane of azimuth 90° and 270°.
     MirroredAt90,
-    /// Azimuths in 0..=90°; the other quadrants are mirror images across both planes.
+    /// Azimuths in 0..=90°; the other quadrants are mirror images across the planes of azimuth 0° and 90°.
     Quadrant,
 }
 named!(AzimuthExtent, "extent of azimuths", {
@@ -125,7 +129,7 @@ named!(AzimuthExtent, "extent of azimuths", {
 });
 
 impl AzimuthExtent {
-    /// Returns the range in which the azimuths of a file must lie, in degrees.
+    /// Returns the range, in degrees, in which all azimuths of a file must lie if they cover this part of the circle.
     fn range(self) -> (f64, f64) {
         match self {
             Self::Circle | Self::Closed | Self::Sector => (-LARGEST_AZIMUTH, LARGEST_AZIMUTH),
@@ -135,23 +139,24 @@ impl AzimuthExtent {
         }
     }
 
-    /// Returns true if the last azimuth is followed by the first.
+    /// Returns true if the azimuths cover the full circle, so that the last one is followed by the first.
     pub fn is_periodic(self) -> bool {
         matches!(self, Self::Circle | Self::Closed)
     }
 }
 
-/// Azimuths of a grid.
+/// Azimuths of a grid of directions, with the symmetry that completes the circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuths {
     /// Azimuths in degrees, strictly increasing.
     pub angles: Vec<f64>,
-    /// Extent of the circle that the angles cover, and the mirror planes that complete it.
+    /// Part of the circle that the azimuths cover, and the mirror planes that complete it.
     pub extent: AzimuthExtent,
 }
 
 impl Azimuths {
-    /// Maps `azimuth` (degrees) by the symmetries to the equivalent azimuth in the listed part of the circle.
+    /// Maps `azimuth` (degrees) by the mirror symmetries to the equivalent azimuth in the part of the circle that the
+    /// grid covers.
     pub fn folded(&self, azimuth: f64) -> f64 {
         let around = |azimuth: f64| azimuth - 360.0 * libm::round(azimuth / 360.0);
         match self.extent {
@@ -169,8 +174,8 @@ impl Azimuths {
         }
     }
 
-    /// Returns the range of folded azimuths covered. It extends to a mirror plane that is no farther from an end than
-    /// the widest step, since that gap lies between two azimuths of the file.
+    /// Returns the range of azimuths, in degrees, that the grid covers before mirroring: from the first to the last
+    /// azimuth, and on to a mirror plane that is no farther away than the widest step between azimuths.
     fn covers(&self) -> (f64, f64) {
         let (first, last) = (self.angles[0], self.angles[self.angles.len() - 1]);
         if self.extent.is_periodic() {
@@ -185,18 +190,19 @@ impl Azimuths {
     }
 }
 
-/// Value outside the angles that a grid covers.
+/// Value of directions outside the angles that a grid covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Outside {
-    /// Masked, because it was not measured.
+    /// Masked: directions outside the grid were not measured.
     Masked,
-    /// 0, as the standards LM-63 and EULUMDAT define.
+    /// Zero, as the standards LM-63 and EULUMDAT define for directions outside the grid.
     Dark,
 }
 named!(Outside, "value outside", { Masked = "masked", Dark = "dark" });
 
-/// Directions on a grid of polar angles and azimuths: one axis of a tensor, its entries `[polar, azimuth]`, row-major.
+/// Directions on a grid of polar angles and azimuths. The grid is one axis of a tensor, with its entries row-major in
+/// the order `[polar, azimuth]`.
 ///
 /// ```
 /// use wavelume_core::domain::{AzimuthExtent, Azimuths, Direction, DirectionGrid, Frame};
@@ -226,77 +232,79 @@ pub enum DirectionGridError {
     /// The number of polar angles or azimuths is 0 or too large.
     #[error("{found} {what} angles, expected 1 to {MAX_ENTRIES}")]
     Count {
-        /// `polar` or `azimuth`.
+        /// Name of the angles of which there are too few or too many: `polar` or `azimuth`.
         what: &'static str,
-        /// Number of angles found.
+        /// Number of polar angles or azimuths found.
         found: usize,
     },
-    /// The product of the numbers of polar angles and azimuths exceeds the limit.
-    #[error("{polar} polar angles × {azimuths} azimuths are more than the limit of {MAX_SAMPLES}")]
+    /// The number of directions, the product of the numbers of polar angles and azimuths, exceeds the limit.
+    #[error("{polar} polar angles × {azimuths} azimuths are more than the limit of {MAX_SAMPLES} directions")]
     TooMany {
-        /// Number of polar angles.
+        /// Number of polar angles of the grid.
         polar: usize,
-        /// Number of azimuths.
+        /// Number of azimuths of the grid.
         azimuths: usize,
     },
-    /// An angle is outside its range or NaN.
+    /// A polar angle or azimuth is outside its range or NaN.
     #[error("{what} angle {found}, expected {low} to {high} degrees")]
     Range {
-        /// `polar` or `azimuth`.
+        /// Name of the angle that is out of range: `polar` or `azimuth`.
         what: &'static str,
-        /// Angle found, in degrees.
+        /// Polar angle or azimuth that is out of range, in degrees.
         found: f64,
-        /// Smallest angle accepted, in degrees.
+        /// Smallest polar angle or azimuth accepted, in degrees.
         low: f64,
-        /// Largest angle accepted, in degrees.
+        /// Largest polar angle or azimuth accepted, in degrees.
         high: f64,
     },
-    /// Angles are not strictly increasing.
-    #[error("{what} angle {found} after {before}, expected strictly increasing")]
+    /// Polar angles or azimuths are not strictly increasing.
+    #[error("{what} angle {found} after {before} degrees, expected strictly increasing angles")]
     Order {
-        /// `polar` or `azimuth`.
+        /// Name of the angles that do not increase: `polar` or `azimuth`.
         what: &'static str,
-        /// Preceding angle, in degrees.
+        /// Polar angle or azimuth just before the one that breaks the increasing order of the list, in degrees.
         before: f64,
-        /// Angle that follows it, in degrees.
+        /// Polar angle or azimuth that breaks the increasing order of the list, since it is not larger than the one
+        /// before it; in degrees.
         found: f64,
     },
-    /// The azimuths do not fit their extent.
-    #[error("azimuths from {first} to {last} degrees do not fit the extent `{extent}`")]
+    /// The azimuths do not fit the stated part of the circle.
+    #[error("azimuths go from {first} to {last} degrees, expected azimuths that fit their stated extent `{extent}`")]
     Span {
-        /// First azimuth, in degrees.
+        /// First azimuth of the grid, in degrees.
         first: f64,
-        /// Last azimuth, in degrees.
+        /// Last azimuth of the grid, in degrees.
         last: f64,
-        /// Stated extent.
+        /// Part of the circle that the azimuths should cover.
         extent: AzimuthExtent,
     },
-    /// The covered range does not contain all polar angles.
+    /// The range of polar angles stated as covered does not contain all polar angles of the grid.
     #[error(
-        "the covered range, {low} to {high} degrees, must contain all polar angles, which go from {first} to {last}"
+        "the grid covers {low} to {high} degrees, expected a range that contains its polar angles, {first} to {last}"
     )]
     Covers {
-        /// First polar angle, in degrees.
+        /// First polar angle of the grid, in degrees.
         first: f64,
-        /// Last polar angle, in degrees.
+        /// Last polar angle of the grid, in degrees.
         last: f64,
-        /// Smallest polar angle covered, in degrees.
+        /// Lower end of the range of polar angles that the grid is stated to cover, in degrees.
         low: f64,
-        /// Largest polar angle covered, in degrees.
+        /// Upper end of the range of polar angles that the grid is stated to cover, in degrees.
         high: f64,
     },
-    /// Mirrored latitudes start below the equator, or the frame has no latitudes.
-    #[error("mirrored polar angles start at {found}, expected 0 or more, in a frame of latitudes")]
+    /// A grid that is to be mirrored across the equator starts below it, or its frame has no latitudes.
+    #[error("latitudes to be mirrored start at {found} degrees, expected 0 or more, in a frame with latitudes")]
     Mirrored {
-        /// First polar angle, in degrees.
+        /// First polar angle of the grid that was to be mirrored, in degrees: measured from the equator, or from a pole
+        /// in a frame without latitudes.
         found: f64,
     },
 }
 
 impl DirectionGrid {
     /// Creates a grid of polar angles (degrees, strictly increasing, within the range of the frame) and azimuths.
-    /// Without azimuths the function is rotationally symmetric about the pole. The grid covers its own angles and is
-    /// masked beyond them.
+    /// Without azimuths the function is rotationally symmetric about the pole. Directions beyond the first and last
+    /// angles are masked.
     pub fn new(frame: Frame, polar: Vec<f64>, azimuths: Option<Azimuths>) -> Result<Self, DirectionGridError> {
         let (low, high) = frame.polar_range();
         check_increasing("polar", &polar, low, high)?;
@@ -321,8 +329,8 @@ impl DirectionGrid {
         Ok(Self { frame, polar, azimuths, covers, covers_azimuths, outside: Outside::Masked, is_polar_mirrored: false })
     }
 
-    /// Extends the covered polar angles to `low`..=`high` degrees. Beyond the first and last polar angle the values are
-    /// constant.
+    /// Extends the range of polar angles that the grid covers to `low`..=`high` degrees. Between the outermost polar
+    /// angle of the grid and the end of the range the values are constant.
     pub fn covering(self, low: f64, high: f64) -> Result<Self, DirectionGridError> {
         let (least, largest) = self.frame.polar_range();
         let (first, last) = (self.polar[0], self.polar[self.polar.len() - 1]);
@@ -332,13 +340,13 @@ impl DirectionGrid {
         Err(DirectionGridError::Covers { first, last, low, high })
     }
 
-    /// Sets the value outside the covered angles.
+    /// Sets the value of directions outside the angles that the grid covers.
     #[must_use]
     pub fn with_outside(self, outside: Outside) -> Self {
         Self { outside, ..self }
     }
 
-    /// Mirrors this grid of latitudes, all 0 or more, across the equator: −H has the value of H.
+    /// Mirrors a grid of latitudes H, all 0 or more, across the equator: −H has the value of H.
     pub fn mirrored(self) -> Result<Self, DirectionGridError> {
         if self.frame.polar_range().0 < 0.0 && self.polar[0] >= 0.0 {
             return Ok(Self { is_polar_mirrored: true, ..self });
@@ -346,49 +354,50 @@ impl DirectionGrid {
         Err(DirectionGridError::Mirrored { found: self.polar[0] })
     }
 
-    /// Returns the frame of the angles.
+    /// Returns the coordinate frame of the grid's angles.
     pub fn frame(&self) -> Frame {
         self.frame
     }
 
-    /// Returns the polar angles in degrees.
+    /// Returns the polar angles of the grid in degrees.
     pub fn polar(&self) -> &[f64] {
         &self.polar
     }
 
-    /// Returns the azimuths; `None` if the function is rotationally symmetric about the pole.
+    /// Returns the azimuths of the grid; `None` if the function is rotationally symmetric about the pole.
     pub fn azimuths(&self) -> Option<&Azimuths> {
         self.azimuths.as_ref()
     }
 
-    /// Returns the range of covered polar angles, in degrees.
+    /// Returns the range of polar angles that the grid covers, in degrees.
     pub fn covers(&self) -> (f64, f64) {
         self.covers
     }
 
-    /// Returns the value outside the covered angles.
+    /// Returns the value of directions outside the angles that the grid covers.
     pub fn outside(&self) -> Outside {
         self.outside
     }
 
-    /// Returns true if latitudes are mirrored across the equator.
+    /// Returns true if the grid is mirrored across the equator: latitude −H has the value of H.
     pub fn is_polar_mirrored(&self) -> bool {
         self.is_polar_mirrored
     }
 
-    /// Returns the numbers of polar angles and azimuths; the latter is 1 without azimuths.
+    /// Returns the number of polar angles and the number of azimuths, which is 1 for a grid without azimuths.
     pub fn shape(&self) -> [usize; 2] {
         [self.polar.len(), self.azimuths.as_ref().map_or(1, |azimuths| azimuths.angles.len())]
     }
 
-    /// Returns the number of directions.
+    /// Returns the number of directions of the grid.
     #[allow(clippy::len_without_is_empty, reason = "a checked grid is never empty")]
     pub fn len(&self) -> usize {
         let [polar, azimuths] = self.shape();
         polar * azimuths
     }
 
-    /// Returns the direction of an entry; without azimuths, that at azimuth 0.
+    /// Returns the direction of entry number `entry` of the grid. A grid without azimuths gives the direction at
+    /// azimuth zero.
     ///
     /// # Panics
     /// If `entry` is out of range.
@@ -398,7 +407,7 @@ impl DirectionGrid {
         self.frame.direction(self.polar[entry / width], azimuth)
     }
 
-    /// Returns polar angle and azimuth, in degrees and with symmetries applied, at which the grid gives the value of
+    /// Returns the polar angle and the azimuth, in degrees and after mirroring, at which the grid gives the value of
     /// `direction`; `None` outside the covered angles.
     ///
     /// A pole gets the first azimuth if its own is not covered. Beyond the first and last polar angle the result is the
@@ -407,7 +416,8 @@ impl DirectionGrid {
         self.held(self.frame.angles(direction))
     }
 
-    /// Like [`Self::angles`], for polar angle and azimuth in the frame of the grid.
+    /// Returns the polar angle and the azimuth, in degrees and after mirroring, at which the grid gives the value of
+    /// the given angles in its frame. `None` outside the covered angles.
     pub(crate) fn held(&self, [polar, azimuth]: [f64; 2]) -> Option<[f64; 2]> {
         let polar = if self.is_polar_mirrored { polar.abs() } else { polar };
         if !self.covers_polar(polar) {
@@ -427,15 +437,15 @@ impl DirectionGrid {
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
 
-    /// Returns true if a polar angle is covered; it must not be negative if latitudes are mirrored.
+    /// Returns true if the grid covers a polar angle (degrees); it must not be negative if latitudes are mirrored.
     #[inline]
     pub(crate) fn covers_polar(&self, polar: f64) -> bool {
         let (low, high) = self.covers;
         !(polar < low - ROUNDING || polar > high + ROUNDING)
     }
 
-    /// Returns true if all azimuths are covered. They then need no folding before a lookup among the listed ones and
-    /// their mirror images.
+    /// Returns true if the grid and its mirror images cover the full circle. An azimuth then needs no mirroring before
+    /// it is searched among the grid's azimuths and their mirror images.
     pub(crate) fn covers_all_azimuths(&self) -> bool {
         let Some(azimuths) = &self.azimuths else { return true };
         let (low, high) = azimuths.extent.range();
@@ -443,7 +453,8 @@ impl DirectionGrid {
         is_whole && self.covers_azimuths.0 <= low && self.covers_azimuths.1 >= high
     }
 
-    /// Returns the entry nearest to a direction in polar angle and azimuth; `None` outside the covered angles.
+    /// Returns the grid entry nearest to a direction in polar angle and azimuth; `None` outside the angles that the
+    /// grid covers.
     pub fn nearest(&self, direction: Direction) -> Option<usize> {
         let [polar, azimuth] = self.angles(direction)?;
         let row = nearest(&self.polar, polar);
@@ -457,7 +468,7 @@ impl DirectionGrid {
         Some(row * angles.len() + column)
     }
 
-    /// Returns a short description for people: `grid of 17 × 37 (polar 0..90, azimuth 0..360)`.
+    /// Returns a short description of the grid for people: `grid of 17 × 37 (polar 0..90, azimuth 0..360)`.
     pub fn describe(&self) -> String {
         let ends = |angles: &[f64]| format!("{}..{}", angles[0], angles[angles.len() - 1]);
         let polar = ends(&self.polar);
@@ -471,7 +482,7 @@ impl DirectionGrid {
     }
 }
 
-/// Returns the index of the angle nearest to `angle`; of two equally near ones the earlier.
+/// Returns the index of the list entry nearest to `angle`; of two equally near entries the earlier one.
 fn nearest(angles: &[f64], angle: f64) -> usize {
     let after = angles.partition_point(|&a| a < angle).min(angles.len() - 1);
     let before = after.saturating_sub(1);

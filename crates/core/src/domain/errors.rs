@@ -5,7 +5,7 @@ use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Errors of decoded samples `s'` against the original `s`, computed in f64 from f32 samples.
+/// Errors of decoded samples `s'` against the original samples `s`, computed in f64 from f32 samples.
 ///
 /// Relative errors are defined for scored samples: those with `s > 0` (and `s ≥ floor`, if a floor was declared).
 /// `er_l1 = mean |s'−s|/s` and `er_l2 = √ mean ((s'−s)/s)²`, unweighted over samples. Other samples are counted, and
@@ -15,33 +15,40 @@ use serde::{Deserialize, Serialize};
 pub struct ErrorReport {
     /// Number of samples, including masked ones.
     pub samples: u64,
-    /// Mean relative error over the scored samples; 0 if there are none.
+    /// Mean relative error over the scored samples (positive and not below the floor that the user may declare); 0 if
+    /// there are none.
     pub er_l1: f64,
-    /// Root mean square of the relative error over the scored samples.
+    /// Root mean square of the relative error over the scored samples (positive and not below the floor that the user
+    /// may declare).
     pub er_l2: f64,
-    /// Largest relative error of a scored sample.
+    /// Largest relative error of a scored sample (positive and not below the floor that the user may declare).
     pub max_relative_error: f64,
-    /// Relative root mean square error `√(Σ(s'−s)² / Σs²)` over all unmasked samples.
+    /// Relative root mean square error `√(Σ(s'−s)² / Σs²)` of decoded samples s' against the original s, over all
+    /// unmasked samples.
     pub relative_rmse: f64,
-    /// Largest |s'−s| over all unmasked samples.
+    /// Largest absolute error |s'−s| of decoded samples s' against the original s, over all unmasked samples.
     pub max_absolute_error: f64,
-    /// Number of samples that enter the relative errors.
+    /// Number of samples that enter the relative errors: positive and not below the floor that the user may declare.
     pub scored_samples: u64,
-    /// Number of samples that are exactly 0.
+    /// Number of original samples that are exactly 0.
     pub zero_samples: u64,
-    /// Number of samples below 0.
+    /// Number of original samples below 0.
     pub negative_samples: u64,
-    /// Number of positive samples below the declared floor.
+    /// Number of original samples that are positive but left out of the relative errors, because they are below the
+    /// floor that the user declared for samples.
     pub below_floor_samples: u64,
-    /// Number of samples masked in the original.
+    /// Number of samples that are masked in the original data.
     pub masked_samples: u64,
-    /// Largest |s'−s| over the unmasked samples that are not scored: `s ≤ 0`, or below the floor.
+    /// Largest absolute error |s'−s| over the unmasked samples that have no relative error: `s ≤ 0`, or below the floor
+    /// that the user may declare.
     pub max_absolute_error_unscored: f64,
-    /// Number of samples masked in only one of the two; other values than 0 indicate a defect.
+    /// Number of samples masked in either the original or the decoded data but not in both; other values than 0
+    /// indicate a defect.
     pub mask_mismatches: u64,
 }
 
-/// Sums over one block. Blocks are added in order, so that the result does not depend on the number of threads.
+/// Sums of errors over one block of samples. Blocks are added in order, so that the result does not depend on the
+/// number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     relative: f64,
@@ -54,7 +61,8 @@ struct Sums {
 const BLOCK: usize = 1 << 16;
 
 impl ErrorReport {
-    /// Measures `decoded` against `original`; both have NaN where masked. `floor` is absolute (same unit as a sample).
+    /// Measures the errors of `decoded` against `original`; both have NaN where masked. `floor` is absolute (in the
+    /// unit of a sample).
     ///
     /// # Panics
     /// If the lengths differ.
@@ -64,7 +72,7 @@ impl ErrorReport {
         accumulator.finish()
     }
 
-    /// Returns the report of `original` against itself.
+    /// Returns the error report of data that are identical to `original`: all errors are 0.
     pub(crate) fn without_errors(original: &[f32], floor: f64) -> Self {
         let mut total = Sums::default();
         let blocks: Vec<ErrorReport> = original.par_chunks(BLOCK).map(|samples| counts(samples, floor)).collect();
@@ -75,14 +83,15 @@ impl ErrorReport {
     }
 }
 
-/// Accumulator of an [`ErrorReport`] for samples that come in pieces.
+/// Accumulator of an [`ErrorReport`] for samples that arrive in several pieces.
 ///
 /// Sums are added in the order of the pieces, so equal pieces give identical bits on any number of threads.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ErrorAccumulator(Sums);
 
 impl ErrorAccumulator {
-    /// Adds the errors of `decoded` against `original`; the arguments are those of [`ErrorReport::measure`].
+    /// Adds the errors of `decoded` against `original`. Samples below `floor`, as in [`ErrorReport::measure`], have no
+    /// relative error.
     ///
     /// # Panics
     /// If the lengths differ.
@@ -95,7 +104,7 @@ impl ErrorAccumulator {
         }
     }
 
-    /// Returns the report over all samples added.
+    /// Returns the report on the errors of all decoded samples passed to [`ErrorAccumulator::add`].
     pub fn finish(self) -> ErrorReport {
         let total = self.0;
         let mut report = total.report;
@@ -135,7 +144,8 @@ impl Sums {
     }
 }
 
-/// Counts the samples of each kind.
+/// Counts the samples by kind: masked, zero, negative, positive below `floor`, and positive from `floor` upward. Only
+/// those of the last kind have a relative error.
 fn counts(samples: &[f32], floor: f64) -> ErrorReport {
     let all = samples.len() as u64;
     let positive = wide(
@@ -196,7 +206,8 @@ fn sums(original: &[f32], decoded: &[f32], floor: f64) -> Sums {
 }
 
 impl Sums {
-    /// Adds samples that are all scored.
+    /// Adds the errors of a block of decoded samples to the running sums, if every original sample is large enough for
+    /// a relative error.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn add_scored(&mut self, original: &[f32], decoded: &[f32]) {
@@ -228,7 +239,8 @@ impl Sums {
         report.max_relative_error = relative.into_iter().fold(report.max_relative_error, larger);
     }
 
-    /// Adds samples of any kind.
+    /// Adds the errors of a block of decoded samples to the running sums. The original samples may be masked, zero,
+    /// negative or positive.
     fn add_any(&mut self, original: &[f32], decoded: &[f32], floor: f64) {
         let sums = self;
         let r = &mut sums.report;

@@ -5,31 +5,34 @@
 
 use super::triangles::{Domain, TriangleMesh};
 
-/// Lattice point.
+/// Point with integer coordinates x, y and z.
 type Point = [i32; 3];
 
-/// Largest number of neighbours of a triangle: its three vertices have valence six.
+/// Largest number of neighbours of a triangle, those that share a vertex: up to six triangles meet at each of its three
+/// vertices.
 pub(crate) const MOST_NEIGHBOURS: usize = 12;
 
-/// Upper octants of the octahedron: the two axes beside z, in the order of the mesh.
+/// Octants of the upper half of the octahedron, in the order of the mesh: the two coordinate axes that bound each of
+/// them in addition to z.
 const OCTANTS: [[Point; 2]; 4] =
     [[[1, 0, 0], [0, 1, 0]], [[0, 1, 0], [-1, 0, 0]], [[-1, 0, 0], [0, -1, 0]], [[0, -1, 0], [1, 0, 0]]];
 
-/// Symmetry of the octahedron: a signed permutation of coordinates.
+/// Symmetry of the octahedron: a permutation of the coordinates x, y, z with changes of sign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Symmetry {
-    /// Coordinate k of the image is coordinate `from[k]` …
+    /// Index of the coordinate that the symmetry copies to each coordinate x, y, z of a mapped point.
     from: [u8; 3],
-    /// … negated where this is set.
+    /// True for each coordinate x, y, z of a mapped point whose sign the symmetry changes.
     negated: [bool; 3],
 }
 
 impl Symmetry {
-    /// Identity.
+    /// Identity, which leaves every point unchanged.
     pub const IDENTITY: Self = Self { from: [0, 1, 2], negated: [false; 3] };
 
-    /// Returns the symmetries of a domain: the 8 that preserve z (a hemisphere has these only), then the other 40 of
-    /// the sphere. The order is fixed, with the identity first, because files refer to symmetries by number.
+    /// Returns the symmetries of a hemisphere or sphere: the 8 that preserve z (all that a hemisphere has), then the
+    /// other 40 of the sphere. The order is fixed, with the identity first, because files refer to symmetries by
+    /// number.
     pub fn of(domain: Domain) -> Vec<Self> {
         let exchanges = [[0, 1, 2], [1, 0, 2], [0, 2, 1], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         let all = exchanges.iter().flat_map(|&from| {
@@ -43,7 +46,7 @@ impl Symmetry {
         ordered
     }
 
-    /// Returns the image of a point.
+    /// Maps a point by this symmetry of the octahedron: exchanges its coordinates and changes their signs.
     pub fn apply(self, point: [i32; 3]) -> [i32; 3] {
         std::array::from_fn(|k| {
             let value = point[usize::from(self.from[k])];
@@ -51,7 +54,7 @@ impl Symmetry {
         })
     }
 
-    /// Returns the composition that applies `other` first, then `self`.
+    /// Returns the symmetry that applies `other` first, then `self`.
     #[must_use]
     pub fn after(self, other: Self) -> Self {
         let from = self.from.map(|k| other.from[usize::from(k)]);
@@ -59,7 +62,8 @@ impl Symmetry {
         Self { from, negated }
     }
 
-    /// Returns the image of each triangle of `mesh`; `None` if the symmetry does not preserve the domain of the mesh.
+    /// Returns the index of the image of each triangle of `mesh`; `None` if the symmetry does not map the mesh to
+    /// itself.
     pub fn permutation(self, mesh: TriangleMesh) -> Option<Vec<u32>> {
         if !Self::of(mesh.domain()).contains(&self) {
             return None;
@@ -69,7 +73,8 @@ impl Symmetry {
     }
 }
 
-/// Neighbours of all triangles: those that share a vertex, without the triangle itself, in ascending order.
+/// Neighbours of all triangles of a mesh: those that share a vertex with a triangle, without the triangle itself, in
+/// ascending order.
 #[derive(Clone, Debug)]
 pub(crate) struct Neighbours {
     of: Vec<[u32; MOST_NEIGHBOURS]>,
@@ -77,7 +82,7 @@ pub(crate) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Finds the neighbours of every triangle of `mesh`.
+    /// Finds the neighbours (triangles that share a vertex) of every triangle of `mesh`.
     pub(crate) fn new(mesh: TriangleMesh) -> Self {
         let size = 1_i32 << mesh.level();
         let side = 2 * size as usize + 1;
@@ -110,12 +115,12 @@ impl Neighbours {
         neighbours
     }
 
-    /// Returns the neighbours of triangle `i`.
+    /// Returns the indices of the triangles that share a vertex with triangle `i`.
     pub(crate) fn around(&self, i: usize) -> &[u32] {
         &self.of[i][..usize::from(self.count[i])]
     }
 
-    /// Returns the neighbours of triangle `i`, padded with `i` itself.
+    /// Returns the indices of the triangles that share a vertex with triangle `i`, padded with `i` to fixed length.
     pub(crate) fn padded(&self, i: usize) -> &[u32; MOST_NEIGHBOURS] {
         &self.of[i]
     }
@@ -133,7 +138,7 @@ fn middle(a: Point, b: Point) -> Point {
     std::array::from_fn(|k| i32::midpoint(a[k], b[k]))
 }
 
-/// Returns the triangles of a mesh in index order.
+/// Returns the triangles of a mesh, with integer vertices, in index order.
 fn triangles(mesh: TriangleMesh) -> impl Iterator<Item = [Point; 3]> {
     let level = u32::from(mesh.level());
     (0..mesh.len()).map(move |index| {
@@ -156,7 +161,7 @@ fn triangles(mesh: TriangleMesh) -> impl Iterator<Item = [Point; 3]> {
     })
 }
 
-/// Returns the index of the triangle with this sum of its vertices.
+/// Returns the index of the triangle whose three integer vertices have the given sum.
 fn index_of(domain: Domain, level: u32, [x, y, z]: Point) -> u32 {
     let octant = match (x > 0, y > 0) {
         (true, true) => 0,

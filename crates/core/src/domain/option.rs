@@ -4,14 +4,14 @@
 use serde_json::Value;
 use std::ops::{Bound, RangeBounds};
 
-/// An option of a request, as the user sees it.
+/// Declaration of one option of a request, from which command line, HTTP interface and checks are derived.
 #[derive(Clone, Copy, Debug)]
 pub struct Declared {
-    /// Name in JSON, in `snake_case`; on the command line `--kebab-case`.
+    /// Name of the option in JSON, in `snake_case`; the command line has `--kebab-case`.
     pub name: &'static str,
-    /// Help text: sentences for the user.
+    /// Help text of the option: sentences for the user.
     pub help: &'static str,
-    /// Values of the option.
+    /// Values that the option accepts.
     pub values: Values,
 }
 
@@ -19,76 +19,86 @@ pub struct Declared {
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Values {
-    /// True or false, false by default. On the command line the option has no value.
+    /// Switch, true or false, false by default. On the command line the option takes no value.
     Switch,
-    /// True or false, true by default. On the command line `--no-NAME` makes it false.
+    /// Switch, true or false, true by default. On the command line `--no-NAME` makes it false.
     SwitchOff,
-    /// Number within limits.
+    /// Option that takes a number within limits.
     Number {
-        /// Placeholder in the help text.
+        /// Placeholder for the number in the help text, such as `E`.
         shown: &'static str,
-        /// The limits.
+        /// Range of accepted numbers.
         limits: Limits,
     },
-    /// Whole number, both limits included.
+    /// Option that takes a whole number in a range, both ends included.
     Whole {
-        /// Placeholder in the help text.
+        /// Placeholder for the whole number in the help text, such as `N`.
         shown: &'static str,
-        /// Least value.
+        /// Smallest whole number that the option accepts.
         least: u64,
-        /// Largest value.
+        /// Largest whole number that the option accepts.
         most: u64,
     },
-    /// One of several names.
+    /// Option that takes one of a list of names.
     Name {
-        /// Placeholder in the help text.
+        /// Placeholder for the name in the help text, such as `BASIS`.
         shown: &'static str,
-        /// The names.
+        /// Names that the option accepts.
         names: fn() -> Vec<&'static str>,
-        /// Name that is used if none is given.
+        /// Name that is the default value of the option; `None` if there is no default.
         default: Option<&'static str>,
     },
-    /// Text.
+    /// Option that takes a text of the user, which a function checks.
     Text {
+        /// Placeholder for the text in the help text, such as `NAME`.
+        shown: &'static str,
+        /// Text that is the default value of the option; `None` if there is no default.
+        default: Option<&'static str>,
+        /// Check of a text that the user gave. The error says what was expected.
+        check: fn(&str) -> Result<(), String>,
+    },
+    /// Bytes of a file: its path on the command line, the id of uploaded bytes over HTTP.
+    File {
         /// Placeholder in the help text.
         shown: &'static str,
-        /// Text that is used if none is given.
-        default: Option<&'static str>,
-        /// Check of a text. The error says what was expected.
-        check: fn(&str) -> Result<(), String>,
+    },
+    /// JSON document: the path of a file with it on the command line, the document itself over HTTP.
+    Document {
+        /// Placeholder in the help text.
+        shown: &'static str,
     },
 }
 
-/// Limits of a number.
+/// Range of numbers that an option accepts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Lower limit.
+    /// Lower end of the range of numbers that the option accepts.
     pub low: Bound<f64>,
-    /// Upper limit.
+    /// Upper end of the range of numbers that the option accepts.
     pub high: Bound<f64>,
-    /// The limits in words, after "expected".
+    /// Range of numbers that the option accepts, in words, as they follow "expected" in an error message.
     pub expected: &'static str,
 }
 
 impl Limits {
-    /// Numbers above 0 and up to `most`.
+    /// Creates the range of numbers above 0 and up to `most`.
     pub const fn up_to(most: f64, expected: &'static str) -> Self {
         Self { low: Bound::Excluded(0.0), high: Bound::Included(most), expected }
     }
 
-    /// Finite numbers above 0.
+    /// Creates the range of finite numbers above 0.
     pub const fn positive(expected: &'static str) -> Self {
         Self { low: Bound::Excluded(0.0), high: Bound::Unbounded, expected }
     }
 
-    /// Returns true if `number` is finite and within the limits.
+    /// Returns true if `number` is finite and within the range.
     pub fn allow(&self, number: f64) -> bool {
         number.is_finite() && (self.low, self.high).contains(&number)
     }
 }
 
 impl Declared {
-    /// Reads a value that is written on the command line, as JSON. The error says what was expected.
+    /// Converts the text that the command line gives for an option to a JSON value. The error says what was expected.
     pub fn read(&self, text: &str) -> Result<Value, String> {
         match self.values {
             Values::Switch | Values::SwitchOff => match text {
@@ -104,19 +114,20 @@ impl Declared {
                 let number = text.parse::<u64>().map_or(Value::Null, Value::from);
                 self.checked(number)
             }
-            Values::Name { .. } | Values::Text { .. } => self.checked(Value::from(text)),
+            Values::Document { .. } => serde_json::from_str(text).map_err(|error| format!("expected JSON: {error}")),
+            Values::Name { .. } | Values::Text { .. } | Values::File { .. } => self.checked(Value::from(text)),
         }
     }
 
-    /// Returns the value if the option accepts it; the error says what was expected.
+    /// Returns the JSON value unchanged if the option accepts it; the error says what was expected.
     fn checked(&self, value: Value) -> Result<Value, String> {
         self.check(&value).map(|()| value)
     }
 
-    /// Checks a value of the right type. The error says what was expected.
+    /// Checks a JSON value of the right type against the limits of the option. The error says what was expected.
     pub fn check(&self, value: &Value) -> Result<(), String> {
         match self.values {
-            Values::Switch | Values::SwitchOff => Ok(()),
+            Values::Switch | Values::SwitchOff | Values::File { .. } | Values::Document { .. } => Ok(()),
             Values::Number { limits, .. } => match value.as_f64() {
                 Some(number) if limits.allow(number) => Ok(()),
                 _ => Err(format!("expected {}", limits.expected)),
@@ -135,7 +146,7 @@ impl Declared {
     }
 }
 
-/// Accepts every text.
+/// Accepts every text as the value of an option.
 pub fn any_text(_: &str) -> Result<(), String> {
     Ok(())
 }

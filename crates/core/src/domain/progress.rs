@@ -1,14 +1,14 @@
 //! Progress reporting and cancellation of long-running work.
 
-/// Callback of the caller of long-running work, which receives progress and can cancel.
+/// Callback with which the caller of long-running work receives progress and can cancel.
 pub trait Progress: Sync {
     /// Receives the fraction (0..=1) of the work that is done.
     fn report(&self, fraction: f64);
-    /// Returns true if the work should stop; polled between steps.
+    /// Returns true if the long-running work should stop; called between steps.
     fn is_cancelled(&self) -> bool {
         false
     }
-    /// Reports `fraction`, then returns `Err(Cancelled)` if the work should stop.
+    /// Reports the finished `fraction` (0..=1) of the work, then returns `Err(Cancelled)` if the work should stop.
     fn step(&self, fraction: f64) -> Result<(), Cancelled> {
         self.report(fraction);
         if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
@@ -25,5 +25,5 @@ impl Progress for Silent {
 
 /// Error of work that its caller cancelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("cancelled")]
+#[error("the computation was cancelled by its caller")]
 pub struct Cancelled;

@@ -1,28 +1,29 @@
 //! Radiometric quantity and unit of a tensor, and the meaning of one sample.
 
-/// Error for a name that is not in a closed list.
+/// Error for a name that is not in the list of known names.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} `{found}`, expected one of {expected}")]
 pub struct UnknownName {
-    /// Kind of object that the name should refer to.
+    /// Kind of object that the name should denote, for example `unit`.
     pub what: &'static str,
-    /// Unknown name.
+    /// Name found in the input that is not in the list of known names, for example of known units.
     pub found: String,
-    /// Known names, comma separated.
+    /// List of the known names, separated by commas.
     pub expected: String,
 }
 
-/// Implements stable names for a fieldless enum: `Display`, `FromStr`, serde as text, a wire code, and the list of all
-/// values.
+/// Implements stable names for an enum without fields: `Display`, `FromStr`, serde as text, a numeric code for files,
+/// and the list of all values.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named {
     ($type:ident, $what:literal, { $($variant:ident = $name:literal),+ $(,)? }) => {
         impl $type {
-            /// All values, in the order of their wire codes.
+            /// All values of the enum, in the order of their codes in files.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Returns the stable name used in files, on the command line and over HTTP.
+            /// Returns the permanent name of this enum value, such as `brdf` for a quantity; files, command line and
+            /// HTTP use it.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => $name),+ }
             }
@@ -82,15 +83,15 @@ pub enum Quantity {
     Spectrum,
     /// Reflectance or transmittance, 0..1: a function of wavelength, or of incoming direction and wavelength.
     Reflectance,
-    /// Emission distribution: intensity by outgoing direction (and wavelength).
+    /// Emission distribution of a light source: intensity by outgoing direction (and wavelength).
     Edf,
-    /// Reflection distribution `f(wi, wo, lambda)` in sr⁻¹, without the cosine.
+    /// Reflection distribution of a surface, `f(wi, wo, lambda)` in sr⁻¹, without the cosine.
     Brdf,
-    /// Transmission distribution in sr⁻¹, without the cosine; `wo` is on the lower hemisphere.
+    /// Transmission distribution of a surface in sr⁻¹, without the cosine; `wo` is on the lower hemisphere.
     Btdf,
-    /// Reflection and transmission together; `wo` is on the whole sphere.
+    /// Reflection and transmission distribution of a surface in sr⁻¹, without the cosine; `wo` is on the whole sphere.
     Bsdf,
-    /// Phase function `p(wi, wo)`, which integrates to 1 over the sphere.
+    /// Phase function of a scattering medium, `p(wi, wo)`, which integrates to 1 over the sphere.
     Phase,
 }
 named!(Quantity, "quantity", {
@@ -104,7 +105,7 @@ named!(Quantity, "quantity", {
 });
 
 impl Quantity {
-    /// Returns true if the rendering equation multiplies this quantity by |cos θ| of the outgoing direction.
+    /// Returns true if the rendering equation multiplies the quantity by |cos θ| of the outgoing direction.
     pub fn has_cosine(self) -> bool {
         matches!(self, Self::Brdf | Self::Btdf | Self::Bsdf)
     }
@@ -118,7 +119,7 @@ impl Quantity {
         }
     }
 
-    /// Returns the unit assumed if a source states none.
+    /// Returns the unit assumed for the quantity if a file states none.
     pub fn default_unit(self) -> Unit {
         match self {
             Self::Reflectance => Unit::One,
@@ -128,37 +129,37 @@ impl Quantity {
     }
 }
 
-/// Unit of a sample.
+/// Physical unit of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Unit {
-    /// Relative values: only ratios are meaningful.
+    /// Relative values, of which only ratios are meaningful.
     Relative,
     /// Dimensionless number.
     One,
-    /// sr⁻¹.
+    /// Per steradian, sr⁻¹.
     PerSteradian,
-    /// cd: luminous intensity.
+    /// Luminous intensity in cd.
     Candela,
-    /// cd/klm: luminous intensity per 1000 lamp lumens.
+    /// Luminous intensity in cd per 1000 lamp lumens, cd/klm.
     CandelaPerKilolumen,
-    /// W·sr⁻¹.
+    /// Radiant intensity in W·sr⁻¹.
     WattPerSteradian,
-    /// mW·sr⁻¹.
+    /// Radiant intensity in mW·sr⁻¹.
     MilliwattPerSteradian,
-    /// µW·sr⁻¹.
+    /// Radiant intensity in µW·sr⁻¹.
     MicrowattPerSteradian,
-    /// µmol·s⁻¹·sr⁻¹ of photons.
+    /// Photon intensity in µmol·s⁻¹·sr⁻¹.
     MicromolePerSecondSteradian,
-    /// W·sr⁻¹·nm⁻¹.
+    /// Spectral radiant intensity in W·sr⁻¹·nm⁻¹.
     WattPerSteradianNanometre,
-    /// mW·sr⁻¹·nm⁻¹.
+    /// Spectral radiant intensity in mW·sr⁻¹·nm⁻¹.
     MilliwattPerSteradianNanometre,
-    /// µW·sr⁻¹·nm⁻¹.
+    /// Spectral radiant intensity in µW·sr⁻¹·nm⁻¹.
     MicrowattPerSteradianNanometre,
-    /// µmol·s⁻¹·sr⁻¹·nm⁻¹ of photons.
+    /// Spectral photon intensity in µmol·s⁻¹·sr⁻¹·nm⁻¹.
     MicromolePerSecondSteradianNanometre,
-    /// Relative intensity per nm.
+    /// Relative spectral intensity, per nm.
     RelativePerNanometre,
 }
 named!(Unit, "unit", {
@@ -179,8 +180,8 @@ named!(Unit, "unit", {
 });
 
 impl Unit {
-    /// Returns the unit of the spectral density of this intensity, used once a spectrum is attached; `None` for
-    /// photometric and dimensionless units.
+    /// Returns the unit of the spectral density that belongs to an intensity in this unit, used once a spectrum is
+    /// attached. `None` for photometric and dimensionless units.
     pub fn per_nanometre(self) -> Option<Self> {
         match self {
             Self::WattPerSteradian => Some(Self::WattPerSteradianNanometre),
@@ -193,14 +194,14 @@ impl Unit {
     }
 }
 
-/// Meaning of one sample on a triangle axis.
+/// Meaning of one sample on an axis of triangles: an average or a value at a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Sampling {
-    /// Average over the cell, as for all projected measurements.
+    /// Each sample is the average over its triangle, as in all measurements that were resampled onto triangles.
     #[default]
     Average,
-    /// Value at the centroid of the triangle.
+    /// Each sample is the value at the centroid of its triangle.
     Point,
 }
 named!(Sampling, "sampling", { Average = "average", Point = "point" });

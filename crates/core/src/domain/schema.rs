@@ -1,6 +1,6 @@
 //! JSON schemas of names, options and targets, for the description of an HTTP interface.
 
-/// Describes a fieldless enum with stable names as one of these texts.
+/// Implements the JSON schema of an enum without fields: a text that is one of the enum's names.
 #[doc(hidden)]
 #[macro_export]
 #[cfg(feature = "schema")]
@@ -20,7 +20,7 @@ macro_rules! schema_of_names {
         }
     };
 }
-/// Describes nothing: the feature `schema` is off.
+/// Replaces the JSON schema of an enum by nothing, since the crate feature `schema` is off.
 #[doc(hidden)]
 #[macro_export]
 #[cfg(not(feature = "schema"))]
@@ -38,18 +38,18 @@ mod described {
     use utoipa::openapi::schema::{AdditionalProperties, Object, ObjectBuilder, OneOfBuilder, Schema, Type};
     use utoipa::openapi::{KnownFormat, SchemaFormat};
 
-    /// Describes a text that is one of `names`.
+    /// Returns the JSON schema of a text that is one of `names`.
     pub fn one_of(description: &str, names: Vec<&'static str>) -> Object {
         let text = ObjectBuilder::new().schema_type(Type::String).description(Some(description));
         text.enum_values(Some(names)).build()
     }
 
-    /// Describes the values of a declared option, with its help text. An option without a default takes null, too.
+    /// Returns the JSON schema of a declared option, with its help text. An option without a default also accepts null.
     pub fn schema_of(declared: &Declared) -> Schema {
         let described = values_of(declared);
         let has_default = match declared.values {
             Values::Switch | Values::SwitchOff => true,
-            Values::Number { .. } | Values::Whole { .. } => false,
+            Values::Number { .. } | Values::Whole { .. } | Values::File { .. } | Values::Document { .. } => false,
             Values::Name { default, .. } | Values::Text { default, .. } => default.is_some(),
         };
         if has_default {
@@ -59,7 +59,7 @@ mod described {
         OneOfBuilder::new().item(described).item(nothing).into()
     }
 
-    /// Describes the values of a declared option, with its help text.
+    /// Returns the JSON schema of the values of a declared option, with its help text.
     pub fn values_of(declared: &Declared) -> Object {
         let help = declared.help.trim();
         let described = ObjectBuilder::new().description(Some(help));
@@ -88,12 +88,14 @@ mod described {
                 described.schema_type(Type::String).enum_values(Some(names())).default(default.map(Into::into))
             }
             Values::Text { default, .. } => described.schema_type(Type::String).default(default.map(Into::into)),
+            Values::File { .. } => described.schema_type(Type::String),
+            Values::Document { .. } => described,
         }
         .build()
     }
 
-    /// Describes an object with one required property and no other. Its title is `PREFIX_NAME`: generated clients take
-    /// it for the name of a type.
+    /// Returns the JSON schema of an object that has one declared option as its only, required property. Its title is
+    /// `PREFIX_NAME`, because generated clients use it as the name of a type.
     pub fn object_of(prefix: &str, declared: &Declared) -> Object {
         ObjectBuilder::new()
             .title(Some(format!("{prefix}_{}", declared.name)))

@@ -4,8 +4,8 @@ use super::axis::{Axis, AxisError, Layout, check_axes};
 use super::quantity::{Quantity, Sampling, Unit};
 use std::sync::Arc;
 
-/// Samples on axes: `f32`, row-major, last axis contiguous. NaN always means masked (unmeasured). Clones share the
-/// samples.
+/// Tensor of `f32` samples on axes: row-major, last axis contiguous. NaN always means masked (unmeasured). Clones share
+/// the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     axes: Vec<Axis>,
@@ -19,32 +19,33 @@ pub enum TensorError {
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The number of samples is not the product of the lengths of the axes.
-    #[error("{found} samples on axes of lengths {shape:?}, expected {expected}")]
+    #[error("{found} samples on axes of lengths {shape:?}, expected {expected} samples")]
     Count {
-        /// Number of samples found.
+        /// Number of samples that were given for the axes.
         found: usize,
-        /// Product of the lengths.
+        /// Number of samples expected: the product of the lengths of the axes.
         expected: usize,
-        /// Lengths of the axes.
+        /// Number of entries of each axis.
         shape: Vec<usize>,
     },
-    /// A sample is infinite.
+    /// A sample of the tensor is infinite.
     #[error("sample {index} is infinite, expected a finite number or NaN for a masked one")]
     Infinite {
-        /// Flat index of the sample.
+        /// Index of the infinite sample in row-major order, from 0.
         index: usize,
     },
 }
 
-/// Returns the index of the first of `values` for which `is_so` is true. A pass over all values comes first, because a
-/// loop without early exit can be vectorised.
+/// Returns the index of the first of `values` that fulfils the condition `is_so`. A pass over all values comes first,
+/// because a loop without early exit can be vectorised.
 pub fn first_where(values: &[f32], is_so: impl Fn(f32) -> bool) -> Option<usize> {
     let any = values.iter().fold(false, |any, &value| any | is_so(value));
     if any { values.iter().position(|&value| is_so(value)) } else { None }
 }
 
 impl Tensor {
-    /// Creates a tensor after checking axes, number of samples and finiteness. NaN marks masked samples.
+    /// Creates a tensor after checking its axes, the number of samples and that none is infinite. NaN marks masked
+    /// samples.
     pub fn new(axes: Vec<Axis>, samples: Vec<f32>) -> Result<Self, TensorError> {
         let expected = check_axes(&axes)?;
         if samples.len() != expected {
@@ -57,38 +58,38 @@ impl Tensor {
         Ok(Self { axes, samples: Arc::new(samples) })
     }
 
-    /// Returns the axes, outermost first.
+    /// Returns the axes of the tensor, outermost first.
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// Returns the lengths of the axes.
+    /// Returns the lengths of the axes of the tensor.
     pub fn shape(&self) -> Vec<usize> {
         self.axes.iter().map(Axis::len).collect()
     }
 
-    /// Returns all samples, row-major; NaN = masked.
+    /// Returns all samples of the tensor, row-major; NaN marks masked samples.
     pub fn samples(&self) -> &[f32] {
         &self.samples
     }
 
-    /// Returns the samples, which are copied only if another tensor shares them.
+    /// Returns the samples of the tensor, which are copied only if another tensor shares them.
     pub fn into_samples(self) -> Vec<f32> {
         Arc::unwrap_or_clone(self.samples)
     }
 
-    /// Returns the number of samples; at least 1.
+    /// Returns the number of samples of the tensor; at least 1.
     #[allow(clippy::len_without_is_empty, reason = "a tensor is never empty")]
     pub fn len(&self) -> usize {
         self.samples.len()
     }
 
-    /// Returns the number of masked samples.
+    /// Returns the number of masked samples of the tensor.
     pub fn masked(&self) -> usize {
         self.samples.iter().filter(|s| s.is_nan()).count()
     }
 
-    /// Returns the smallest and the largest unmasked sample; `None` if all are masked.
+    /// Returns the smallest and the largest unmasked sample of the tensor; `None` if all are masked.
     pub fn range(&self) -> Option<(f32, f32)> {
         self.samples.iter().filter(|s| !s.is_nan()).fold(None, |range, &s| match range {
             None => Some((s, s)),
@@ -97,27 +98,28 @@ impl Tensor {
     }
 }
 
-/// Tensor with its quantity, unit and sampling: the input of compression and the result of decoding.
+/// Measurement: a tensor with its radiometric quantity, unit and kind of sampling. It is the input of compression and
+/// the result of decoding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measurement {
-    /// Radiometric quantity.
+    /// Radiometric quantity of the measurement, such as a BRDF.
     pub quantity: Quantity,
-    /// Unit of a sample.
+    /// Physical unit of a sample.
     pub unit: Unit,
-    /// Meaning of a sample on a triangle axis.
+    /// Meaning of a sample on an axis of triangles: an average or a value at a point.
     pub sampling: Sampling,
-    /// Samples and axes.
+    /// Samples of the measurement and their axes.
     pub tensor: Tensor,
 }
 
 impl Measurement {
-    /// Creates a measurement after checking that the axes fit the quantity.
+    /// Creates a measurement after checking that the axes of the tensor fit the radiometric quantity.
     pub fn new(quantity: Quantity, unit: Unit, sampling: Sampling, tensor: Tensor) -> Result<Self, AxisError> {
         Layout::of(quantity, tensor.axes())?;
         Ok(Self { quantity, unit, sampling, tensor })
     }
 
-    /// Returns the roles of the axes.
+    /// Returns the positions of the axes by meaning: index axes, directions, wavelength.
     pub fn layout(&self) -> Result<Layout, AxisError> {
         Layout::of(self.quantity, self.tensor.axes())
     }

@@ -11,20 +11,21 @@ use super::limits::MAX_LEVEL;
 use super::quantity::named;
 use super::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 
-/// Part of the sphere covered by a mesh.
+/// Part of the sphere covered by a mesh of triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Domain {
-    /// Upper hemisphere, `z ≥ 0`: bases 0–3.
+    /// Upper hemisphere, `z ≥ 0`: octants 0 to 3 of the octahedron.
     Hemisphere,
-    /// Lower hemisphere, `z ≤ 0`: bases 4–7, numbered from 0.
+    /// Lower hemisphere, `z ≤ 0`: octants 4 to 7 of the octahedron, numbered from 0.
     Lower,
-    /// Whole sphere: bases 0–7.
+    /// Whole sphere: octants 0 to 7 of the octahedron.
     Sphere,
 }
 named!(Domain, "triangle domain", { Hemisphere = "hemisphere", Lower = "lower", Sphere = "sphere" });
 
-/// Triangles of one domain at one level. Cheap to copy; the geometry is computed on demand.
+/// Mesh of spherical triangles: an octahedron or half of one, subdivided a number of times. Cheap to copy; the geometry
+/// is computed on demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TriangleMesh {
     domain: Domain,
@@ -52,33 +53,34 @@ const BASES: [Vertices; 8] = [
 ];
 
 impl TriangleMesh {
-    /// Creates the mesh of `domain` at `level`; `None` above [`MAX_LEVEL`].
+    /// Creates the triangle mesh of `domain`, subdivided `level` times; `None` above [`MAX_LEVEL`].
     pub fn new(domain: Domain, level: u8) -> Option<Self> {
         (level <= MAX_LEVEL).then_some(Self { domain, level })
     }
 
-    /// Returns the part of the sphere covered.
+    /// Returns the part of the sphere that the mesh covers.
     pub fn domain(self) -> Domain {
         self.domain
     }
 
-    /// Returns the subdivision level.
+    /// Returns the subdivision level of the mesh; each level divides every triangle into four.
     pub fn level(self) -> u8 {
         self.level
     }
 
-    /// Returns the number of base triangles: 8 on the sphere, 4 on a hemisphere.
+    /// Returns the number of triangles before subdivision: 8 on the sphere, 4 on a hemisphere.
     pub fn bases(self) -> usize {
         if self.domain == Domain::Sphere { 8 } else { 4 }
     }
 
-    /// Returns the number of triangles, `bases · 4^level`.
+    /// Returns the number of triangles of the mesh, `bases · 4^level`.
     #[allow(clippy::len_without_is_empty, reason = "a mesh is never empty")]
     pub fn len(self) -> usize {
         self.bases() << (2 * u32::from(self.level))
     }
 
-    /// Returns the mesh one level coarser, whose triangle `i / 4` is the parent of `i`; `None` at level 0.
+    /// Returns the mesh one subdivision level coarser, whose triangle `i / 4` is the parent of triangle `i`; `None` at
+    /// level 0.
     pub fn coarser(self) -> Option<Self> {
         Some(Self { domain: self.domain, level: self.level.checked_sub(1)? })
     }
@@ -87,7 +89,7 @@ impl TriangleMesh {
         BASES[if self.domain == Domain::Lower { base + 4 } else { base }]
     }
 
-    /// Returns the vertices of triangle `index`.
+    /// Returns the three vertices of triangle `index` of the mesh.
     ///
     /// # Panics
     /// If `index >= len()`.
@@ -100,7 +102,7 @@ impl TriangleMesh {
         triangle
     }
 
-    /// Returns the vertices of all triangles, in index order.
+    /// Returns the vertices of all triangles of the mesh, in index order.
     pub fn all_vertices(self) -> Vec<Vertices> {
         let mut triangles: Vec<Vertices> = (0..self.bases()).map(|base| self.base_vertices(base)).collect();
         for _ in 0..self.level {
@@ -109,17 +111,17 @@ impl TriangleMesh {
         triangles
     }
 
-    /// Returns the normalised mean of the vertices of triangle `index`.
+    /// Returns the centroid of triangle `index`: the normalised mean of its vertices.
     pub fn centroid(self, index: usize) -> Direction {
         centroid(self.vertices(index))
     }
 
-    /// Returns the solid angle of triangle `index` in sr.
+    /// Returns the solid angle of triangle `index` of the mesh in sr.
     pub fn solid_angle(self, index: usize) -> f64 {
         solid_angle(self.vertices(index))
     }
 
-    /// Returns the solid angles of all triangles in sr, in index order.
+    /// Returns the solid angles of all triangles of the mesh in sr, in index order.
     pub fn solid_angles(self) -> Vec<f64> {
         self.all_vertices().into_iter().map(solid_angle).collect()
     }
@@ -129,8 +131,8 @@ impl TriangleMesh {
         projected_solid_angle(self.vertices(index))
     }
 
-    /// Returns the triangle that contains `direction`; `None` outside the domain. A direction on an edge belongs to
-    /// exactly one triangle.
+    /// Returns the index of the triangle that contains `direction`; `None` outside the mesh. A direction on an edge
+    /// belongs to exactly one triangle.
     pub fn locate(self, direction: Direction) -> Option<usize> {
         let d = direction.xyz();
         let outside = match self.domain {
@@ -170,7 +172,7 @@ fn midpoint(a: Vector, b: Vector) -> Vector {
     unit(add(a, b))
 }
 
-/// Returns child `which` (0..4) of a triangle, in the order defined in the module description.
+/// Returns child number `which` of a triangle divided into four: 0 to 2 are the corner triangles, 3 is the central one.
 pub fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
     let (m01, m12, m02) = (midpoint(v0, v1), midpoint(v1, v2), midpoint(v0, v2));
     match which {
@@ -181,8 +183,8 @@ pub fn child([v0, v1, v2]: Vertices, which: usize) -> Vertices {
     }
 }
 
-/// Returns the child that contains `d`, which lies in the triangle: a corner child if `d` is strictly beyond the edge
-/// that separates it from the centre.
+/// Returns the number of the child triangle that contains `d`, which lies in the parent. It is a corner child if `d` is
+/// strictly beyond the edge that separates it from the centre.
 fn child_holding([v0, v1, v2]: Vertices, d: Vector) -> usize {
     let (m01, m12, m02) = (midpoint(v0, v1), midpoint(v1, v2), midpoint(v0, v2));
     let beyond = |a: Vector, b: Vector, corner: Vector| {
@@ -200,7 +202,7 @@ fn child_holding([v0, v1, v2]: Vertices, d: Vector) -> usize {
     }
 }
 
-/// Returns the normalised mean of the vertices.
+/// Returns the centroid of a spherical triangle: the normalised mean of its vertices.
 pub fn centroid([a, b, c]: Vertices) -> Direction {
     Direction::from_unit(unit(add(add(a, b), c)))
 }
@@ -212,7 +214,7 @@ pub fn solid_angle([a, b, c]: Vertices) -> f64 {
 }
 
 /// Returns the integral of |cos θ| over a spherical triangle in sr, by Lambert's formula: half the sum over the edges
-/// of their angle times the z of the normal of the edge plane.
+/// of edge angle times z component of the edge plane's normal.
 pub(crate) fn projected_solid_angle(vertices: Vertices) -> f64 {
     let mut sum = 0.0;
     for k in 0..3 {

@@ -3,20 +3,20 @@
 
 use super::tensor::Measurement;
 
-/// Function of wavelength: contiguous samples in the order of the spectral axis.
+/// Function of wavelength: contiguous samples of one spectrum, in the order of the spectral axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spectrum<'a> {
     samples: &'a [f32],
 }
 
-/// Function of one direction and wavelength, `[direction, lambda]`.
+/// Function of one direction and wavelength, with samples in the order `[direction, lambda]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflectance<'a> {
     samples: &'a [f32],
     lambdas: usize,
 }
 
-/// Function of two directions and wavelength, `[incoming, outgoing, lambda]`.
+/// Function of two directions and wavelength, with samples in the order `[incoming, outgoing, lambda]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brdf<'a> {
     samples: &'a [f32],
@@ -25,14 +25,14 @@ pub struct Brdf<'a> {
 }
 
 impl<'a> Spectrum<'a> {
-    /// Returns the samples; NaN = masked.
+    /// Returns the samples of the spectrum; NaN marks masked samples.
     pub fn samples(self) -> &'a [f32] {
         self.samples
     }
 }
 
 impl<'a> Reflectance<'a> {
-    /// Returns the spectrum of direction `index`.
+    /// Returns the spectrum at direction number `index`.
     ///
     /// # Panics
     /// If `index` is out of range.
@@ -42,7 +42,7 @@ impl<'a> Reflectance<'a> {
 }
 
 impl<'a> Brdf<'a> {
-    /// Returns the outgoing distribution of incoming direction `index`.
+    /// Returns the function of outgoing direction and wavelength at incoming direction number `index`.
     ///
     /// # Panics
     /// If `index` is out of range.
@@ -53,7 +53,7 @@ impl<'a> Brdf<'a> {
 }
 
 impl Measurement {
-    /// Returns the tensor as one spectrum; `None` if it has more than one axis.
+    /// Returns the samples as one spectrum; `None` if the tensor has more than one axis.
     pub fn as_spectrum(&self) -> Option<Spectrum<'_>> {
         match self.tensor.shape().as_slice() {
             [_] => Some(Spectrum { samples: self.tensor.samples() }),
@@ -61,8 +61,8 @@ impl Measurement {
         }
     }
 
-    /// Returns the tensor as a function of one direction, if it is one; spectra of a monochromatic tensor have one
-    /// sample.
+    /// Returns the samples as a function of one direction and wavelength; `None` if the tensor has other axes. Spectra
+    /// of monochromatic data have one sample.
     pub fn as_reflectance(&self) -> Option<Reflectance<'_>> {
         let layout = self.layout().ok()?;
         let directions = usize::from(layout.incoming.is_some()) + usize::from(layout.outgoing.is_some());
@@ -70,8 +70,8 @@ impl Measurement {
             .then(|| Reflectance { samples: self.tensor.samples(), lambdas: self.lambdas() })
     }
 
-    /// Returns the tensor as a function of two directions, if it is one; spectra of a monochromatic tensor have one
-    /// sample.
+    /// Returns the samples as a function of incoming and outgoing direction and wavelength; `None` if the tensor has
+    /// other axes. Spectra of monochromatic data have one sample.
     pub fn as_brdf(&self) -> Option<Brdf<'_>> {
         let layout = self.layout().ok()?;
         let (_, outgoing) = (layout.incoming?, layout.outgoing?);
@@ -82,7 +82,7 @@ impl Measurement {
         })
     }
 
-    /// Returns the number of samples per direction: the length of the spectral axis, or 1 without one.
+    /// Returns the number of samples per direction: the length of the spectral axis, or 1 if there is none.
     pub fn lambdas(&self) -> usize {
         self.tensor.axes().last().filter(|axis| axis.is_spectral()).map_or(1, super::axis::Axis::len)
     }

@@ -3,62 +3,63 @@
 use super::limits::MAX_WAVELENGTHS;
 use crate::numeric::bracket::Bracket;
 
-/// Strictly increasing, finite, positive wavelengths in nm; even grids are stored as start and step.
+/// Wavelengths in nm, strictly increasing, finite and positive; even grids are stored as start and step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WavelengthGrid {
-    /// Even grid, `start + i * step`.
+    /// Evenly spaced wavelengths, `start + i * step`.
     Even {
-        /// First wavelength, in nm.
+        /// First and shortest of the evenly spaced wavelengths, in nm.
         start: f64,
-        /// Distance between neighbours, in nm; positive.
+        /// Distance between neighbouring wavelengths, in nm; positive.
         step: f64,
-        /// Number of wavelengths; at least 1.
+        /// Number of evenly spaced wavelengths; at least 1.
         count: usize,
     },
-    /// List of all wavelengths.
+    /// List of all wavelengths, in nm.
     Uneven(Vec<f64>),
 }
 
-/// Reasons why numbers do not form a wavelength grid.
+/// Reasons why numbers do not form an axis of wavelengths.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WavelengthError {
-    /// There is no wavelength.
+    /// The list of wavelengths is empty.
     #[error("a wavelength axis needs at least one wavelength")]
     Empty,
-    /// There are more wavelengths than the limit.
+    /// The number of wavelengths exceeds the limit.
     #[error("{found} wavelengths are more than the limit of {MAX_WAVELENGTHS}")]
     TooMany {
-        /// Number of wavelengths.
+        /// Number of wavelengths found.
         found: usize,
     },
-    /// A wavelength is not positive and finite.
+    /// A wavelength is not positive or not finite.
     #[error("wavelength {index} is {value}, expected a positive finite number of nm")]
     NotPositive {
-        /// Position of the wavelength, from 0.
+        /// Position of the invalid wavelength in its list, from 0.
         index: usize,
-        /// Number found.
+        /// Wavelength found, in nm: not positive or not finite.
         value: f64,
     },
     /// A wavelength is not larger than its predecessor.
     #[error("wavelength {index} is {value} nm after {previous} nm, expected a strictly increasing axis")]
     NotIncreasing {
-        /// Position of the wavelength, from 0.
+        /// Position in its list of the wavelength that does not increase, from 0.
         index: usize,
-        /// Number found.
+        /// Wavelength that breaks the increasing order of the list, since it is not larger than the one before it; in
+        /// nm.
         value: f64,
-        /// Preceding number.
+        /// Wavelength just before the one that breaks the increasing order of the list, in nm.
         previous: f64,
     },
-    /// The text is not of the form START:STOP:STEP.
+    /// The text of a range of wavelengths is not of the form START:STOP:STEP.
     #[error("`{found}` is no wavelength range, expected START:STOP:STEP in nm with START <= STOP and STEP > 0")]
     NotARange {
-        /// Text found.
+        /// Text that should give a range of wavelengths.
         found: String,
     },
 }
 
 impl WavelengthGrid {
-    /// Creates `count` wavelengths from `start` in steps of `step`, in nm.
+    /// Creates `count` wavelengths from `start` in even steps of `step`, in nm.
     pub fn even(start: f64, step: f64, count: usize) -> Result<Self, WavelengthError> {
         check_count(count)?;
         if !(start.is_finite() && start > 0.0) {
@@ -72,7 +73,8 @@ impl WavelengthGrid {
         Ok(Self::Even { start, step, count })
     }
 
-    /// Creates a grid from a list; it is recognised as even if every wavelength is exactly `start + i * step`.
+    /// Creates an axis of wavelengths from a list in nm. A list is recognised as even if every wavelength is exactly
+    /// `start + i * step`.
     pub fn listed(values: Vec<f64>) -> Result<Self, WavelengthError> {
         check_count(values.len())?;
         for (index, &value) in values.iter().enumerate() {
@@ -89,7 +91,7 @@ impl WavelengthGrid {
         Ok(if even { Self::Even { start, step, count: values.len() } } else { Self::Uneven(values) })
     }
 
-    /// Parses `START:STOP:STEP` in nm, both ends included (`380:750:5` has 75 wavelengths).
+    /// Parses a range of wavelengths `START:STOP:STEP` in nm, both ends included (`380:750:5` has 75 wavelengths).
     pub fn parse_range(text: &str) -> Result<Self, WavelengthError> {
         let refused = || WavelengthError::NotARange { found: text.to_owned() };
         let parts: Vec<f64> =
@@ -115,7 +117,7 @@ impl WavelengthGrid {
         }
     }
 
-    /// Returns wavelength `index` in nm.
+    /// Returns wavelength number `index` in nm.
     ///
     /// # Panics
     /// If `index` is out of range on an uneven grid.
@@ -136,8 +138,8 @@ impl WavelengthGrid {
         (self.at(0), self.at(self.len() - 1))
     }
 
-    /// Returns the interpolation position `(i, t)` of `lambda` (nm): the value is
-    /// `(1 − t)·sample[i] + t·sample[i + 1]`, with `t = 0` at the last sample. `None` outside the axis.
+    /// Returns the position `(i, t)` of `lambda` (nm) for linear interpolation: the value is `(1 − t)·sample[i] +
+    /// t·sample[i + 1]`, with `t = 0` at the last sample. `None` outside the axis.
     #[inline]
     pub fn locate(&self, lambda: f64) -> Option<(usize, f64)> {
         let (first, last) = self.range();
@@ -149,7 +151,7 @@ impl WavelengthGrid {
         Some((below, position - below as f64))
     }
 
-    /// Returns the fractional sample index of `lambda` (nm), clamped to the ends; 0 for NaN.
+    /// Returns the fractional sample index of `lambda` (nm) on the axis, clamped to the ends; 0 for NaN.
     #[inline]
     pub(crate) fn position(&self, lambda: f64) -> f64 {
         let last = self.len() - 1;
@@ -163,8 +165,8 @@ impl WavelengthGrid {
         }
     }
 
-    /// Returns the trapezoidal quadrature weights in nm: `Σ weight[i]·sample[i]` is the integral over the axis. A
-    /// single wavelength has weight 1.
+    /// Returns the weights, in nm, of the trapezoidal rule: `Σ weight[i]·sample[i]` is the integral over all
+    /// wavelengths of the axis. A single wavelength has weight 1.
     pub fn weights(&self) -> Vec<f64> {
         let n = self.len();
         if n == 1 {

@@ -6,12 +6,12 @@ use crate::domain::{Direction, Domain, Measurement, TriangleMesh};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Hemisphere of outgoing directions an albedo integrates over, relative to the incoming direction. A direction on the
-/// horizon counts as above.
+/// Hemisphere of outgoing directions that an albedo integrates over, relative to the incoming direction. An incoming
+/// direction on the horizon counts as above it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
-    /// Both hemispheres.
+    /// Upper and lower hemisphere of outgoing directions together: reflected plus transmitted light.
     #[default]
     Both,
     /// Outgoing directions on the side of `wi`: reflection.
@@ -20,20 +20,23 @@ pub enum Side {
     Transmitted,
 }
 
-/// Stored albedos, `[cell, lambda]`. NaN where every summed sample is masked.
+/// Albedos computed when a material is opened, `[incoming direction, wavelength]`. NaN where every sample of the
+/// integral is masked.
 #[derive(Debug, Default)]
 pub(super) struct Albedos {
-    /// Integral over the whole outgoing axis; empty if there is no outgoing axis.
+    /// Integral over all outgoing directions for each incoming direction and wavelength; empty if the data have no
+    /// outgoing axis.
     both: Vec<f32>,
-    /// Integrals over the upper and the lower hemisphere. Empty unless the axis covers both and the quantity has a
-    /// cosine.
+    /// Integrals over the outgoing directions above and below the horizon. Empty unless the data cover the whole sphere
+    /// and the quantity has a factor |cos θo|.
     halves: [Vec<f32>; 2],
-    /// Outgoing domain; `None` if there is no outgoing axis of triangles.
+    /// Domain of outgoing directions (hemisphere or sphere); `None` if the outgoing axis is not a triangle mesh.
     domain: Option<Domain>,
 }
 
 impl Albedos {
-    /// Integrates a measurement; empty tables without an outgoing axis of triangles.
+    /// Integrates a measurement over outgoing directions, for every incoming direction and wavelength. The result holds
+    /// no integrals if the outgoing axis is not a triangle mesh.
     pub(super) fn new(measurement: &Measurement, geometry: &Geometry) -> Self {
         let Some(mesh) = geometry.mesh().map(|lookup| lookup.mesh()) else { return Self::default() };
         let lambdas = geometry.lambdas();
@@ -44,8 +47,8 @@ impl Albedos {
         Self { both: table(0..n), halves, domain: Some(mesh.domain()) }
     }
 
-    /// Returns the table `[cell, lambda]` of one side for an incoming direction above or below the horizon; `None` if
-    /// no light can leave on that side.
+    /// Returns the albedos `[incoming direction, wavelength]` of reflected, transmitted or all light. `is_above` is
+    /// true if incoming directions lie above the horizon; `None` if no light can leave on the requested side.
     pub(super) fn of(&self, side: Side, is_above: bool) -> Option<&[f32]> {
         let upward = match side {
             Side::Both => return Some(&self.both),
@@ -59,7 +62,8 @@ impl Albedos {
         }
     }
 
-    /// Applies `add` to the integrals over the whole outgoing axis, if there are any.
+    /// Changes the material's table of albedos (integrals over all outgoing directions) by the given function `add`,
+    /// unless the table is empty.
     pub(super) fn add(&mut self, add: impl FnOnce(&mut [f32])) {
         if !self.both.is_empty() {
             add(&mut self.both);
@@ -76,8 +80,8 @@ pub(super) fn is_above(wi: Option<Direction>) -> bool {
     wi.is_none_or(|wi| wi.cos_theta() >= 0.0)
 }
 
-/// Integrates the outgoing triangles `leaves`: `[cell, lambda]`, weighted by projected solid angle if the quantity has
-/// a cosine.
+/// Integrates samples over the outgoing triangles `leaves`, as `[incoming direction, wavelength]`. Triangles are
+/// weighted by projected solid angle if the quantity has a cosine factor, else by solid angle.
 fn table(measurement: &Measurement, mesh: TriangleMesh, lambdas: usize, leaves: Range<usize>) -> Vec<f32> {
     let measures: Vec<f64> = if measurement.quantity.has_cosine() {
         leaves.clone().map(|i| mesh.projected_solid_angle(i)).collect()

@@ -9,25 +9,28 @@ use super::located::OUTSIDE;
 use super::smooth::Smooth;
 use crate::domain::vector::turned;
 
-/// The incoming side of a block of places.
+/// Incoming directions of a block of queries (pairs of directions evaluated together), with the interpolation nodes
+/// around them.
 pub(super) struct Arrived {
-    /// Unit vectors; rotated to azimuth 0 for isotropic data, +z for quantities without an incoming direction.
+    /// Incoming unit vectors; rotated to azimuth 0 for isotropic data, +z for quantities without an incoming direction.
     wi: Vectors,
-    /// Cosine and sine of each incoming azimuth; only isotropic data set them.
+    /// Cosines, then sines, of the azimuths of the incoming directions; set for isotropic data only.
     turns: [Block; 2],
-    /// Entry of the incoming axis for each place.
+    /// For each query of the block, number of the incoming sample (triangle or elevation) to which the incoming
+    /// direction belongs.
     entries: [u32; BLOCK],
-    /// Incoming nodes around each direction.
+    /// For each query of the block, the interpolation nodes around its incoming direction.
     around: [Around; BLOCK],
 }
 
 impl Arrived {
-    /// Scratch space; overwritten before it is read.
+    /// Initial scratch space for a block of incoming directions; every value is overwritten before it is read.
     pub(super) const NEW: Self =
         Self { wi: UP, turns: [[1.0; BLOCK], [0.0; BLOCK]], entries: [0; BLOCK], around: [Around::NOWHERE; BLOCK] };
 
-    /// Writes the incoming side of up to [`BLOCK`] places: the axis entry that contains each direction and, with a
-    /// smooth form, the nodes around it. Isotropic data with a smooth form need no entries and leave them unset.
+    /// Looks up the incoming directions of up to [`BLOCK`] queries: the incoming triangle that contains each direction
+    /// and, for smooth interpolation, the nodes around it. Isotropic data with smooth interpolation leave the triangles
+    /// unset.
     pub(super) fn write(
         &mut self,
         geometry: &Geometry,
@@ -70,31 +73,34 @@ impl Arrived {
         &self.wi
     }
 
-    /// Entry of the incoming axis that contains the direction of place `i`.
+    /// Number of the incoming sample (triangle or elevation) to which the incoming direction of query `i` of the block
+    /// belongs.
     #[inline(always)]
     pub(super) fn entry(&self, i: usize) -> u32 {
         self.entries[i]
     }
 
-    /// Nodes around each direction.
+    /// Interpolation nodes around the incoming direction of each query of the block.
     #[inline(always)]
     pub(super) fn around(&self) -> &[Around; BLOCK] {
         &self.around
     }
 
-    /// Rotates directions from azimuth 0 of isotropic data to the azimuths of the incoming directions.
+    /// Rotates outgoing directions about the normal, from the frame in which `wi` has azimuth 0 to the frame of the
+    /// query.
     pub(super) fn turn(&self, directions: &mut Vectors) {
         turn_block(directions, &self.turns);
     }
 
-    /// Rotates directions back to azimuth 0 of isotropic data; undoes [`Arrived::turn`].
+    /// Rotates outgoing directions about the normal, to the frame in which `wi` has azimuth 0; undoes
+    /// [`Arrived::turn`].
     pub(super) fn turn_back(&self, directions: &mut Vectors) {
         let [cos, sin] = self.turns;
         turn_block(directions, &[cos, sin.map(|sin| -sin)]);
     }
 }
 
-/// Rotates directions about +z by the angles with these cosines and sines.
+/// Rotates each direction of a block about +z by the angle with the given cosine and sine.
 fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
     for i in 0..BLOCK {
         let to = turned(vector_of(directions, i), [cos[i], sin[i]]);
@@ -102,5 +108,5 @@ fn turn_block(directions: &mut Vectors, [cos, sin]: &[Block; 2]) {
     }
 }
 
-/// Incoming direction of quantities that have none: +z.
+/// Placeholder incoming directions (+z) for a block of a quantity without an incoming direction.
 const UP: Vectors = [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]];

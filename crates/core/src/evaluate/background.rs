@@ -7,31 +7,37 @@ use super::warp::{BELOW_ONE, Density, Warps};
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use crate::domain::{Direction, TriangleMesh};
 
-/// Squared sine of the angle to corner b below which a direction counts as that corner.
+/// Squared sine of the angle to corner b of a spherical triangle below which a direction counts as that corner.
 const CORNER: f64 = 1e-24;
 
-/// Number of intervals along an edge of a cell between probe points for light. More intervals find narrower patches.
+/// Number of intervals along a triangle's edge between the points at which the smooth function is tested for nonzero
+/// values in the triangle. More intervals find narrower nonzero areas.
 const STEPS: u32 = 24;
-/// Distance of those probe points from the edge, in intervals.
+/// Distance of the probe points of a triangle from its edges, in intervals of the probe lattice. It keeps them from
+/// lying exactly on an edge.
 const INSIDE: f64 = 1e-5;
-/// Distance in radians of probe points from a node; each lies in another of the patches that meet there.
+/// Distance in radians of eight probe points from an interpolation node. Each lies in another of the interpolation
+/// patches that meet at the node.
 const BESIDE: f64 = 1e-5;
-/// Offsets of those probe points from the node, in units of [`BESIDE`] along two tangents that are not parallel.
+/// Offsets of eight probe points around an interpolation node, in units of [`BESIDE`] along two tangents that are not
+/// parallel.
 const WAYS: [[f64; 2]; 8] =
     [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
 
-/// Support of the defensive directions.
+/// Set of directions that defensive sampling (drawing independently of the function's values) can return.
 #[derive(Debug)]
 pub(super) enum Background {
-    /// The whole outgoing domain, by |cos θ| or uniformly.
+    /// Defensive sampling draws from the whole outgoing domain, with density proportional to |cos θ| or uniform.
     Whole,
-    /// Uniform over the lit cells, for each entry of the index axes: those of the piecewise constant form and those of
-    /// the smooth form. The smooth form reaches into neighbouring cells.
+    /// Defensive sampling draws from the triangles in which the material's function is nonzero, uniformly in solid
+    /// angle. Each combination of indices (positions on the axes before the directions) has two sets of triangles:
+    /// nonzero in piecewise constant and in smooth evaluation.
     Lit(Vec<[LitCells; 2]>),
 }
 
 impl Background {
-    /// Chooses lit cells for luminaires. Quantities with an incoming direction or a cosine use the whole domain.
+    /// Selects the support of defensive sampling: the lit triangles for luminaires, the whole domain for quantities
+    /// with an incoming direction or a cosine factor.
     pub(super) fn new(function: &Function, lookup: &MeshLookup) -> Self {
         if function.geometry().has_incoming() || function.geometry().quantity().has_cosine() {
             return Self::Whole;
@@ -48,7 +54,8 @@ impl Background {
         if entries.iter().flatten().all(is_whole) { Self::Whole } else { Self::Lit(entries) }
     }
 
-    /// Returns true if an entry of the index axes has any light.
+    /// Returns true if the function has light anywhere under one combination of indices (positions on the axes before
+    /// the directions).
     #[inline]
     pub(super) fn has_any(&self, entry: usize, density: Density) -> bool {
         match self {
@@ -57,7 +64,7 @@ impl Background {
         }
     }
 
-    /// Density in sr⁻¹ at a direction of the domain.
+    /// Density in sr⁻¹ of defensive sampling at a direction of the outgoing domain.
     #[inline]
     pub(super) fn pdf(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> f64 {
         match self {
@@ -66,7 +73,8 @@ impl Background {
         }
     }
 
-    /// Maps a point of the unit square to a direction.
+    /// Maps a point of the unit square to an outgoing direction of defensive sampling, which draws independently of the
+    /// function's values. `None` for a luminaire without light.
     pub(super) fn draw(&self, warps: &Warps, at: (usize, Density), u: [f64; 2]) -> Option<Direction> {
         match self {
             Self::Whole => Some(warps.draw_background(u)),
@@ -74,7 +82,7 @@ impl Background {
         }
     }
 
-    /// Inverse of [`Background::draw`]: the point of the unit square that maps to `direction`.
+    /// Point of the unit square that defensive sampling ([`Background::draw`]) maps to `direction`.
     pub(super) fn place(&self, warps: &Warps, at: (usize, Density), direction: Direction) -> Option<[f64; 2]> {
         match self {
             Self::Whole => Some(warps.place_background(direction)),
@@ -90,9 +98,9 @@ impl Background {
     }
 }
 
-/// Cells in which the smooth function of one entry may have light. Its patches differ from the cells: a patch with a
-/// corner on a lit cell is lit as a whole and may reach across dark cells. Without smooth tables (every sample is
-/// kept), light reaches all cells that share a corner with a lit one.
+/// Returns, for each triangle, true if the smooth function may have light in it. An interpolation patch with a lit
+/// corner is lit as a whole and may cover dark triangles. Without patches, light reaches all triangles that share a
+/// corner with a lit one.
 fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
     if !has_light.contains(&false) {
         return has_light.to_vec();
@@ -136,12 +144,12 @@ fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {
     &entries[entry][usize::from(density == Density::Linear)]
 }
 
-/// Cells with light, drawn uniformly in solid angle.
+/// Triangles with light, from which directions are drawn uniformly in solid angle.
 #[derive(Debug)]
 pub(super) struct LitCells {
     is_lit: Vec<bool>,
     leaves: Vec<u32>,
-    /// Cumulative solid angle up to and including each leaf, normalised to 1.
+    /// Cumulative solid angle up to and including each lit triangle, as a fraction of the total.
     ends: Vec<f64>,
     solid_angle: f64,
 }
@@ -180,7 +188,7 @@ impl LitCells {
         Some([start + length * u, v].map(|u| u.clamp(0.0, BELOW_ONE)))
     }
 
-    /// Start and length of leaf `k` on the unit interval.
+    /// Start and length, on the unit interval, of the part that selects lit triangle `k`.
     fn interval(&self, k: usize) -> [f64; 2] {
         let start = if k == 0 { 0.0 } else { self.ends[k - 1] };
         [start, self.ends[k] - start]
@@ -197,8 +205,8 @@ fn area([a, b, c]: [Vector; 3]) -> f64 {
 }
 
 /// Maps a point of the unit square to a spherical triangle, uniformly in solid angle (Arvo 1995, *Stratified sampling
-/// of spherical triangles*). The first coordinate cuts off an area between corner a, corner b and a point of the edge
-/// from a to c. The second is the height on the arc from b to that point.
+/// of spherical triangles*). The first coordinate selects a point q of edge ac by the area of triangle abq. The second
+/// coordinate selects the height along the arc from b to q.
 fn in_triangle([a, b, c]: [Vector; 3], [u, v]: [f64; 2]) -> Vector {
     let whole = area([a, b, c]);
     // Angle at a, and the cut of the edge by the arc from b: tan of the half area is rational in tan of half the arc.
@@ -218,7 +226,8 @@ fn in_triangle([a, b, c]: [Vector; 3], [u, v]: [f64; 2]) -> Vector {
     unit(add(scale(b, cos), scale(perpendicular(b, cut), sin)))
 }
 
-/// Inverse of [`in_triangle`]: the point of the unit square that maps to the direction `d` of the triangle.
+/// Inverse of [`in_triangle`]: the point of the unit square that maps to the direction `d` inside the spherical
+/// triangle.
 fn place_in_triangle([a, b, c]: [Vector; 3], d: Vector) -> [f64; 2] {
     // Intersection of the arc from b through d with the edge from a to c.
     let normal = cross(b, d);
@@ -232,7 +241,8 @@ fn place_in_triangle([a, b, c]: [Vector; 3], d: Vector) -> [f64; 2] {
     [u, v]
 }
 
-/// Unit vector perpendicular to `a` on the side of `b`; zero if they are parallel.
+/// Unit vector perpendicular to `a`, in the plane of `a` and `b` and on the side of `b`; zero if `a` and `b` are
+/// parallel.
 fn perpendicular(a: Vector, b: Vector) -> Vector {
     let d = sub(b, scale(a, dot(a, b)));
     let length = norm(d);

@@ -19,7 +19,8 @@ fn triangles(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-/// Material of two planes, with dark and masked cells if `with_holes`.
+/// Material whose logarithmic spectra are combinations of two basis spectra, with dark and masked samples if
+/// `with_holes`.
 fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Material {
     let lambdas = 17;
     axes.push(Axis::Wavelength(WavelengthGrid::even(400.0, 10.0, lambdas).unwrap()));
@@ -36,7 +37,7 @@ fn material(quantity: Quantity, mut axes: Vec<Axis>, with_holes: bool) -> Materi
     Material::of(Measurement::new(quantity, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// Material with values from −1 to 1.
+/// Material with sample values from −1 to 1.
 fn signed() -> Material {
     let axes = vec![
         triangles(Domain::Hemisphere, 1),
@@ -69,7 +70,7 @@ fn materials() -> Vec<Material> {
         .collect()
 }
 
-/// Coordinates of directions of any length; `up` keeps them above the horizon.
+/// Cartesian coordinates of random directions of any length; `up` restricts them to the upper hemisphere.
 fn coordinates(random: &mut Pcg32, up: bool) -> [Vec<f32>; 3] {
     let mut of = |k: usize| -> Vec<f32> {
         let number = |_| {
@@ -85,7 +86,7 @@ fn directions(of: &[Vec<f32>; 3]) -> Directions<'_> {
     Directions::new(&of[0], &of[1], &of[2])
 }
 
-/// Incoming and outgoing directions in the form a material takes.
+/// Incoming and outgoing directions of a batch; `None` for a direction that the material does not have.
 struct Asked {
     wi: Option<[Vec<f32>; 3]>,
     wo: [Vec<f32>; 3],
@@ -107,7 +108,7 @@ fn same(a: f32, b: f32) -> bool {
     a == b || (a.is_nan() && b.is_nan()) || (a - b).abs() <= 2e-5 * a.abs().max(b.abs())
 }
 
-/// Incoming and outgoing directions as unit vectors with all digits, and on edges of the mesh.
+/// Incoming and outgoing directions as unit vectors in full f64 precision, some of them on edges of the mesh.
 struct Units {
     wi: Option<Vec<Direction>>,
     wo: Vec<Direction>,
@@ -131,7 +132,7 @@ impl Units {
     }
 }
 
-/// Evaluates a whole batch and parts of it of several lengths, which give the same bits.
+/// Evaluates a whole batch and parts of it of several lengths, and checks that the results agree bit for bit.
 fn cut<T: Clone + PartialEq + std::fmt::Debug>(
     nothing: &T,
     pairs: Pairs<'_>,
@@ -365,7 +366,7 @@ fn bad_batches_are_refused() {
     let below = [vec![0.1, 0.2], vec![0.0, 0.1], vec![1.0, -0.5]];
     assert!(refusal(below, good.clone()).contains("outside the incoming domain"));
     let short = [vec![0.1], vec![0.0], vec![1.0]];
-    assert!(refusal(short, good.clone()).contains("expected 2 of each"));
+    assert!(refusal(short, good.clone()).contains("expected 2 each"));
     // Lengths whose squares overflow or underflow f32 are valid all the same.
     let long = [vec![1e30, 1e-30], vec![0.0, 0.0], vec![1e30, 1e-30]];
     let pairs = Pairs { index: &[], wi: Some(directions(&good)), wo: Some(directions(&long)) };

@@ -17,17 +17,17 @@ use super::smooth::{SeenBlock, Smooth};
 use super::warp::Draws;
 use rayon::prelude::*;
 
-/// Number of places a thread takes at a time.
+/// Number of queries (pairs of directions) that a thread takes at a time.
 const SHARE: usize = 4096;
 
-/// A block of places: its incoming side, and the lookups of the smooth form.
+/// Block of queries: the lookups of their incoming directions, and those of smooth interpolation.
 pub(super) struct Places {
     arrived: Arrived,
     seen: SeenBlock,
 }
 
 impl Places {
-    /// Scratch space; overwritten before it is read.
+    /// Initial scratch space for a block of queries; every value is overwritten before it is read.
     pub(super) const NEW: Self = Self { arrived: Arrived::NEW, seen: SeenBlock::NOTHING };
 
     #[inline(always)]
@@ -42,8 +42,8 @@ impl Places {
 }
 
 impl Function {
-    /// Writes the spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread, as [`Function::spectrum`]
-    /// gives them. Does not allocate. Stops at the first refused pair.
+    /// Writes the spectra for the direction pairs `pairs` into `out`, `[pair][wavelength]`, on the calling thread, as
+    /// [`Function::spectrum`] gives them. Does not allocate. Stops at the first invalid pair.
     pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.geometry().lambdas())?;
         let lambdas = self.geometry().lambdas();
@@ -56,7 +56,8 @@ impl Function {
         })
     }
 
-    /// Passes the rows of planes at `pairs` to `work`, block by block, with the start of each block.
+    /// Interpolates the spectral coefficients for the direction pairs `pairs`, block by block. Passes each block to
+    /// `work`, with the position of its first pair.
     pub(super) fn rows(
         &self,
         planes: &Planes,
@@ -99,7 +100,7 @@ impl Function {
         Ok(())
     }
 
-    /// Runs [`Function::spectra`] on all threads.
+    /// Evaluates a batch of spectra like [`Function::spectra`], on all threads.
     pub(super) fn par_spectra(
         &self,
         pairs: Pairs<'_>,
@@ -113,7 +114,8 @@ impl Function {
         })
     }
 
-    /// Rows of the smooth form at given directions; empty rows outside the outgoing domain.
+    /// Interpolates the spectral coefficients smoothly at the given outgoing directions; coefficients are 0 outside the
+    /// outgoing domain.
     fn smooth_rows_at(
         &self,
         smooth: &Smooth,
@@ -136,7 +138,7 @@ impl Function {
         Ok(())
     }
 
-    /// Rows of the smooth form at drawn directions; empty rows for failed draws.
+    /// Interpolates the spectral coefficients smoothly at drawn directions; coefficients are 0 for failed draws.
     pub(super) fn rows_at_draws(
         &self,
         smooth: &Smooth,
@@ -152,7 +154,7 @@ impl Function {
         }
     }
 
-    /// Rows of the smooth form at the outgoing directions in `places`.
+    /// Interpolates the spectral coefficients smoothly at the outgoing directions stored in `places`.
     fn smooth_rows(&self, smooth: &Smooth, entry: usize, places: &mut Places, rows: &mut [Mixed]) {
         let Places { arrived, seen } = places;
         seen.wi = *arrived.wi();
@@ -165,7 +167,8 @@ impl Function {
         smooth.at_block(entry, seen, rows);
     }
 
-    /// Rows of the cells in which directions were drawn; empty rows for failed draws.
+    /// Copies the spectral coefficients of the triangles in which directions were drawn; coefficients are 0 for failed
+    /// draws.
     pub(super) fn rows_of_leaves(
         &self,
         planes: &Planes,

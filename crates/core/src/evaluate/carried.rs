@@ -6,25 +6,28 @@ use crate::domain::vector::{Vector, add, cross, dot, scale, sub, turned, unit};
 use crate::domain::{Direction, Domain};
 use crate::numeric::wide;
 
-/// Alignment that maps directions from a node to the queried incoming direction, and the outgoing domain.
+/// Alignment of lobes (rule that maps outgoing directions from one incoming direction to another), and the outgoing
+/// domain.
 pub(super) type Carry = (Alignment, Domain);
 
-/// Mapping of directions from a node with incoming direction `from` to the incoming direction `to`, and its inverse.
+/// Mapping of outgoing directions from the incoming direction `from` of an interpolation node to the queried one `to`,
+/// and its inverse.
 pub(super) struct Carried {
     alignment: Alignment,
-    /// Sign of z on the outgoing hemisphere; 0 on the sphere.
+    /// Sign of z on the hemisphere of the outgoing directions; 0 if they cover the whole sphere.
     side: f64,
     from: Vector,
     to: Vector,
-    /// Cosine and sine of the rotation about the normal from the azimuth of `to` to that of `from`; identity unless
-    /// lobes turn with the azimuth.
+    /// Cosine and sine of the rotation about the normal from the azimuth of `to` to the azimuth of `from`. It is the
+    /// identity unless the alignment turns lobes with the azimuth.
     turn: [f64; 2],
-    /// `to` after that rotation.
+    /// Incoming direction `to`, rotated about the normal to the azimuth of `from`.
     turned: Vector,
 }
 
-/// Image of a direction, the ratio of solid angles there to here, and a flag: true if the image exists on the right
-/// side of the horizon.
+/// Outgoing direction moved with the lobe around it from one incoming direction to another, with the ratio of solid
+/// angles (moved to original). The flag is true if the moved direction exists and lies in the hemisphere of the
+/// outgoing directions.
 struct Way {
     there: Vector,
     solid_angle: f64,
@@ -39,14 +42,16 @@ impl Carried {
         Self { alignment, side, from, to, turn, turned: turned(to, turn) }
     }
 
-    /// Mapping of the directions on the same side of the horizon as the height `z`.
+    /// Mapping that moves outgoing directions with their lobes from the incoming direction `from` to `to`. It holds on
+    /// the side of the horizon on which an outgoing direction with z coordinate `z` lies.
     #[inline(always)]
     pub(super) fn over(alignment: Alignment, domain: Domain, z: f64, from: Vector, to: Vector) -> Self {
         let (alignment, side) = side_by(alignment, domain, z);
         Self::new(alignment, side, from, to)
     }
 
-    /// Direction under the node that maps to `wo`.
+    /// Inverse mapping: outgoing direction under the incoming direction `from` that moves to `wo` when lobes follow the
+    /// incoming direction from `from` to `to`.
     #[inline(always)]
     fn back(&self, wo: Vector) -> Way {
         match self.alignment {
@@ -61,7 +66,8 @@ impl Carried {
         }
     }
 
-    /// Image of the node's direction `wo` under the queried incoming direction.
+    /// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `from` (that of an
+    /// interpolation node) to the queried one, `to`.
     #[inline(always)]
     fn out(&self, wo: Vector) -> Way {
         match self.alignment {
@@ -80,8 +86,11 @@ impl Carried {
         Way { there, solid_angle, is_open: is_there & (self.side * there[2] >= 0.0) }
     }
 
-    /// Maps a direction drawn at the node; returns its position and true if it stays where it was drawn. It stays if
-    /// its image does not exist or lies below the horizon. If `may_stay`, it also stays if no direction maps to it.
+    /// Moves an outgoing direction, drawn under the incoming direction `from`, with its lobe to the incoming direction
+    /// `to`. Returns the moved direction and false. If that does not exist or lies outside the outgoing hemisphere,
+    /// returns `wo` as drawn and true.
+    ///
+    /// With `may_stay`, `wo` also stays as drawn if no outgoing direction under `from` moves to it.
     #[inline(always)]
     pub(super) fn drawn(&self, wo: Vector, may_stay: bool) -> (Vector, bool) {
         let way = self.out(wo);
@@ -89,8 +98,9 @@ impl Carried {
         (if stays { wo } else { unit(way.there) }, stays)
     }
 
-    /// Returns the node's direction that maps to `wo`, the factor on its density (0 if there is none), and the fraction
-    /// of the node's density at `wo` itself that stays.
+    /// Returns the outgoing direction that moves to `wo` when lobes follow the incoming direction from `from` to `to`,
+    /// and the factor by which this motion changes the sampling density (0 without such a direction). The third number
+    /// is the fraction of directions drawn at `wo` that do not move away.
     #[inline(always)]
     pub(super) fn origin(&self, wo: Vector) -> (Vector, f64, f64) {
         let back = self.back(wo);
@@ -102,7 +112,8 @@ impl Carried {
         (there, part, if self.out(wo).is_open { kept } else { 1.0 })
     }
 
-    /// Density in sr⁻¹ at `wo`, for directions that the node draws with density `pdf`.
+    /// Sampling density in sr⁻¹ at `wo` under the incoming direction `to`, for directions that are drawn with density
+    /// `pdf` under the incoming direction `from` and then moved with their lobes.
     #[inline(always)]
     pub(super) fn density(&self, wo: Vector, pdf: impl Fn(Direction) -> f64) -> f64 {
         let (there, part, staying) = self.origin(wo);
@@ -111,8 +122,8 @@ impl Carried {
     }
 }
 
-/// Alignment of directions on the same side of the horizon as the height `z`, and the sign of heights there (0 if there
-/// is no horizon). On a whole sphere, transmitted light is rotated whatever alignment reflected light has.
+/// Alignment of lobes between incoming directions that applies on the same side of the horizon as the height `z`, and
+/// the sign of z there (0 without a horizon). On a whole sphere, transmitted light is always aligned by rotation.
 #[inline(always)]
 fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     match domain {
@@ -123,8 +134,9 @@ fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     }
 }
 
-/// Returns the factor of solid angles and the vector 2 (to · h) h, with h the unit half vector of `a` and `b`. The flag
-/// is true if `to` is on the side of h. The vector minus `to` is `to` mirrored at h.
+/// Returns k = 2 (to · h) / |h|² and the vector k h, where h = a + b; k h minus `to` is `to` mirrored at h. With `a`
+/// and `to` fixed, k is the solid angle that the mirror image sweeps per solid angle of `b`. The flag is true if `to`
+/// and h enclose less than 90°.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, reason = "loops over places without branches become vector code")]
 fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
@@ -135,8 +147,8 @@ fn along(a: Vector, b: Vector, to: Vector) -> (f64, Vector, bool) {
     (factor, scale(h, factor), is_there)
 }
 
-/// `d` after the rotation that takes `from` to `to`; mirrored where those are nearly opposite and the rotation has no
-/// axis.
+/// Direction `d` rotated as `from` must be rotated to reach `to`. If these are nearly opposite, the rotation axis is
+/// ill-defined; `d` is then rotated from `from` to `-to` and negated.
 #[inline(always)]
 fn rotated(from: Vector, to: Vector, d: Vector) -> Vector {
     let axis = cross(from, to);
@@ -154,14 +166,15 @@ fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
     [cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b]
 }
 
-/// Fraction of the node's density that stays in place where a lobe is lifted from the horizon: no direction maps there,
-/// yet the function is nonzero.
+/// Fraction of an interpolation node's sampling density that stays unmapped near the horizon, in the band that a lobe
+/// leaves when the alignment lifts it. No direction maps into that band, yet the function is nonzero there.
 pub(super) const STAYING: f64 = 0.5;
 
-/// Incoming directions of a block: that of one node for each place, and the queried ones.
+/// Incoming directions of a block of queries: for each query, the direction of one interpolation node and the queried
+/// direction.
 pub(super) struct CarriedBlock {
     alignment: Alignment,
-    /// Sign of z on the outgoing hemisphere; 0 on the sphere.
+    /// Sign of z on the hemisphere of the outgoing directions; 0 if they cover the whole sphere.
     side: f64,
     pub(super) from: Vectors,
     to: Vectors,
@@ -171,14 +184,15 @@ impl CarriedBlock {
     pub(super) const NOWHERE: Self =
         Self { alignment: Alignment::None, side: 0.0, from: [[0.0; BLOCK]; 3], to: [[0.0; BLOCK]; 3] };
 
-    /// Sets the alignment and the queried incoming directions. On a whole sphere directions are rotated on both sides
-    /// alike.
+    /// Sets the alignment of lobes and the queried incoming directions of the block. One alignment serves both sides of
+    /// the horizon.
     pub(super) fn set(&mut self, (alignment, domain): Carry, to: &Vectors) {
         (self.alignment, self.side) = side_by(alignment, domain, 1.0);
         self.to = *to;
     }
 
-    /// [`Carried::drawn`] of all directions; returns a flag for each that stays.
+    /// Moves a block of drawn outgoing directions with their lobes to the queried incoming directions, each as
+    /// [`Carried::drawn`] does. Returns, for each, true if the direction stays as it was drawn.
     pub(super) fn drawn(&self, directions: &mut Vectors, may_stay: &[bool; BLOCK]) -> [bool; BLOCK] {
         let from = *directions;
         let (moved, stays) = wide(
@@ -203,7 +217,12 @@ impl CarriedBlock {
         stays
     }
 
-    /// [`Carried::origin`] of all directions. The result is a local value: without aliasing the loop is vectorised.
+    /// Finds, for each query of a block (batch evaluated together), the outgoing direction that moves to `wo` when
+    /// lobes follow the incoming direction from an interpolation node to the query. Also gives the factor by which this
+    /// motion changes the sampling density, and the fraction of directions drawn at `wo` that do not move away; see
+    /// [`Carried::origin`].
+    ///
+    /// The result is a local value, because the loop is vectorised only without aliasing.
     pub(super) fn origins(&self, wo: &Vectors) -> Origins {
         wide(
             #[inline(always)]
@@ -226,15 +245,20 @@ impl CarriedBlock {
         )
     }
 
-    /// Mapping of place `i`.
+    /// Mapping that moves outgoing directions with their lobes from the incoming direction of an interpolation node to
+    /// the queried one, for query `i` of a block of queries evaluated together.
     #[inline(always)]
     fn at(&self, alignment: Alignment, i: usize) -> Carried {
         Carried::new(alignment, self.side, vector_of(&self.from, i), vector_of(&self.to, i))
     }
 }
 
-/// Origins of a block of directions: the nodes' directions that map there, the factors on their density, and the
-/// fractions of the nodes' density at the directions themselves that stay.
+/// Result of undoing, for a block of queries (batch evaluated together), the motion of outgoing directions with the
+/// lobes from an interpolation node's incoming direction to the query's.
+///
+/// `there` holds the direction that moves to each outgoing direction, `parts` the factor by which this motion changes
+/// the sampling density. `staying` is the fraction of the directions drawn at the outgoing direction that do not move
+/// away.
 pub(super) struct Origins {
     pub(super) there: Vectors,
     pub(super) parts: Block,
@@ -245,7 +269,7 @@ impl Origins {
     const NOWHERE: Self = Self { there: [[0.0; BLOCK]; 3], parts: [0.0; BLOCK], staying: [0.0; BLOCK] };
 }
 
-/// Calls `work` with an alignment known at compile time.
+/// Calls `work` with the alignment of lobes between incoming directions as a compile-time constant.
 #[inline(always)]
 pub(super) fn known(alignment: Alignment, work: impl FnOnce(Alignment)) {
     match alignment {

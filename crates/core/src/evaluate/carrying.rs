@@ -14,14 +14,17 @@ use crate::domain::Direction;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Number of incoming directions at which the two are compared, and points per side of the square drawn at each by
-/// both.
+/// Number of incoming directions at which sampling with and without lobe alignment is compared, and points per side of
+/// the unit square drawn at each. More points make the choice more reliable and slower.
 const COMPARED: u32 = 8;
 const POINTS: u32 = 12;
-/// Minimum cosine of the compared incoming directions; the function carries little light below.
+/// Minimum cosine of the incoming directions at which sampling is compared; the function carries little light at
+/// grazing incidence.
 const LOWEST_COSINE: f64 = 0.15;
 
-/// Builds the trees of the mean over wavelengths; their directions follow the alignment if that leaves less variance.
+/// Builds the trees of triangles from which outgoing directions are drawn in proportion to the function's mean over
+/// wavelengths. Drawn directions move with the lobes as the incoming direction changes, unless that raises the variance
+/// of their weights.
 pub(super) fn trees_of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Trees {
     let trees = Trees::of_mean(function, lookup);
     let carry = function.carry().filter(|carry| {
@@ -31,8 +34,11 @@ pub(super) fn trees_of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Tr
     trees.carried_by(carry)
 }
 
-/// Second moments of the sample weights with directions following and staying. Each is divided by the squared first
-/// moment and summed over incoming directions. Both are estimated from directions drawn by both.
+/// Second moments of f · |cos θo| / pdf for two densities: drawn outgoing directions move with their lobes to the
+/// queried incoming direction, or they stay in place. Each is divided by the squared mean and summed over incoming
+/// directions.
+///
+/// The estimate draws half of the directions with each density.
 fn second_moments(trees: &Trees, function: &Function, carry: Carry) -> [f64; 2] {
     let mut sums = [0.0; 2];
     let options = SampleOptions::default();
@@ -66,7 +72,7 @@ fn second_moments(trees: &Trees, function: &Function, carry: Carry) -> [f64; 2] 
     sums
 }
 
-/// Incoming directions spread over the domain of the incoming axis, between its nodes.
+/// Incoming directions spread over the domain of the incoming axis, in general between the sampled ones.
 fn compared(function: &Function) -> Vec<Direction> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     let directions = (0..COMPARED).map(|k| {

@@ -9,15 +9,18 @@ use crate::domain::{
 };
 use rayon::prelude::*;
 
-/// Range of triangle levels.
+/// Coarsest and finest subdivision level of the triangles that replace a grid of directions.
 const COARSEST: u8 = 2;
 const FINEST: u8 = 6;
-/// Maximum number of averages; beyond it the triangles are coarser.
+/// Maximum number of triangle averages, counted over all axes; beyond it coarser triangles are used.
 const MOST_SAMPLES: usize = 1 << 24;
 
 impl Stated {
-    /// Averages over triangles about as wide as the spacing of the stated directions; each averages its quarters'
-    /// centroids. Elevations stay. A list over the scattering angle is sampled under light along `+z`.
+    /// Converts samples on a grid of directions to averages over triangles about as wide as the grid's spacing. Each
+    /// average is the mean of the values interpolated at the centroids of an outgoing triangle's four sub-triangles.
+    ///
+    /// A grid of incoming directions also becomes triangles, with the values at their centroids; incoming elevations
+    /// are kept. Data over the scattering angle are evaluated under light along `+z`.
     pub(super) fn cell_averages(&self) -> Result<Measurement, EvaluateError> {
         let geometry = self.geometry();
         let layout = geometry.layout();
@@ -73,7 +76,7 @@ impl Stated {
     }
 }
 
-/// Incoming and outgoing meshes that replace grids of directions.
+/// Triangle meshes that replace the incoming and the outgoing grid of directions.
 fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     let layout = geometry.layout();
     let grid = |axis: Option<usize>| match axis.map(|axis| &geometry.axes()[axis]) {
@@ -105,10 +108,10 @@ fn meshes(geometry: &Geometry) -> (Option<TriangleMesh>, Option<TriangleMesh>) {
     }
 }
 
-/// Cosine below which a direction lies on the horizon.
+/// Magnitude of the cosine below which a direction counts as lying on the horizon.
 const HORIZON: f64 = 1e-6;
 
-/// Level at which an edge is about as long as the median step of the polar angle.
+/// Subdivision level at which a triangle's edge is about as long as the median step of the grid's polar angle.
 fn level_of(grid: &DirectionGrid) -> u8 {
     let polar = grid.polar();
     let mut steps: Vec<f64> = polar.array_windows().map(|[a, b]| b - a).collect();

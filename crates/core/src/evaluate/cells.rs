@@ -9,8 +9,9 @@ use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
 impl Function {
-    /// Inner product of a cell's spectrum with weights. Masked samples are skipped and the remaining weights
-    /// renormalised; NaN if a cell of planes is masked.
+    /// Inner product of the spectrum of a cell (one incoming and one outgoing sample direction) with weights. Masked
+    /// samples are skipped and the remaining weights renormalised. NaN for a fully masked cell of data on a spectral
+    /// basis.
     pub(super) fn cell_value(&self, cell: usize, weights: &[f32]) -> f32 {
         match self.form() {
             Form::Planes { planes, .. } => wide(
@@ -24,7 +25,7 @@ impl Function {
         }
     }
 
-    /// Returns true if a cell has an unmasked nonzero sample.
+    /// Returns true if a cell (one incoming and one outgoing sample direction) has an unmasked nonzero sample.
     pub(super) fn is_lit_cell(&self, cell: usize) -> bool {
         match self.form() {
             Form::Planes { planes, .. } => planes.presence(cell) > 0.0,
@@ -32,7 +33,7 @@ impl Function {
         }
     }
 
-    /// Returns true if any cell is masked.
+    /// Returns true if any spectrum is masked.
     pub(super) fn has_masked(&self) -> bool {
         match self.form() {
             Form::Planes { planes, .. } => (0..self.geometry().cells()).any(|cell| planes.presence(cell).is_nan()),
@@ -40,8 +41,9 @@ impl Function {
         }
     }
 
-    /// Inner product with weights of the smooth function at a vertex, in the table of `cell` (the axes before the
-    /// outgoing one).
+    /// Sum over wavelengths of `weights` times the smooth function at a mesh vertex, under one sampled incoming
+    /// direction. `cell` is the direction's number, counted over all combinations of indices (positions on the axes
+    /// before the directions).
     pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: Vector, weights: &[f32]) -> f32 {
         let [n_in, n_out, _] = self.geometry().shape();
         let (entry, incoming) = (cell / n_in, cell % n_in);
@@ -60,7 +62,8 @@ impl Function {
         }
     }
 
-    /// Inner product with weights of the smooth function under an incoming node.
+    /// Sum over wavelengths of `weights` times the smooth function at the outgoing direction `d`, under one
+    /// interpolation node over incoming directions.
     pub(super) fn node_value(&self, entry: usize, node: usize, d: Vector, weights: &[f32]) -> f32 {
         let Form::Planes { planes, smooth } = self.form() else { return 0.0 };
         let mixed = smooth.under(entry, node, d);
@@ -70,7 +73,8 @@ impl Function {
         )
     }
 
-    /// Alignment of the smooth function and its outgoing domain; `None` without an alignment or an incoming direction.
+    /// Rule by which lobes follow the incoming direction in smooth interpolation, together with the domain of the
+    /// outgoing directions. `None` if lobes stay in place or there is no incoming direction.
     pub(super) fn carry(&self) -> Option<Carry> {
         let smooth = self.form().smooth()?;
         let domain = self.geometry().mesh()?.mesh().domain();
@@ -78,8 +82,8 @@ impl Function {
             .then_some((smooth.alignment(), domain))
     }
 
-    /// Number of trees for one entry of the index axes: one for each entry of the incoming axis, and for nodes between
-    /// them.
+    /// Number of sampling trees for one combination of indices (positions on the axes before the directions): one for
+    /// each incoming sample direction and for each interpolation node between them.
     pub(super) fn trees_of_entry(&self) -> usize {
         let [own, ..] = self.geometry().shape();
         match self.form() {

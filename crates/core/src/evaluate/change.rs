@@ -3,14 +3,16 @@
 use crate::domain::vector::Vector;
 use rayon::prelude::*;
 
-/// Offset added to the deviation before its logarithm is averaged; smaller changes of shape do not matter.
+/// Offset added to a change of shape (standard deviation of a logarithm) before averaging its logarithm. It makes
+/// smaller changes count as equal.
 const NO_CHANGE: f64 = 0.02;
-/// Approximate maximum number of neighbouring pairs of incoming directions that are compared.
+/// Approximate maximum number of neighbouring pairs of incoming directions between which the change of the function's
+/// shape is measured. Raising it gives a more reliable change and takes longer.
 const MOST_PAIRS: usize = 256;
 
-/// Change of shape over pairs of neighbouring incoming nodes, in all entries of the index axes. For one pair it is the
-/// standard deviation of the logarithm of the ratio, weighted by squared light. A lobe that the alignment keeps in
-/// place has a small one, however much its height changes. A lobe that moves has a large one.
+/// Change of the function's shape between neighbouring incoming directions; 0 if values differ by a constant factor.
+/// For a pair it is the standard deviation, over corresponding outgoing directions, of the logarithm of the ratio of
+/// the two values, weighted by the first value squared. The result is the geometric mean over pairs.
 ///
 /// `light(entry, node, wo)` is the function and `measure(wo)` the weight of a direction. `carried(node, other, wo)`
 /// returns the direction under `other` that corresponds to `wo` under `node`, and its weight.

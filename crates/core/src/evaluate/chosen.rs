@@ -11,56 +11,59 @@ use super::warp::SampleOptions;
 use crate::domain::{Direction, WavelengthGrid};
 use crate::numeric::wide;
 
-/// Up to [`Chosen::MOST`] wavelengths of a material; made by [`Material::choose`].
+/// Up to [`Chosen::MOST`] wavelengths of a material, prepared for evaluation at many directions; made by
+/// [`Material::choose`].
 #[derive(Clone, Debug)]
 pub struct Chosen<'a> {
     material: &'a Material,
     beyond: Beyond,
     count: usize,
     wavelengths: [f64; FEW],
-    /// Factor on each sample: 1 inside the measured range; outside 1, 0 or NaN according to `beyond`.
+    /// Factor on the value at each chosen wavelength: 1 inside the measured range. Outside it the factor is 1 if the
+    /// nearest measured value holds there, 0 if there is no light, or NaN if values are masked.
     factors: [f32; FEW],
     columns: Option<Columns>,
 }
 
-/// A drawn direction with its weights.
+/// Drawn outgoing direction with its weights at the chosen wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChosenSample {
-    /// Drawn direction.
+    /// Drawn outgoing direction.
     pub direction: Direction,
-    /// Density of the direction in sr⁻¹.
+    /// Probability density of the direction in sr⁻¹.
     pub pdf: f64,
-    /// f · |cos θo| / pdf at the chosen wavelengths, in their order; 0 where f is masked, NaN outside the measured
-    /// range under [`Beyond::Masked`].
+    /// Weight f · |cos θo| / pdf at each chosen wavelength, in their order. It is 0 where f is masked, and NaN outside
+    /// the measured range under [`Beyond::Masked`].
     pub weights: [f32; Chosen::MOST],
 }
 
-/// Output buffers for drawn directions, their densities and weights: one entry for each point, `weights` as
-/// `[point][wavelength]`. A failed draw leaves 0 in all of them.
+/// Output buffers for a batch of drawn directions, their densities and their weights `[point][wavelength]`. Each point
+/// of the unit square gives one direction. A failed draw leaves 0 in all buffers.
 #[derive(Debug)]
 pub struct Drawings<'a> {
-    /// Components towards the reference direction (azimuth 0).
+    /// Coordinates x of the drawn unit vectors, along the reference direction (azimuth 0).
     pub x: &'a mut [f32],
-    /// Components perpendicular to x and z.
+    /// Coordinates y of the drawn unit vectors. The y axis lies in the surface, at azimuth 90°.
     pub y: &'a mut [f32],
-    /// Components along the normal.
+    /// Coordinates z of the drawn unit vectors, along the surface normal.
     pub z: &'a mut [f32],
-    /// Densities in sr⁻¹.
+    /// Probability densities of the drawn directions in sr⁻¹.
     pub pdf: &'a mut [f32],
-    /// Weights f · |cos θo| / pdf.
+    /// Weights f · |cos θo| / pdf, `[point][wavelength]`.
     pub weights: &'a mut [f32],
 }
 
 impl Drawings<'_> {
-    /// Coordinates and densities of the points `from..to`.
+    /// Parts of the buffers for coordinates x, y and z and for densities that hold the drawn directions `from..to` of
+    /// the batch.
     fn part(&mut self, from: usize, to: usize) -> [&mut [f32]; 4] {
         [&mut self.x[from..to], &mut self.y[from..to], &mut self.z[from..to], &mut self.pdf[from..to]]
     }
 }
 
 impl Material {
-    /// Chooses up to [`Chosen::MOST`] wavelengths in nm. Spectra are linear between samples; outside the measured range
-    /// `beyond` applies. Fails for RGB and monochromatic data, which have no wavelengths.
+    /// Prepares evaluation at up to [`Chosen::MOST`] wavelengths in nm. Spectra are linear between samples; `beyond`
+    /// decides outside the measured range. Fails for RGB and monochromatic data, which have no wavelengths.
     pub fn choose(&self, wavelengths: &[f64], beyond: Beyond) -> Result<Chosen<'_>, EvaluateError> {
         let Some(grid) = self.geometry().grid() else {
             return unfit(QueryError::NoWavelengths { quantity: self.quantity() });
@@ -71,9 +74,9 @@ impl Material {
         Ok(self.chosen(grid, wavelengths, beyond))
     }
 
-    /// Writes the values at `wavelengths` (nm, any number) and `pairs` into `out`, `[pair][wavelength]`, on the calling
-    /// thread. Does not allocate. Stops at the first refused pair. Agrees with [`Material::at_wavelengths`] within the
-    /// tolerance that the [rules](super#rules) give for batches.
+    /// Writes the values at any number of `wavelengths` in nm for the direction pairs `pairs` into `out`,
+    /// `[pair][wavelength]`, on the calling thread. Does not allocate. Stops at the first invalid pair. Agrees with
+    /// [`Material::at_wavelengths`] within the tolerance that the [rules](super#rules) give for batches.
     pub fn spectra_at(
         &self,
         pairs: Pairs<'_>,
@@ -99,7 +102,7 @@ impl Material {
         })
     }
 
-    /// Chooses up to [`Chosen::MOST`] wavelengths of a grid.
+    /// Prepares evaluation at up to [`Chosen::MOST`] wavelengths in nm of data sampled on a wavelength grid.
     fn chosen(&self, grid: &WavelengthGrid, wavelengths: &[f64], beyond: Beyond) -> Chosen<'_> {
         let (first, last) = grid.range();
         let mut chosen = Chosen {
@@ -127,7 +130,7 @@ impl Material {
 }
 
 impl Chosen<'_> {
-    /// Maximum number of wavelengths.
+    /// Maximum number of wavelengths that one call of [`Material::choose`] can prepare for joint evaluation.
     pub const MOST: usize = FEW;
 
     /// Chosen wavelengths in nm.
@@ -135,13 +138,14 @@ impl Chosen<'_> {
         &self.wavelengths[..self.count]
     }
 
-    /// Returns the values at a place, in the order of the wavelengths and padded with 0, like
-    /// [`Material::at_wavelengths`].
+    /// Returns the values for a pair of directions at the chosen wavelengths, in their order and padded with 0. They
+    /// are those of [`Material::at_wavelengths`].
     pub fn at(&self, place: Place<'_>, how: Interpolation) -> Result<[f32; Chosen::MOST], EvaluateError> {
         self.at_known(place, how, None)
     }
 
-    /// Like [`Chosen::at`], but accepts an already located entry of the incoming axis.
+    /// Returns the values for a pair of directions at the chosen wavelengths, as [`Chosen::at`] does. The number of the
+    /// incoming sample, if already known, saves the search on the incoming axis.
     #[inline]
     fn at_known(
         &self,
@@ -171,8 +175,8 @@ impl Chosen<'_> {
         )
     }
 
-    /// Writes the values at `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives them, on the calling
-    /// thread.
+    /// Writes the values for the direction pairs `pairs` into `out`, `[pair][wavelength]`, as [`Chosen::at`] gives
+    /// them, on the calling thread.
     pub fn values(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), self.count)?;
         let Some((function, planes, smooth)) = self.material.planes() else {
@@ -187,7 +191,8 @@ impl Chosen<'_> {
         })
     }
 
-    /// Writes the values of a block of rows of planes, each to the start of its slice in `out`.
+    /// Expands the spectral coefficients of a block of queries at the chosen wavelengths. Writes the values of each
+    /// query to the start of its slice in `out`.
     fn write<'b>(&self, rows: &[Mixed], out: impl Iterator<Item = &'b mut [f32]>) {
         let (Some((_, planes, _)), Some(columns)) = (self.material.planes(), &self.columns) else {
             return;
@@ -201,9 +206,9 @@ impl Chosen<'_> {
         }
     }
 
-    /// Draws a direction like [`Material::sample`], by the mean over all wavelengths. The weight of each chosen
-    /// wavelength is f · |cos θo| / pdf, without the cosine for emission and phase functions. A uniform density goes
-    /// with the piecewise constant form, a linear one with the smooth form.
+    /// Draws a direction like [`Material::sample`], in proportion to the mean over all wavelengths. The weight at each
+    /// chosen wavelength is f · |cos θo| / pdf, without the cosine for emission and phase functions. With
+    /// [`Density::Uniform`](super::Density::Uniform) f is piecewise constant, else smooth.
     pub fn sample(
         &self,
         index: &[usize],
@@ -214,7 +219,8 @@ impl Chosen<'_> {
         self.drawn(index, wi, u, options.into())
     }
 
-    /// Not generic: compiled once in this crate rather than in every crate that draws.
+    /// Draws a direction for [`Chosen::sample`]. It is not generic, so that it is compiled once in this crate rather
+    /// than in every calling crate.
     fn drawn(
         &self,
         index: &[usize],
@@ -242,9 +248,10 @@ impl Chosen<'_> {
         Ok(Some(ChosenSample { direction, pdf, weights: self.weights(values, share) }))
     }
 
-    /// Runs [`Chosen::sample`] for each incoming direction `wi` and point u of the unit square, on the calling thread.
-    /// `wi` has one direction for each point; `None` for quantities without. Does not allocate. Stops at the first
-    /// refused point.
+    /// Draws an outgoing direction for each incoming direction `wi` and point `u` of the unit square, as
+    /// [`Chosen::sample`] does. Writes directions, densities and weights to `out`, on the calling thread. `wi` has one
+    /// direction for each point; `None` for quantities without an incoming direction. Does not allocate. Stops at the
+    /// first invalid point.
     pub fn samples(
         &self,
         index: &[usize],
@@ -256,7 +263,8 @@ impl Chosen<'_> {
         self.drawn_all(index, wi, u, options.into(), out)
     }
 
-    /// Not generic, for the reason that [`Chosen::drawn`] has.
+    /// Draws the directions for [`Chosen::samples`]. It is not generic, so that it is compiled once in this crate
+    /// rather than in every calling crate.
     fn drawn_all(
         &self,
         index: &[usize],
@@ -317,7 +325,8 @@ impl Chosen<'_> {
         Ok(())
     }
 
-    /// Multiplies values by `share`; masked ones become 0, as the sampling density takes them.
+    /// Multiplies the values of f by `share` (|cos θo| / pdf). Masked values become 0, because the sampling density
+    /// treats them as dark.
     #[inline]
     fn weights(&self, mut values: [f32; FEW], share: f32) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {
@@ -326,7 +335,8 @@ impl Chosen<'_> {
         values
     }
 
-    /// Applies `beyond` to values outside the measured range.
+    /// Sets values at chosen wavelengths outside the measured range to 0 (no light) or NaN (masked); leaves them if the
+    /// nearest measured value holds there.
     #[inline]
     fn held(&self, mut values: [f32; FEW]) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {

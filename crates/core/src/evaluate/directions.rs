@@ -11,7 +11,8 @@ use crate::numeric::wide;
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
     source: Source<'a>,
-    /// Position of the first direction in the whole batch, for error messages.
+    /// Number of directions of the whole batch that come before this part of it; error messages count from the batch's
+    /// start.
     first: usize,
 }
 
@@ -22,18 +23,18 @@ enum Source<'a> {
 }
 
 impl<'a> Directions<'a> {
-    /// Directions from coordinates: `x` towards the reference direction, `z` along the normal, `y` perpendicular to
-    /// both. They are normalised.
+    /// Batch of directions from Cartesian coordinates: `x` towards the reference direction (azimuth 0), `z` along the
+    /// normal, `y` perpendicular to both. Vectors are normalised.
     pub fn new(x: &'a [f32], y: &'a [f32], z: &'a [f32]) -> Self {
         Self { source: Source::Coordinates([x, y, z]), first: 0 }
     }
 
-    /// Directions given as unit vectors, which keep full f64 precision.
+    /// Batch of directions given as unit vectors, which keep full f64 precision.
     pub fn of(directions: &'a [Direction]) -> Self {
         Self { source: Source::Units(directions), first: 0 }
     }
 
-    /// Number of directions.
+    /// Number of directions in the batch.
     #[allow(clippy::len_without_is_empty, reason = "an empty batch is no special case")]
     pub fn len(&self) -> usize {
         match self.source {
@@ -42,7 +43,7 @@ impl<'a> Directions<'a> {
         }
     }
 
-    /// Arrays of coordinates; `None` for unit vectors.
+    /// Arrays of x, y and z coordinates; `None` if the directions are given as unit vectors.
     #[inline]
     pub(super) fn coordinates(&self) -> Option<[&'a [f32]; 3]> {
         if let Source::Coordinates(arrays) = self.source { Some(arrays) } else { None }
@@ -66,7 +67,7 @@ impl<'a> Directions<'a> {
         Self { source, first: self.first + from }
     }
 
-    /// Writes up to [`BLOCK`] directions as unit vectors and pads with the last one.
+    /// Writes up to [`BLOCK`] directions as unit vectors and fills the rest of the block with the last one.
     pub(super) fn write_block(&self, to: &mut Vectors) -> Result<(), EvaluateError> {
         let arrays = match self.source {
             Source::Coordinates(arrays) => arrays,
@@ -119,14 +120,15 @@ impl<'a> Directions<'a> {
     }
 }
 
-/// Batch of places: the first of `wi` with the first of `wo`, and so on.
+/// Batch of direction pairs: the first of `wi` with the first of `wo`, and so on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pairs<'a> {
-    /// One entry for each leading index axis, shared by all pairs.
+    /// Position on each index axis (axis of the samples before those of directions and wavelength), the same for all
+    /// pairs of directions.
     pub index: &'a [usize],
-    /// Incoming directions; `None` for quantities without.
+    /// Incoming directions; `None` for quantities without an incoming direction.
     pub wi: Option<Directions<'a>>,
-    /// Outgoing directions; `None` for quantities without.
+    /// Outgoing directions; `None` for quantities without an outgoing direction.
     pub wo: Option<Directions<'a>>,
 }
 
@@ -146,8 +148,8 @@ impl<'a> Pairs<'a> {
         Self { index: self.index, wi: part(self.wi), wo: part(self.wo) }
     }
 
-    /// Returns the number of pairs. Fails if the numbers of coordinates disagree or if `room` is not `lambdas` samples
-    /// per pair.
+    /// Returns the number of direction pairs. Fails if `wi` and `wo` differ in number or if `room`, the length of the
+    /// output, is not `lambdas` samples per pair.
     pub(super) fn check(self, room: usize, lambdas: usize) -> Result<usize, EvaluateError> {
         let count = self.wo.or(self.wi).map_or(1, |directions| directions.len());
         for (argument, directions) in [(Argument::Wi, self.wi), (Argument::Wo, self.wo)] {

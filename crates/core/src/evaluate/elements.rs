@@ -9,24 +9,26 @@ use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
 
-/// Mesh level from which the side of a patch spans two triangles.
+/// Subdivision level of the triangle mesh from which interpolation patches are twice as wide as triangles. Raising it
+/// costs memory on fine meshes.
 const HALVED_LEVEL: u8 = 6;
-/// Nodes of a patch: three corners, then the midpoints of the edges 01, 02, 12.
+/// Number of nodes of a quadratic interpolation patch: three corners, then the midpoints of the edges 01, 02 and 12.
 pub(super) const NODES: usize = 6;
 
-/// Nodes of a patch and their weights, which sum to 1.
+/// Nodes of the quadratic interpolation patch around a direction and their weights, which sum to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
     pub(super) nodes: [u32; NODES],
     pub(super) weights: [f32; NODES],
 }
 
-/// Patches of `N` directions, lane by lane.
+/// Interpolation patches around `N` directions, one direction per SIMD lane.
 #[derive(Clone, Debug)]
 pub(super) struct Patches<const N: usize> {
     pub(super) nodes: [[u32; N]; NODES],
     pub(super) weights: [[f32; N]; NODES],
-    /// Barycentric coordinates between the first three nodes.
+    /// Barycentric coordinates of each direction with respect to the corners of the interpolation patch (triangle) that
+    /// contains it.
     pub(super) corners: [[f32; N]; 3],
 }
 
@@ -35,17 +37,18 @@ impl<const N: usize> Patches<N> {
         Self { nodes: [[0; N]; NODES], weights: [[0.0; N]; NODES], corners: [[0.0; N]; 3] };
 }
 
-/// Lattice of patches over a domain.
+/// Regular lattice of quadratic interpolation patches over a domain of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Elements {
     domain: Domain,
-    /// Patches along an edge of an octant.
+    /// Number of patches along an edge of an octant of the sphere.
     patches: u32,
     octant: u32,
 }
 
 impl Elements {
-    /// Lattice as fine as the triangles of `mesh`; half as fine from [`HALVED_LEVEL`] on.
+    /// Regular lattice of triangular patches over the directions of `mesh`, for quadratic interpolation in each patch.
+    /// Patches are as fine as the mesh's triangles; half as fine from subdivision level [`HALVED_LEVEL`] on.
     pub(super) fn new(mesh: TriangleMesh) -> Self {
         let level = if mesh.level() < HALVED_LEVEL { mesh.level() } else { mesh.level() - 1 };
         let patches = 1 << level;
@@ -57,12 +60,12 @@ impl Elements {
         if self.domain == Domain::Sphere { 8 } else { 4 }
     }
 
-    /// Number of nodes; one on an edge between octants counts once in each.
+    /// Number of interpolation nodes; a node on the edge between two octants counts once in each.
     pub(super) fn len(self) -> usize {
         self.octants() * self.octant as usize
     }
 
-    /// Directions of all nodes.
+    /// Directions of all interpolation nodes, octant by octant.
     pub(super) fn directions(self) -> Vec<Vector> {
         let n = 2 * self.patches;
         let part = |k: u32| f64::from(k) / f64::from(n);
@@ -80,14 +83,15 @@ impl Elements {
             .collect()
     }
 
-    /// Patch around the direction (x, y, z), which need not be a unit vector. The sign of z matters on a sphere only.
+    /// Interpolation patch around the direction (x, y, z), which need not be a unit vector. The sign of z matters only
+    /// if the domain is the whole sphere.
     pub(super) fn at(self, d: [f32; 3]) -> Patch {
         let mut patches = Patches::<1>::NOWHERE;
         self.write(d, &mut patches, 0);
         Patch { nodes: patches.nodes.map(|[node]| node), weights: patches.weights.map(|[weight]| weight) }
     }
 
-    /// Writes the patches around one direction or four, starting at lane `at`.
+    /// Writes the interpolation patches around one direction, or four, into SIMD lanes `at` and following.
     #[inline(always)]
     pub(super) fn write<T: Number, const N: usize>(self, [x, y, z]: [T; 3], to: &mut Patches<N>, at: usize) {
         let (zero, one) = (T::of(0.0), T::of(1.0));
@@ -143,8 +147,8 @@ impl Elements {
     }
 }
 
-/// Factor just below 1 that keeps rounding of barycentric coordinates from moving a direction over the far edge of the
-/// octant.
+/// Factor just below 1 on the first two barycentric coordinates of a direction in its octant of the sphere. It keeps
+/// rounding from raising their sum above 1, which would move the direction out of the octant.
 const WITHIN: f32 = 1.0 - 4e-7;
 /// 1.5 · 2²³: adding it rounds a small number to an integer in the low bits of the mantissa.
 const ROUND: f32 = 12_582_912.0;
@@ -155,7 +159,8 @@ fn arc<T: Number>(x: T) -> T {
     x * (T::of(1.0) + xx * (T::of(0.15) + T::of(0.42) * xx))
 }
 
-/// Direction of the first octant with these barycentric coordinates.
+/// Unit vector (x, y, z) of the first octant for which g(x), g(y), g(z) are proportional to `coordinates`, where g(x) =
+/// x + 0.15 x³ + 0.42 x⁵ approximates the arc sine.
 fn direction(coordinates: Vector) -> Vector {
     // The sum of squares is convex in the sum of arcs, which is 1.57 on an edge and 1.90 in the centre: Newton's method
     // from above descends to the root.
@@ -168,7 +173,8 @@ fn direction(coordinates: Vector) -> Vector {
     unit(coordinates.map(|a| inverse_arc(a * sum)))
 }
 
-/// Inverse of g. g is convex and at least x: Newton's method from the right descends to the root.
+/// Inverse of g(x) = x + 0.15 x³ + 0.42 x⁵, which approximates the arc sine, for x ≥ 0. Because g is convex and at
+/// least x, Newton's method from the right descends to the root.
 fn inverse_arc(value: f64) -> f64 {
     let mut x = value;
     for _ in 0..7 {

@@ -17,13 +17,13 @@ use crate::domain::{AxisError, Domain, Quantity, TensorError};
 /// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluateError {
-    /// The bytes are not a material.
+    /// The bytes cannot be decoded as a compressed material.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// The axes do not fit the quantity.
+    /// The axes of the data do not fit their quantity.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The samples do not form a tensor.
+    /// The number of samples does not fit the axes.
     #[error(transparent)]
     Tensor(#[from] TensorError),
     /// The query does not fit the material.
@@ -35,49 +35,52 @@ pub enum EvaluateError {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QueryError {
-    /// Wrong number of indices: one is needed for each index axis.
-    #[error("{found} indices, expected {expected}: one for each index axis")]
+    /// Wrong number of indices: one is needed for each index axis (axis of the samples before those of directions and
+    /// wavelength).
+    #[error("{found} indices, expected {expected}: one for each axis before the directions and the wavelength")]
     Indices {
-        /// Number of indices given.
+        /// Number of positions on index axes (axes of the samples before those of directions and wavelength) that the
+        /// query gives.
         found: usize,
-        /// Number of index axes.
+        /// Number of index axes of the material, each of which needs an index.
         expected: usize,
     },
-    /// An index beyond the end of its axis.
+    /// Index beyond the end of its axis.
     #[error("index {found} on axis {axis} of {length} entries, expected 0 to {}", length - 1)]
     Index {
-        /// The index given.
+        /// Index that the query gives, counted from 0.
         found: usize,
-        /// Position of the axis among the index axes, from 0.
+        /// Position, counted from 0, of the axis concerned among the index axes (axes of the samples before those of
+        /// directions and wavelength).
         axis: usize,
-        /// Number of entries of the axis.
+        /// Number of entries of the axis that is indexed.
         length: usize,
     },
-    /// A direction is missing.
-    #[error("no {argument} was given, but this {quantity} has an {} axis", argument.axis())]
+    /// The query lacks a direction that the material depends on.
+    #[error("no {argument} was given, but this {quantity} depends on the {} direction", argument.axis())]
     MissingDirection {
-        /// The missing direction.
+        /// Direction that the query lacks: incoming or outgoing.
         argument: Argument,
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// A direction is given for an axis that the data do not have.
-    #[error("{argument} was given, but this {quantity} has no {} axis", argument.axis())]
+    /// The query gives a direction on which the material does not depend.
+    #[error("{argument} was given, but this {quantity} does not depend on an {} direction", argument.axis())]
     UnexpectedDirection {
-        /// The direction given.
+        /// Superfluous direction: incoming or outgoing.
         argument: Argument,
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// A `wi` outside the incoming domain.
+    /// Incoming direction outside the hemisphere or sphere that the incoming axis covers.
     #[error("wi has theta = {theta:.3} degrees, outside the incoming domain `{domain}`")]
     Outside {
         /// Angle between `wi` and the z axis in degrees.
         theta: f64,
-        /// Domain of the incoming axis.
+        /// Hemisphere or sphere that the incoming axis covers.
         domain: Domain,
     },
-    /// A `wi` outside a grid of incoming directions.
+    /// Incoming direction outside the measured grid of incoming directions.
     #[error("wi has theta = {theta:.3} and phi = {phi:.3} degrees, outside the incoming directions that were measured")]
     Unmeasured {
         /// Angle between `wi` and the z axis in degrees.
@@ -85,141 +88,148 @@ pub enum QueryError {
         /// Azimuth of `wi` in degrees.
         phi: f64,
     },
-    /// A direction of a batch that cannot be normalised.
+    /// Direction of a batch that cannot be normalised: a coordinate is not finite, or all are 0.
     #[error("direction {index} is ({}, {}, {}), expected finite coordinates that are not all 0", found[0], found[1], found[2])]
     Direction {
-        /// Position in the batch, from 0.
+        /// Position of the invalid direction in the batch, counted from 0.
         index: usize,
-        /// Coordinates x, y and z.
+        /// Coordinates x, y and z of the invalid direction.
         found: [f32; 3],
     },
-    /// Coordinate arrays of unequal lengths.
-    #[error("{argument} has {}, {} and {} coordinates, expected {expected} of each", found[0], found[1], found[2])]
+    /// Arrays of x, y and z coordinates of unequal lengths.
+    #[error("{argument} has {} x, {} y and {} z coordinates, expected {expected} each", found[0], found[1], found[2])]
     Coordinates {
-        /// Directions concerned.
+        /// Batch of directions concerned: incoming or outgoing.
         argument: Argument,
-        /// Numbers of x, y and z coordinates.
+        /// Numbers of elements in the arrays of x, of y and of z coordinates that the caller passes for a batch of
+        /// directions.
         found: [usize; 3],
-        /// Number of directions of the batch.
+        /// Number of directions that the query needs: one for each direction pair or random point.
         expected: usize,
     },
-    /// Number of unit vectors that differs from the rest of the batch.
-    #[error("{argument} has {found} directions, expected {expected}")]
+    /// The batch has not as many unit vectors as pairs or points.
+    #[error("{argument} has {found} directions, expected {expected}: as many as the rest of the batch")]
     Count {
-        /// Directions concerned.
+        /// Batch of directions concerned: incoming or outgoing.
         argument: Argument,
-        /// Number of unit vectors.
+        /// Number of unit vectors that the query gives.
         found: usize,
-        /// Number of directions of the batch.
+        /// Number of directions that the query needs: one for each direction pair or random point.
         expected: usize,
     },
-    /// Buffer of the wrong length.
-    #[error("{}", buffer.refusal(*found, *expected))]
+    /// Array for results, scratch space or weights passed to a query with the wrong length.
+    #[error(
+        "array for results, scratch space or weights has the wrong length: {lengths}",
+        lengths = buffer.refusal(*found, *expected)
+    )]
     Length {
-        /// Buffer concerned.
+        /// Purpose of the array whose length is wrong: results, scratch space or spectral weights.
         buffer: Buffer,
-        /// Actual length of the buffer.
+        /// Number of elements of the array that the caller passes for results, scratch space or spectral weights.
         found: usize,
-        /// Required length of the buffer.
+        /// Number of elements that an array passed for results, scratch space or spectral weights must have.
         expected: usize,
     },
-    /// Buffers of unequal lengths for a batch of draws.
+    /// Input and output buffers of unequal lengths in a call that draws a batch of directions.
     #[error(
         "{} and {} coordinates of points, room for {directions} directions and {weights} weights, expected as many of each \
          and {expected} weights", points[0], points[1]
     )]
     Drawings {
-        /// Numbers of first and second coordinates of points.
+        /// Lengths of the arrays that hold the first and the second coordinates of the points of the unit square.
         points: [usize; 2],
-        /// Length of the buffer of densities.
+        /// First length, among the arrays of coordinates and densities, that differs from the number of points; that
+        /// number if none does.
         directions: usize,
-        /// Length of the buffer of weights.
+        /// Length of the output array for the weights f · |cos θo| / pdf of the drawn directions.
         weights: usize,
-        /// Required number of weights: chosen wavelengths times points.
+        /// Required length of the output array for weights f · |cos θo| / pdf: number of chosen wavelengths times
+        /// number of points of the unit square.
         expected: usize,
     },
     /// Wavelengths are requested, but the data are RGB or of a single channel.
     #[error("wavelengths were asked for, but this {quantity} has none")]
     NoWavelengths {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// Too many wavelengths at once.
-    #[error("{found} wavelengths, expected at most {most}")]
+    /// More wavelengths than can be evaluated at once.
+    #[error("{found} wavelengths, expected at most {most} at once")]
     TooManyWavelengths {
-        /// Number of wavelengths given.
+        /// Number of wavelengths that the query gives.
         found: usize,
-        /// Maximum number of wavelengths.
+        /// Maximum number of wavelengths that can be evaluated at once.
         most: usize,
     },
-    /// Wavelength outside the measured range.
+    /// Wavelength outside the measured range of wavelengths.
     #[error("{found} nm is outside the measured wavelengths")]
     Wavelength {
-        /// Wavelength in nm.
+        /// Wavelength in nm that the query gives.
         found: f64,
     },
-    /// The request needs an outgoing axis, which the data do not have.
-    #[error("{}", need.refusal(*quantity))]
+    /// The request needs outgoing directions, which the data do not have.
+    #[error("this request needs data over outgoing directions: {reason}", reason = need.refusal(*quantity))]
     NoOutgoing {
-        /// Request concerned.
+        /// Kind of the refused request, such as sampling or integration over outgoing directions, which the data lack.
         need: Need,
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// The quantity has no reflected and transmitted side.
-    #[error("this {quantity} has no reflected and transmitted side")]
+    /// Reflected or transmitted light alone is requested of a quantity that does not distinguish the two.
+    #[error("this {quantity} has no reflected and transmitted side, expected a brdf, btdf or bsdf")]
     NoSides {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// The quantity has no reflectance.
+    /// A reflectance is requested of a quantity other than a BRDF, BTDF or BSDF.
     #[error("this {quantity} has no reflectance, expected a brdf, btdf or bsdf")]
     NoReflectance {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// The quantity has no reciprocity that its data can show.
-    #[error("a {quantity} {}", match quantity {
+    /// Reciprocity is requested of a quantity whose data cannot show it.
+    #[error("wi and wo cannot be exchanged: a {quantity} {}", match quantity {
         Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
         _ => "has no reciprocity, expected a brdf, bsdf or phase function",
     })]
     NoReciprocity {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// The data have no pair of directions to exchange.
-    #[error("this {quantity} has no axes of directions to exchange")]
+    /// Reciprocity is requested of data without a pair of incoming and outgoing directions to exchange.
+    #[error("this {quantity} has no axes of directions to exchange, expected incoming and outgoing ones")]
     NoExchange {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// The integral of the quantity over directions need not be 1.
+    /// Normalisation is requested of a quantity other than a phase function, whose integral over directions need not be
+    /// 1.
     #[error("normalisation was asked for, but this is a {quantity}, expected a phase function")]
     NotNormalised {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material, such as `brdf`.
         quantity: Quantity,
     },
-    /// Subdivision level above the limit.
-    #[error("integration at level {found}, expected at most {MAX_LEVEL}")]
+    /// Request to integrate over triangles of a higher subdivision level than triangle meshes can have.
+    #[error("integration at level {found} of triangle subdivision, expected at most {MAX_LEVEL}")]
     Level {
-        /// Level given.
+        /// Requested subdivision level.
         found: u8,
     },
-    /// Sample point outside the unit square.
+    /// Random point outside the unit square.
     #[error("u = [{}, {}], expected a point of the unit square", u[0], u[1])]
     Point {
-        /// Coordinates of the point.
+        /// Coordinates of the point outside the unit square.
         u: [f64; 2],
     },
-    /// Defensive fraction outside 0 ≤ δ < 1.
-    #[error("a defensive part of {found}, expected 0 or more and less than 1")]
+    /// Fraction δ of defensive samples (drawn independently of the function's values) outside 0 ≤ δ < 1.
+    #[error("a defensive part of {found} (drawn whatever the function is), expected 0 or more and less than 1")]
     Defensive {
-        /// Defensive fraction of all samples.
+        /// Requested fraction of defensive samples (drawn independently of the function's values) among all samples.
         found: f64,
     },
 }
 
-/// Direction arguments of a query.
+/// Direction arguments of a query: incoming and outgoing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Argument {
     /// Incoming direction.
@@ -246,26 +256,26 @@ impl std::fmt::Display for Argument {
     }
 }
 
-/// Buffers that a caller passes to a query.
+/// Arrays that a caller passes to an evaluation or sampling call: for results, scratch space or spectral weights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Buffer {
-    /// One spectrum.
+    /// Output buffer for one spectrum.
     Spectrum,
-    /// One value for each wavelength.
+    /// Output buffer with one value for each requested wavelength.
     Wavelengths,
-    /// The spectra of a batch.
+    /// Output buffer for the spectra of a batch of queries.
     Spectra {
-        /// Number of spectra.
+        /// Number of spectra in the batch.
         count: usize,
-        /// Samples of each spectrum.
+        /// Number of samples of each spectrum.
         lambdas: usize,
     },
-    /// Scratch space.
+    /// Scratch space of a query, as long as its output.
     Scratch,
-    /// Weights of the samples of a spectrum.
+    /// Weights of an inner product, one for each sample of a spectrum.
     Weights,
-    /// One sample for each point of the unit square.
+    /// Output buffer for drawn directions, one for each point of the unit square.
     Samples,
 }
 
@@ -290,21 +300,21 @@ impl Buffer {
     }
 }
 
-/// Requests that need an outgoing axis.
+/// Requests that need an axis of outgoing directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Need {
-    /// Importance sampling.
+    /// Request for importance sampling of outgoing directions.
     Sampling,
-    /// Integration over outgoing directions.
+    /// Request for an integral of the material's function over outgoing directions.
     Integration,
-    /// Normalisation of a phase function.
+    /// Request to scale a phase function so that its integral over outgoing directions is 1.
     Normalisation,
-    /// Reflectance or transmittance.
+    /// Request for the reflectance or transmittance of a material.
     Reflectance,
-    /// Energy report.
+    /// Request for a report on the energy that leaves a material.
     Energy,
-    /// Reciprocity report.
+    /// Request for a report on reciprocity (exchange of incoming and outgoing direction).
     Reciprocity,
 }
 
@@ -324,7 +334,7 @@ impl Need {
     }
 }
 
-/// Wraps a query error in a failed result.
+/// Wraps the refusal of a query in a failed result.
 #[cold]
 pub(super) fn unfit<T>(error: QueryError) -> Result<T, EvaluateError> {
     Err(EvaluateError::Query(error))

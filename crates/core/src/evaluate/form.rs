@@ -9,16 +9,16 @@ use super::smooth::Smooth;
 use crate::compress::Between;
 use crate::domain::{Measurement, Quantity, Sampling};
 
-/// Interpolation between incidences, as far as a user or a file specifies it.
+/// Interpolation between incoming directions, as far as the user or the file specifies it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Course {
-    /// Alignment; `None` selects the best one.
+    /// Alignment of lobes between incoming directions; `None` selects the best one for the data.
     pub(super) alignment: Option<Alignment>,
     pub(super) between: Between,
 }
 
 impl Course {
-    /// Alignments to choose from.
+    /// Alignments of lobes between incoming directions among which the best one for the data is selected.
     pub(super) fn candidates(&self, quantity: Quantity) -> Vec<Alignment> {
         match self.alignment {
             Some(alignment) => vec![alignment],
@@ -28,17 +28,19 @@ impl Course {
     }
 }
 
-/// Storage of samples for queries.
+/// Storage of an opened material's samples for queries.
 #[derive(Debug)]
 pub(super) enum Form {
-    /// A few planes with smooth tables.
+    /// A few coefficients on a common spectral basis for each pair of sampled directions, with tables for smooth
+    /// interpolation.
     Planes { planes: Box<Planes>, smooth: Box<Smooth> },
-    /// Every sample.
+    /// All samples as decoded, without a spectral basis.
     Samples(Samples),
 }
 
 impl Form {
-    /// Builds the form of a measurement; planes if a few of them represent the samples.
+    /// Builds the storage of a measurement: coefficients on a spectral basis if a few represent all spectra, otherwise
+    /// all samples.
     pub(super) fn of(measurement: Measurement, geometry: &Geometry, course: Course) -> Self {
         if let Some((planes, smooth)) = planes(&measurement, geometry, course) {
             return Self::Planes { planes: Box::new(planes), smooth: Box::new(smooth) };
@@ -46,13 +48,13 @@ impl Form {
         Self::Samples(Samples::new(measurement.tensor.into_samples(), geometry.shape()))
     }
 
-    /// Smooth tables; `None` if every sample is kept.
+    /// Tables for smooth interpolation; `None` if the storage holds all samples rather than spectral coefficients.
     #[inline]
     pub(super) fn smooth(&self) -> Option<&Smooth> {
         if let Self::Planes { smooth, .. } = self { Some(smooth) } else { None }
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory of the stored samples and tables in bytes.
     pub(super) fn memory(&self) -> usize {
         match self {
             Self::Planes { planes, smooth } => planes.memory() + smooth.memory(),
@@ -61,7 +63,7 @@ impl Form {
     }
 }
 
-/// Alignments to choose from if neither the user nor the file specifies one.
+/// Alignments of lobes between incoming directions to choose from if neither the user nor the file specifies one.
 fn candidates(quantity: Quantity) -> Vec<Alignment> {
     match quantity {
         Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],
@@ -70,7 +72,8 @@ fn candidates(quantity: Quantity) -> Vec<Alignment> {
     }
 }
 
-/// Planes and their smooth tables; `None` if a few planes do not represent the samples.
+/// Spectral coefficients and tables for smooth interpolation; `None` if a few coefficients do not represent the
+/// spectra.
 fn planes(measurement: &Measurement, geometry: &Geometry, course: Course) -> Option<(Planes, Smooth)> {
     let lookup = geometry.mesh()?;
     let planes = Planes::of(measurement.tensor.samples(), geometry.lambdas())?;

@@ -11,7 +11,7 @@ use crate::domain::vector::Vector;
 use crate::domain::{Direction, Measurement};
 use crate::numeric::wide;
 
-/// Geometry that locates directions, and the form that gives values there.
+/// Function of direction and wavelength of an opened material: the axes that locate directions, and the stored samples.
 #[derive(Debug)]
 pub(super) struct Function {
     geometry: Geometry,
@@ -19,7 +19,7 @@ pub(super) struct Function {
 }
 
 impl Function {
-    /// Function of a measurement with this geometry.
+    /// Function of a measurement whose axes are described by `geometry`.
     pub(super) fn new(measurement: Measurement, geometry: Geometry, course: Course) -> Self {
         let form = Form::of(measurement, &geometry, course);
         Self { geometry, form }
@@ -35,14 +35,14 @@ impl Function {
         &self.form
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory of a material's function in bytes: lookup tables, samples and interpolation tables.
     pub(super) fn memory(&self) -> usize {
         self.geometry.memory() + self.form.memory()
     }
 
-    /// Returns the result of `work` for the row of planes at a place and its presence. The presence is 0 if `wo` is
-    /// outside the outgoing domain and NaN if the place is masked. With `incoming` given, the smooth form skips the
-    /// search on the incoming axis.
+    /// Calls `work` with the spectral coefficients at a query and with their share of light (0 dark to 1 lit). The
+    /// share is 0 if `wo` is outside the outgoing domain and NaN if the samples are masked. Passing the number of the
+    /// incoming sample as `incoming` saves a search.
     #[inline(always)]
     pub(super) fn with_row<R>(
         &self,
@@ -74,8 +74,8 @@ impl Function {
         )
     }
 
-    /// Locates a place for the smooth form; `None` outside the outgoing domain. With `incoming` given, the search on
-    /// the incoming axis is skipped.
+    /// Locates a pair of directions for smooth interpolation; `None` if `wo` is outside the outgoing domain. Passing
+    /// the number of the incoming sample as `incoming` saves a search.
     #[inline(always)]
     pub(super) fn seen(
         &self,
@@ -89,8 +89,8 @@ impl Function {
         Ok(if lookup.holds(wo) { Some(Seen { around, wi, wo }) } else { None })
     }
 
-    /// Nodes around an incoming direction, and that direction in their frame. With `incoming` given, the search on the
-    /// axis is skipped.
+    /// Interpolation nodes around an incoming direction, and that direction in the frame of the nodes (azimuth 0 for
+    /// isotropic data). Passing the number of the incoming sample as `incoming` saves a search.
     #[inline(always)]
     pub(super) fn around(
         &self,
@@ -110,7 +110,7 @@ impl Function {
         }
     }
 
-    /// Incoming direction whose function a node stores.
+    /// Incoming direction under which an interpolation node holds the function over outgoing directions.
     #[inline(always)]
     pub(super) fn node_direction(&self, node: usize) -> Vector {
         match &self.form {
@@ -119,14 +119,15 @@ impl Function {
         }
     }
 
-    /// Returns true if the first node around an incoming direction is the entry that contains it.
+    /// Returns true if the first interpolation node around an incoming direction is always the centre of the incoming
+    /// triangle that contains the direction.
     #[inline]
     pub(super) fn knows_entry(smooth: &Smooth) -> bool {
         matches!(smooth.nodes(), Nodes::Triangles(_))
     }
 }
 
-/// Returns true on the upper side and on the horizon; false for NaN.
+/// Returns true if a height z is at or above the horizon; false for NaN.
 fn is_above(z: f64) -> bool {
     z >= 0.0
 }

@@ -13,7 +13,7 @@ use crate::domain::{
 use crate::numeric::bracket::nearest;
 use std::sync::Arc;
 
-/// Axes of a material, and the tables that locate directions on them.
+/// Axes of a material, and the tables that locate directions on these axes.
 #[derive(Debug)]
 pub(super) struct Geometry {
     quantity: Quantity,
@@ -21,21 +21,22 @@ pub(super) struct Geometry {
     sampling: Sampling,
     axes: Vec<Axis>,
     layout: Layout,
-    /// Lengths of the leading index axes.
+    /// Lengths of the index axes (axes of the samples before those of directions and wavelength).
     indices: Vec<usize>,
     incoming: Incoming,
-    /// Directions of the entries of the incoming axis, at azimuth 0 for elevations; one `+z` without that axis.
+    /// Sampled incoming directions, at azimuth 0 if only elevations are sampled; a single `+z` without an incoming
+    /// axis.
     incoming_directions: Vec<Vector>,
     outgoing: Option<Arc<MeshLookup>>,
-    /// Outgoing directions that form a grid of angles; otherwise `None`.
+    /// Grid of polar angles and azimuths of the outgoing directions; `None` if outgoing directions do not form one.
     outgoing_grid: Option<DirectionGrid>,
-    /// Entries of the incoming and of the outgoing axis, samples of a spectrum; 1 for a missing axis.
+    /// Numbers of incoming directions, of outgoing directions and of samples in a spectrum; 1 for a missing axis.
     shape: [usize; 3],
-    /// True if there is a single spectrum, independent of the incoming direction.
+    /// True if the data are a single spectrum, independent of indices and directions.
     is_alone: bool,
 }
 
-/// Tolerance in degrees within which an elevation equals a stated one.
+/// Tolerance in degrees within which a polar angle counts as equal to the last measured one.
 const ROUNDING: f64 = 1e-6;
 
 #[derive(Debug)]
@@ -47,7 +48,7 @@ enum Incoming {
 }
 
 impl Geometry {
-    /// Geometry of a measurement; fails if its axes do not fit its quantity.
+    /// Describes the axes of a measurement; fails if they do not fit its quantity.
     pub(super) fn new(measurement: &Measurement) -> Result<Self, EvaluateError> {
         let layout = measurement.layout()?;
         let axes = measurement.tensor.axes();
@@ -92,18 +93,18 @@ impl Geometry {
         })
     }
 
-    /// Returns true if incoming or outgoing directions form a grid of angles.
+    /// Returns true if incoming or outgoing directions form a grid of polar angles and azimuths.
     #[inline]
     pub(super) fn is_grid(&self) -> bool {
         self.outgoing_grid.is_some() || matches!(self.incoming, Incoming::Grid(_))
     }
 
-    /// Outgoing directions that form a grid of angles; otherwise `None`.
+    /// Grid of polar angles and azimuths of the outgoing directions; `None` if outgoing directions do not form one.
     pub(super) fn outgoing_grid(&self) -> Option<&DirectionGrid> {
         self.outgoing_grid.as_ref()
     }
 
-    /// Incoming nodes of the smooth function.
+    /// Interpolation nodes over incoming directions.
     pub(super) fn nodes(&self) -> Nodes {
         match &self.incoming {
             // Samples on a grid have nodes of their own.
@@ -134,7 +135,7 @@ impl Geometry {
         &self.layout
     }
 
-    /// Entries of the incoming and of the outgoing axis, samples of a spectrum; 1 for a missing axis.
+    /// Numbers of incoming directions, of outgoing directions and of samples in a spectrum; 1 for a missing axis.
     #[inline]
     pub(super) fn shape(&self) -> [usize; 3] {
         self.shape
@@ -146,7 +147,7 @@ impl Geometry {
         self.shape[2]
     }
 
-    /// Wavelengths; `None` for RGB and monochromatic data.
+    /// Wavelengths of the samples; `None` for RGB and monochromatic data.
     pub(super) fn grid(&self) -> Option<&WavelengthGrid> {
         match self.axes.last() {
             Some(Axis::Wavelength(grid)) => Some(grid),
@@ -154,36 +155,39 @@ impl Geometry {
         }
     }
 
-    /// Number of entries of the index axes together (product of their lengths).
+    /// Number of combinations of indices: product of the lengths of the index axes (axes of the samples before those of
+    /// directions and wavelength).
     pub(super) fn entries(&self) -> usize {
         self.indices.iter().product()
     }
 
-    /// Returns true if there is a single spectrum, independent of the incoming direction.
+    /// Returns true if the data are a single spectrum, independent of indices and directions.
     #[inline]
     pub(super) fn is_alone(&self) -> bool {
         self.is_alone
     }
 
-    /// Number of entries of all axes but the spectral one (product of their lengths).
+    /// Number of spectra: product of the lengths of all axes but the spectral one.
     pub(super) fn cells(&self) -> usize {
         let [n_in, n_out, _] = self.shape;
         self.entries() * n_in * n_out
     }
 
-    /// Mesh of the outgoing axis.
+    /// Triangle mesh of the outgoing directions with its lookup tables; `None` if outgoing directions do not form one.
     #[inline]
     pub(super) fn mesh(&self) -> Option<&Arc<MeshLookup>> {
         self.outgoing.as_ref()
     }
 
-    /// Direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0; `+z` without that axis.
+    /// Sampled incoming direction of this number: a triangle's centroid, or an elevation at azimuth 0; `+z` without an
+    /// incoming axis.
     #[inline(always)]
     pub(super) fn incoming_direction(&self, entry: usize) -> Vector {
         self.incoming_directions[entry]
     }
 
-    /// Row-major position of `index` among the entries of the index axes.
+    /// Row-major position of `index` (one index for each index axis) among all combinations of indices (positions on
+    /// the axes before the directions).
     #[inline]
     pub(super) fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         if index.len() != self.indices.len() {
@@ -199,7 +203,7 @@ impl Geometry {
         Ok(entry)
     }
 
-    /// Inverse of [`Geometry::entry`]: index on each index axis.
+    /// Index on each index axis of the combination at row-major position `entry`; inverse of [`Geometry::entry`].
     pub(super) fn index_of(&self, mut entry: usize) -> Vec<usize> {
         let mut index = self.indices.clone();
         for i in index.iter_mut().rev() {
@@ -210,19 +214,20 @@ impl Geometry {
         index
     }
 
-    /// Mesh of the incoming axis; `None` for other axes.
+    /// Triangle mesh of the incoming directions; `None` if incoming directions do not form one.
     #[inline]
     pub(super) fn incoming_mesh(&self) -> Option<&MeshLookup> {
         if let Incoming::Triangles(lookup) = &self.incoming { Some(lookup) } else { None }
     }
 
-    /// Entry of the incoming axis for `wi` in the piecewise constant form; 0 without that axis.
+    /// Number of the incoming sample that holds at `wi` in piecewise constant evaluation; 0 without an incoming axis.
     #[inline(always)]
     pub(super) fn incoming_entry(&self, wi: Option<Direction>) -> Result<usize, EvaluateError> {
         self.look_up(wi, || 0, MeshLookup::locate, nearest, |entry| entry)
     }
 
-    /// Entries of the incoming axis for `wi`, weighted by means around vertices; entry 0 without that axis.
+    /// Incoming samples around `wi` with interpolation weights, via means around mesh vertices; sample 0 alone without
+    /// an incoming axis.
     pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
         self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil, Stencil::one)
     }
@@ -256,7 +261,7 @@ impl Geometry {
         self.refuse_incoming(wi)
     }
 
-    /// Returns the error of a `wi` that has no place on the incoming axis.
+    /// Returns the error for an incoming direction that is missing, superfluous or outside the incoming axis.
     #[cold]
     pub(super) fn refuse_incoming<T>(&self, wi: Option<Direction>) -> Result<T, EvaluateError> {
         let quantity = self.quantity;
@@ -272,7 +277,8 @@ impl Geometry {
         unfit(QueryError::Outside { theta: wi.theta_degrees(), domain })
     }
 
-    /// `wi` in the frame of the nodes: rotated to azimuth 0 for elevations, `+z` for `None`.
+    /// Incoming direction in the frame of the interpolation nodes: rotated to azimuth 0 for isotropic data, `+z` for
+    /// `None`.
     #[inline]
     pub(super) fn wi_in_plane(&self, wi: Option<Direction>) -> Vector {
         let Some(wi) = wi else { return [0.0, 0.0, 1.0] };
@@ -289,7 +295,7 @@ impl Geometry {
         !matches!(self.incoming, Incoming::None)
     }
 
-    /// Returns true if `direction` is inside the incoming domain.
+    /// Returns true if `direction` is inside the domain of the incoming axis.
     #[inline]
     pub(super) fn takes(&self, direction: Direction) -> bool {
         match &self.incoming {
@@ -300,7 +306,7 @@ impl Geometry {
         }
     }
 
-    /// Returns true if `direction` is further from the normal than the last incoming elevation or grid angle.
+    /// Returns true if `direction` is further from the normal than the last measured polar angle of incidence.
     pub(super) fn is_past_last(&self, direction: Direction) -> bool {
         let last = match self.layout.incoming.map(|axis| &self.axes[axis]) {
             Some(Axis::Elevation(angles)) => angles.last(),
@@ -310,7 +316,7 @@ impl Geometry {
         last.is_some_and(|&last| direction.theta_degrees() > last + ROUNDING)
     }
 
-    /// Returns true if `direction` is inside the outgoing domain.
+    /// Returns true if `direction` is inside the domain of the outgoing axis.
     #[inline]
     pub(super) fn sends(&self, direction: Direction) -> bool {
         match &self.outgoing_grid {
@@ -319,14 +325,13 @@ impl Geometry {
         }
     }
 
-    /// Returns true if incoming directions are elevations.
+    /// Returns true if the data are isotropic: incoming directions are elevations alone, without azimuths.
     #[inline]
     pub(super) fn is_isotropic(&self) -> bool {
         matches!(self.incoming, Incoming::Elevations(_))
     }
 
-    /// Mesh of the outgoing axis and the direction in its frame: `wo`, rotated back by the azimuth of `wi` if incoming
-    /// directions are elevations.
+    /// Mesh of the outgoing directions, and `wo` in its frame: rotated back by the azimuth of `wi` for isotropic data.
     #[inline(always)]
     pub(super) fn outgoing(
         &self,
@@ -348,8 +353,8 @@ impl Geometry {
         }
     }
 
-    /// Both directions of a place in the frame of samples on a grid of angles: rotated to azimuth 0 of `wi` if incoming
-    /// directions are elevations. `+z` replaces a missing direction.
+    /// Incoming and outgoing direction of a query in the frame of samples on a grid of angles: rotated so that `wi` has
+    /// azimuth 0 if the data are isotropic. `+z` replaces a missing direction.
     #[inline]
     pub(super) fn in_lines(&self, place: Place<'_>) -> Result<[Vector; 2], EvaluateError> {
         let quantity = self.quantity;
@@ -371,20 +376,24 @@ impl Geometry {
         Ok([wi, wo])
     }
 
-    /// Row-major entry of the index axes.
+    /// Row-major position of a query's indices among all combinations of indices (positions on the axes before the
+    /// directions).
     #[inline]
     pub(super) fn entry_of(&self, place: Place<'_>) -> Result<usize, EvaluateError> {
         if place.index.is_empty() && self.has_no_index() { Ok(0) } else { self.entry(place.index) }
     }
 
-    /// Cell that contains a place; `None` if `wo` is outside the outgoing domain.
+    /// Number of the spectrum that holds at a query in piecewise constant evaluation, row-major over all axes but the
+    /// spectral one; `None` if `wo` is outside the outgoing domain.
     #[inline]
     pub(super) fn cell_of(&self, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let entry = self.entry_of(place)?;
         self.cell_at(entry, place)
     }
 
-    /// Like [`Geometry::cell_of`], in a known entry of the index axes.
+    /// Number of the spectrum that holds at a query in piecewise constant evaluation, as [`Geometry::cell_of`] returns
+    /// it. `entry` is the known row-major position of the query's indices (positions on the axes before the
+    /// directions).
     #[inline(always)]
     pub(super) fn cell_at(&self, entry: usize, place: Place<'_>) -> Result<Option<usize>, EvaluateError> {
         let incoming = self.incoming_entry(place.wi)?;
@@ -403,7 +412,8 @@ impl Geometry {
         in_plane(wi.xyz()).1
     }
 
-    /// `wo` rotated by the azimuth of `wi` for isotropic data; unchanged otherwise.
+    /// For isotropic data, rotates `wo` about the normal by plus the azimuth of `wi`: from the frame in which `wi` has
+    /// azimuth 0 to the frame in which `wi` is given. Leaves it unchanged for other data.
     #[inline]
     pub(super) fn turned_with(&self, wi: Option<Direction>, wo: Direction) -> Direction {
         if !self.is_isotropic() {
@@ -412,7 +422,8 @@ impl Geometry {
         turned(wo, self.azimuth(wi))
     }
 
-    /// Writes the entries of the incoming axis for the incoming directions of `pairs`, in the piecewise constant form.
+    /// Writes, for each incoming direction of `pairs`, the number of the incoming sample that holds there in piecewise
+    /// constant evaluation.
     pub(super) fn incoming_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
         if let (Some(lookup), Some(wi)) = (self.incoming_mesh(), pairs.wi)
             && lookup.locate_all(wi, to)
@@ -427,7 +438,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Writes the entries of the outgoing axis for `pairs`, or [`OUTSIDE`].
+    /// Writes, for each outgoing direction of `pairs`, the number of the triangle that contains it, or [`OUTSIDE`].
     pub(super) fn outgoing_entries(&self, pairs: Pairs<'_>, to: &mut [u32]) -> Result<(), EvaluateError> {
         if let (Some(lookup), Some(wo), false) = (&self.outgoing, pairs.wo, self.is_isotropic())
             && lookup.locate_all(wo, to)
@@ -444,7 +455,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory of the lookup tables in bytes.
     pub(super) fn memory(&self) -> usize {
         let incoming = match &self.incoming {
             Incoming::None => 0,
@@ -457,13 +468,14 @@ impl Geometry {
     }
 }
 
-/// `direction` rotated about `+z` by the angle with this cosine and sine.
+/// Direction rotated about `+z` by the angle with the given cosine and sine.
 #[inline]
 pub(super) fn turned(direction: Direction, by: [f64; 2]) -> Direction {
     Direction::from_unit(vector::turned(direction.xyz(), by))
 }
 
-/// `d` rotated about +z to azimuth 0, and cosine and sine of its former azimuth; that of the normal is 0.
+/// Vector `d` rotated about +z to azimuth 0, and cosine and sine of its original azimuth. The azimuth of a vector along
+/// the normal counts as 0.
 #[inline(always)]
 pub(super) fn in_plane([x, y, z]: Vector) -> (Vector, [f64; 2]) {
     let length = (x * x + y * y).sqrt();

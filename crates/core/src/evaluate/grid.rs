@@ -7,8 +7,8 @@ use crate::domain::vector::{Vector, add, dot};
 use std::cell::OnceCell;
 use wide::f32x4;
 
-/// Leaves of the octant that a cube meets: `inside` on the positive side of a plane between nodes, `outside` on the
-/// other. If there is one leaf, both fields are that leaf, which avoids a branch.
+/// Candidate leaf triangles of the directions in a cube of the search grid: `inside` on the positive side of a plane,
+/// `outside` on the negative side. If there is one candidate, both fields hold it, which avoids a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) plane: u16,
@@ -17,21 +17,23 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Plane number that marks a place with more than two leaves; no mesh has a plane of this number.
+    /// Value in place of a plane's number that marks a cubic cell of the search grid with more than two candidate
+    /// triangles; no mesh has a plane of this number.
     const MANY: u16 = u16::MAX;
 
     fn many(node: usize, level: u8) -> Self {
         Self { plane: Self::MANY, inside: node as u16, outside: u16::from(level) }
     }
 
-    /// Node above all leaves of the place and that node's level; `None` for one or two leaves.
+    /// Common ancestor, and its subdivision level, of all leaf triangles that may contain a direction inside this cubic
+    /// cell of the search grid; `None` if there are at most two such triangles.
     #[inline(always)]
     pub(super) fn root(self) -> Option<(usize, u8)> {
         (self.plane == Self::MANY).then_some((usize::from(self.inside), self.outside as u8))
     }
 
-    /// Place of a region, from bounds of the inner products of its points with a plane. `cuts` are the three planes of
-    /// each inner node down to `level`, in search order.
+    /// Finds the candidate leaf triangles of a region, from bounds on the inner products of its points with a plane.
+    /// `cuts` are the three planes of each inner triangle down to `level`, in search order.
     fn within(level: u8, cuts: &[Vector], range: impl Fn(Vector) -> [f64; 2]) -> Self {
         // The region may have a second node, across the plane between them; a third does not fit.
         let (mut nodes, mut split) = ([0, 0], None);
@@ -68,25 +70,29 @@ impl Place {
     }
 }
 
-/// Grid of a mesh.
+/// Grid of cubes over the first octant, from which the leaf triangle of a direction is found without a search.
 #[derive(Debug)]
 pub(super) struct Grid {
-    /// Number of cubes per unit of length.
+    /// Number of cubic cells of the search grid per unit of length along x, y and z; directions are unit vectors.
     fine: f64,
-    /// Number of columns along a side.
+    /// Number of columns of cubic cells along a side of the search grid.
     side: u32,
-    /// Offset, for each column, from the third number of a cube to its position in `places`, modulo 2¹⁶.
+    /// For each column of grid cells along z: position of its first stored cell in the list of stored cells, minus that
+    /// cell's integer z coordinate, modulo 2¹⁶.
     starts: Vec<u16>,
     places: Vec<Place>,
 }
 
-/// Number of cubes per unit of length: per leaf along an octant, and its lower and upper bounds.
+/// Resolution of the search grid: cubes per unit of length for each leaf triangle along an octant's edge, then minimum
+/// and maximum cubes per unit of length. Finer grids need more memory and leave fewer ambiguous cubes.
 const FINER: u32 = 3;
 const COARSEST: u32 = 16;
 const FINEST: u32 = 128;
-/// Number of parts along a side of a cube; only parts that the sphere passes through tighten the bounds.
+/// Number of parts along a side into which a cubic cell of the search grid is divided to bound the inner product of its
+/// unit vectors with a plane's normal. Only parts that the unit sphere passes through count; more parts give tighter
+/// bounds.
 const PARTS: u32 = 3;
-/// Tolerance larger than any rounding of a unit vector or bound, in f32 too.
+/// Tolerance on coordinates and inner products, larger than any rounding error of a unit vector, in f32 too.
 const SLACK: f64 = 1e-6;
 /// 1.5 · 2⁵² (1.5 · 2²³ in f32): adding it rounds a small number to an integer in the low bits of the mantissa.
 const ROUND: f64 = 6_755_399_441_055_744.0;
@@ -100,21 +106,23 @@ struct Cube {
 }
 
 impl Cube {
-    /// Returns true if the sphere passes through the cube. Negative coordinates occur only within half a cube of 0.
+    /// Returns true if the octant x, y, z ≥ 0 of the unit sphere passes through this axis-aligned cube, a cell of the
+    /// search grid or a part of one; rounding errors are allowed for.
     fn is_passed(self) -> bool {
         let near = self.centre.map(|x| (x - self.half - SLACK).max(0.0));
         let far = self.centre.map(|x| x + self.half + SLACK);
         dot(near, near) <= 1.0 && dot(far, far) >= 1.0 && far.into_iter().all(|x| x >= 0.0)
     }
 
-    /// Bounds of the inner product with `plane`.
+    /// Lower and upper bound of the inner product of the normal `plane` with the points of an axis-aligned cube, a cell
+    /// of the search grid or a part of one.
     fn range(self, plane: Vector) -> [f64; 2] {
         let middle = dot(plane, self.centre);
         let reach = (self.half + SLACK) * (plane[0].abs() + plane[1].abs() + plane[2].abs());
         [middle - reach, middle + reach]
     }
 
-    /// Parts of the cube that the sphere passes through.
+    /// Sub-cubes of the cube that the unit sphere passes through.
     fn parts(self) -> Vec<Self> {
         let half = self.half / f64::from(PARTS);
         let at = |part: u32| [part % PARTS, part / PARTS % PARTS, part / (PARTS * PARTS)];
@@ -126,7 +134,8 @@ impl Cube {
             .collect()
     }
 
-    /// Candidate leaves of the unit vectors in the cube.
+    /// Finds the leaf triangles of the direction mesh that may contain a unit vector inside this cubic cell of the
+    /// search grid.
     fn place(self, level: u8, cuts: &[Vector]) -> Place {
         let parts = OnceCell::new();
         Place::within(level, cuts, |plane| {
@@ -142,7 +151,9 @@ impl Cube {
 }
 
 impl Grid {
-    /// Grid of a mesh of this level. `cuts` are the three planes of each inner node, level by level.
+    /// Builds the grid of cubic cells that speeds up the search for the triangle that contains a direction, for a mesh
+    /// of subdivision level `level`. `cuts` has three planes for each triangle that is subdivided, level by level. Each
+    /// separates the child at one corner from the other children.
     pub(super) fn new(level: u8, cuts: &[Vector]) -> Self {
         let fine = (FINER << level).clamp(COARSEST, FINEST);
         let (mut starts, mut places) = (Vec::new(), Vec::new());
@@ -166,19 +177,20 @@ impl Grid {
         size_of_val(&*self.starts) + size_of_val(&*self.places)
     }
 
-    /// Integer coordinates of the cube of a unit vector in the first octant.
+    /// Integer coordinates of the grid cube that contains a unit vector of the first octant.
     #[inline(always)]
     pub(super) fn cube(&self, d: Vector) -> [u32; 3] {
         d.map(|x| (x * self.fine + ROUND).to_bits() as u32)
     }
 
-    /// Column of a cube with the first two coordinates `i` and `j`.
+    /// Number of the column of grid cubes whose first two integer coordinates are `i` and `j`.
     #[inline(always)]
     pub(super) fn column(&self, i: u32, j: u32) -> u32 {
         i * self.side + j
     }
 
-    /// Columns of the cubes of four vectors, and their third coordinates. Integers are exact in f32.
+    /// Finds the cells of the search grid that contain four unit vectors of the first octant. Returns the numbers of
+    /// the cells' columns along z, then their integer z coordinates. Integers are exact in f32.
     #[inline(always)]
     pub(super) fn columns_of_four(&self, d: [f32x4; 3]) -> [[i32; 4]; 2] {
         let (fine, round) = (f32x4::splat(self.fine as f32), f32x4::splat(ROUND_F32));
@@ -186,7 +198,7 @@ impl Grid {
         [i * f32x4::splat(self.side as f32) + j, k].map(|numbers| numbers.fast_trunc_int().to_array())
     }
 
-    /// Candidate leaves of the cube with third coordinate `k` in a column.
+    /// Candidate leaf triangles of the grid cube with third integer coordinate `k` in a column.
     #[inline(always)]
     pub(super) fn place(&self, column: u32, k: u32) -> Place {
         let start = self.starts.get(column as usize).copied().unwrap_or(u16::MAX);
@@ -204,13 +216,14 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Lookups of all levels on the sphere. Octants are alike, so that few of other domains suffice.
+    /// Triangle lookups to test: all subdivision levels on the sphere. Octants are alike, so that one level of the
+    /// other domains suffices.
     fn lookups() -> impl Iterator<Item = MeshLookup> {
         let meshes = (0..=8).map(|level| (Domain::Sphere, level)).chain([(Domain::Hemisphere, 4), (Domain::Lower, 4)]);
         meshes.map(|(domain, level)| MeshLookup::new(TriangleMesh::new(domain, level).unwrap()))
     }
 
-    /// Triangle found by a search from the top; `None` outside the domain.
+    /// Triangle that contains a vector, found by a search from the base triangle down; `None` outside the domain.
     fn searched(lookup: &MeshLookup, [x, y, z]: Vector) -> Option<usize> {
         let [left, back, down] = [x, y, z].map(f64::is_sign_negative);
         let [x, y] = if left == back { [x.abs(), y.abs()] } else { [y.abs(), x.abs()] };
@@ -223,7 +236,7 @@ mod tests {
         is_inside.then(|| first + lookup.leaf_at(Place::many(0, 0), [x, y, z.abs()]))
     }
 
-    /// Checks one vector in f64, and four in f32 against the same numbers in f64.
+    /// Checks the lookup of one vector in f64, and of four in f32, against a search from the base triangle.
     fn check(lookup: &MeshLookup, d: Vector) {
         assert_eq!(lookup.locate_vector(d), searched(lookup, d), "{:?} {d:?}", lookup.mesh());
         let single = d.map(|x| x.abs() as f32);
@@ -232,7 +245,7 @@ mod tests {
         assert_eq!(lookup.leaf_at(place, exact), lookup.leaf_at(Place::many(0, 0), exact), "{single:?}");
     }
 
-    /// Checks a vector and those a unit in the last place away, in octants of all kinds.
+    /// Checks the lookup of a vector and of its neighbours one unit in the last place away, in octants of all kinds.
     fn check_near(lookup: &MeshLookup, d: Vector) {
         for step in 0..27 {
             let near = |x: f64, step: u64| if x > 0.0 { f64::from_bits(x.to_bits() + step - 1) } else { x };

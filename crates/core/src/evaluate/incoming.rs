@@ -11,37 +11,41 @@ use crate::numeric::bracket::Bracket;
 use std::sync::Arc;
 use wide::f32x4;
 
-/// Marks a missing cell beyond an edge of the domain.
+/// Placeholder for the number of a triangle's missing neighbour, beyond an edge of the domain.
 const NONE: u32 = u32::MAX;
 
-/// Height above the horizon (|cos θ|) below which aligned directions lose weight.
+/// Height above the horizon (|cos θ|) below which a direction moved by the alignment of lobes between incoming
+/// directions loses weight, and the weight that remains at the horizon.
 const LOW: f32 = 0.1;
 const WORTHLESS: f32 = 1e-3;
-/// Squared length of a half vector below which it has no direction.
+/// Squared length of a half vector (sum of two unit vectors) below which it has no direction.
 pub(super) const NO_HALF_VECTOR: f32 = 1e-12;
-/// Squared sine of the polar angle below which a direction has azimuth 0.
+/// Squared sine of the polar angle below which a direction counts as having azimuth 0.
 const NO_AZIMUTH: f32 = 1e-18;
-/// Cosine of a rotation angle below which the axis is ill-defined: the direction is rotated to the opposite and then
-/// mirrored.
+/// Cosine of the angle between two incoming directions; below this value they are so nearly opposite that the axis of
+/// the rotation between them is ill-defined. An outgoing direction is then rotated as for the negative of the second
+/// incoming direction, and negated.
 pub(super) const NEARLY_BACK: f32 = -0.999;
 
-/// Alignment of the function around one incoming direction with another before two are mixed.
+/// Alignment of lobes: rule that maps outgoing directions from one incoming direction to another before the function is
+/// interpolated between the two.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {
-    /// Outgoing directions stay in place.
+    /// Outgoing directions stay in place when the incoming direction changes.
     #[default]
     None,
     /// Reflected light keeps its half vector, so that a gloss lobe moves with the mirror direction and keeps its shape
     /// (Rusinkiewicz 1998). Transmitted light rotates with the incoming direction.
     HalfVector,
-    /// Like `HalfVector`, after rotation about the normal to the same azimuth, as on isotropic surfaces.
+    /// Reflected light keeps its half vector, as for `HalfVector`, after a rotation about the normal that gives both
+    /// incoming directions the same azimuth. This suits isotropic surfaces.
     TurnedHalfVector,
-    /// Outgoing directions rotate with the incoming one, as for scattering in a medium.
+    /// Outgoing directions rotate with the incoming direction, as suits scattering in a medium.
     Rotation,
 }
 
-/// Up to three nodes with weights that sum to 1.
+/// Up to three interpolation nodes around an incoming direction, with weights that sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
     pub(super) nodes: [u32; 3],
@@ -50,7 +54,7 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// Placeholder: node 0 with weight 1.
+    /// Placeholder before a lookup: interpolation node 0 with weight 1.
     pub(super) const NOWHERE: Self = Self { nodes: [0; 3], weights: [1.0, 0.0, 0.0], count: 1 };
 
     fn one(node: u32) -> Self {
@@ -58,37 +62,43 @@ impl Around {
     }
 }
 
-/// Nodes of an incoming axis: first its entries, then those derived from surrounding entries.
+/// Interpolation nodes over incoming directions: first the sampled directions, then directions between them whose
+/// values derive from the samples around.
 #[derive(Debug)]
 pub(super) enum Nodes {
-    /// Axis missing.
+    /// Single node, for data that do not depend on an incoming direction.
     One,
-    /// One node; every incoming direction is aligned to this one.
+    /// One node for data that depend on the incoming direction only by alignment; the function at any incoming
+    /// direction is that of the node, rotated.
     Same(Vector),
-    /// Elevations in degrees and their directions in the plane of azimuth 0.
+    /// Incoming elevations in degrees and their directions at azimuth 0.
     Elevations(Vec<f64>, Vec<Vector>),
-    /// Cells of a mesh and, between them, its vertices.
+    /// Centroids of a mesh of incoming triangles and, between them, the mesh's vertices.
     Triangles(Triangles),
 }
 
-/// Nodes at the centroids of triangles and at their vertices.
+/// Interpolation nodes at the centroids of the triangles of an incoming mesh and at the mesh's vertices.
 #[derive(Debug)]
 pub(super) struct Triangles {
     lookup: Arc<MeshLookup>,
     cells: usize,
-    /// Centroids, then vertices.
+    /// Directions of the interpolation nodes: centroids of the triangles, then vertices, then midpoints if there are
+    /// any.
     positions: Vec<Vector>,
-    /// Direction whose function a node stores. A vertex at the rim stores that of the cells around it, which lies
-    /// inside.
+    /// Incoming direction under which each interpolation node holds the function over outgoing directions. At a vertex
+    /// on the rim of the domain this is the mean direction of the triangles around it, which lies inside the domain.
     seen_from: Vec<Vector>,
-    /// For each cell, the neighbours beyond the edges opposite corners 0, 1 and 2.
+    /// For each triangle, its neighbours beyond the edges opposite corners 0, 1 and 2.
     beyond: Vec<[u32; 3]>,
     fans: Vec<Fan>,
-    /// For each sector of each cell, its nodes and the midpoint nodes between them; empty without midpoints.
+    /// For each of six sectors of each incoming triangle, its three interpolation nodes and the midpoint nodes between
+    /// them; empty without midpoint nodes.
     middles: Vec<[[[u32; 3]; 2]; 6]>,
-    /// End nodes of each midpoint.
+    /// Pair of interpolation nodes between which each midpoint node lies.
     ends: Vec<[u32; 2]>,
-    /// For each vertex, the cells it derives from; for each cell, the other cells that predict it, empty at the rim.
+    /// For each interpolation node that is not a sampled incoming direction (vertices of the incoming mesh, then
+    /// midpoints): the sampled triangles and weights that give its values. Then, for each triangle, the other triangles
+    /// and weights that predict its values; empty at the rim of the domain.
     sources: Vec<Vec<(usize, f32)>>,
     others: Vec<Vec<(usize, f32)>>,
 }
@@ -149,7 +159,7 @@ impl Nodes {
         Self::Triangles(Triangles { lookup, cells, positions, seen_from, beyond, fans, middles, ends, sources, others })
     }
 
-    /// Number of nodes, and number of those that are entries of the axis.
+    /// Number of interpolation nodes, and number of those that are sampled incoming directions.
     pub(super) fn counts(&self) -> (usize, usize) {
         match self {
             Self::One | Self::Same(_) => (1, 1),
@@ -158,7 +168,7 @@ impl Nodes {
         }
     }
 
-    /// Incoming direction whose function a node stores.
+    /// Incoming direction under which an interpolation node holds the function over outgoing directions.
     #[inline]
     pub(super) fn direction(&self, node: usize) -> Vector {
         match self {
@@ -169,7 +179,8 @@ impl Nodes {
         }
     }
 
-    /// Entries a derived node is made of, with weights that sum to 1; an entry is made of itself.
+    /// Sampled incoming directions from which a node's value derives, with weights that sum to 1; a sampled direction
+    /// derives from itself.
     pub(super) fn sources(&self, node: usize) -> Vec<(usize, f32)> {
         match self {
             Self::Triangles(triangles) if node >= triangles.cells => triangles.sources[node - triangles.cells].clone(),
@@ -177,7 +188,7 @@ impl Nodes {
         }
     }
 
-    /// Entries adjacent to entry `node`; elevations list only the next one.
+    /// Numbers of the sampled incoming directions adjacent to number `node`; for elevations only the next larger one.
     pub(super) fn neighbours(&self, node: usize) -> Vec<usize> {
         match self {
             Self::One | Self::Same(_) => Vec::new(),
@@ -188,7 +199,8 @@ impl Nodes {
         }
     }
 
-    /// Entries that predict entry `node` without itself; `None` at the rim.
+    /// Sampled incoming directions, with weights, that predict sampled direction `node` without itself; `None` at the
+    /// rim of the domain.
     pub(super) fn others(&self, node: usize) -> Option<Vec<(usize, f32)>> {
         match self {
             Self::One | Self::Same(_) => None,
@@ -204,7 +216,7 @@ impl Nodes {
         }
     }
 
-    /// Nodes around an incoming direction (at azimuth 0 for elevations); `None` outside the domain.
+    /// Interpolation nodes around an incoming direction (at azimuth 0 for elevations); `None` outside the domain.
     #[inline(always)]
     pub(super) fn around(&self, wi: Vector) -> Option<Around> {
         match self {
@@ -224,7 +236,7 @@ impl Nodes {
         }
     }
 
-    /// Like [`Nodes::around`], in a known entry of the axis.
+    /// Like [`Nodes::around`], with the number of the triangle that contains the incoming direction already known.
     #[inline(always)]
     pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
         match self {
@@ -248,7 +260,7 @@ impl Nodes {
     }
 }
 
-/// Returns true if cell `i` lies at the rim.
+/// Returns true if triangle `i` has an edge on the rim of the domain.
 fn at_rim_of(beyond: &[[u32; 3]], i: usize) -> bool {
     beyond[i].contains(&NONE)
 }
@@ -259,7 +271,7 @@ impl Triangles {
         Some(self.around_in(self.lookup.locate_vector(wi)?, wi))
     }
 
-    /// Nodes around an incoming direction of any length in `cell`.
+    /// Interpolation nodes around an incoming direction inside triangle `cell`; the vector may have any length.
     #[inline(always)]
     fn around_in(&self, cell: usize, wi: Vector) -> Around {
         let fan = &self.fans[cell];
@@ -285,21 +297,25 @@ impl Triangles {
     }
 }
 
-/// A cell cut into sectors by rays from its centroid to its corners and, alternately, to its neighbours' centroids. A
-/// sector spans the centroid, a neighbour's centroid and an end of the edge between them. At the rim it spans the
-/// centroid and both ends.
+/// Triangle cut into six sectors by rays from its centroid to its corners and, alternately, to its neighbours'
+/// centroids. A sector spans the centroid, a neighbour's centroid and an end of the edge between them. At the rim it
+/// spans the centroid and both ends.
 #[derive(Debug)]
 struct Fan {
-    /// Normals of the planes through the rays, positive towards the next ray: x, y, z.
+    /// Normals of the planes that divide an incoming triangle into six sectors. Each plane contains the origin, the
+    /// triangle's centroid and a ray from the centroid to a corner or a neighbour's centroid. Positive towards the next
+    /// ray: all x, then all y, then all z.
     rays: [[f32; 8]; 3],
-    /// Sectors between a ray and the next.
+    /// Six sectors into which rays from its centroid divide a triangle of the incoming mesh, each between one ray and
+    /// the next. Each sector has three nodes for interpolation between incoming directions.
     sectors: [Sector; 6],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Sector {
     nodes: [u32; 3],
-    /// Vectors whose inner products with a direction are proportional to its barycentric coordinates: x, y, z.
+    /// Vectors whose inner products with an incoming direction are proportional to its barycentric coordinates in the
+    /// triangle of three interpolation nodes around it: all x, then all y, then all z.
     duals: [[f32; 4]; 3],
 }
 
@@ -342,7 +358,7 @@ impl Fan {
     }
 }
 
-/// Direction of a node for queries, with cosine and sine of its azimuth; that of the normal is 0.
+/// Incoming direction prepared for queries, with cosine and sine of its azimuth. The azimuth of the normal counts as 0.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(super) struct Origin<T = f32> {
@@ -358,7 +374,7 @@ impl Origin {
         Self { direction: [x, y, z], azimuth }
     }
 
-    /// Four origins, one per lane.
+    /// Packs four prepared incoming directions, one per SIMD lane.
     #[inline(always)]
     fn four(of: [Self; 4]) -> Origin<f32x4> {
         let rows = of.map(|Self { direction: [x, y, z], azimuth: [cos, _] }| f32x4::new([x, y, z, cos]));
@@ -366,21 +382,23 @@ impl Origin {
         Origin { direction: [x, y, z], azimuth: [cos, f32x4::new(of.map(|origin| origin.azimuth[1]))] }
     }
 
-    /// One origin in all four lanes.
+    /// Copies one prepared incoming direction to all four SIMD lanes.
     #[inline(always)]
     fn everywhere(self) -> Origin<f32x4> {
         Origin { direction: self.direction.map(f32x4::splat), azimuth: self.azimuth.map(f32x4::splat) }
     }
 }
 
-/// Direction under `to` that corresponds to `wo` under `wi`, and its weight. The weight is near 0 where that direction
-/// would lie below the horizon; it is then moved up to the horizon.
+/// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to `to`, and a factor on
+/// the interpolation weight of `to`. The factor is 1, but falls to nearly 0 towards the horizon. A direction that would
+/// lie below the horizon is moved up to it.
 pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vector, wo: Vector) -> (Vector, f32) {
     let (there, worth) = carried_to_four(alignment, domain, Origin::new(wi), [Origin::new(to); 4], wo);
     (there.map(|x| f64::from(x.to_array()[0])), worth.to_array()[0])
 }
 
-/// Like [`carried`], for four directions `to` at once.
+/// Outgoing directions to which `wo` moves when lobes follow the incoming direction from `wi` to each of four
+/// directions `to`, and factors on the interpolation weights of these four, as [`carried`] returns them.
 #[inline(always)]
 pub(super) fn carried_to_four(
     alignment: Alignment,
@@ -398,7 +416,9 @@ pub(super) fn carried_to_four(
     carried_to(alignment, is_free, wi.everywhere(), Origin::four(to), stays)
 }
 
-/// Like [`carried`], with a resolved alignment; `is_free` is true without a horizon.
+/// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to `to`, and a factor on
+/// the interpolation weight of `to`, as [`carried`] returns them. `alignment` is the rule on the side of the horizon of
+/// `wo`; `is_free` is true if no horizon limits outgoing directions.
 #[inline(always)]
 pub(super) fn carried_to<T: Number>(
     alignment: Alignment,
@@ -450,7 +470,7 @@ pub(super) fn carried_to<T: Number>(
     ([mx, my, side * height.larger(zero)], T::choose(is_there, worth, worthless))
 }
 
-/// Cosine and sine of the azimuth; [1, 0] for the normal.
+/// Cosine and sine of a direction's azimuth; [1, 0] for the normal.
 #[inline(always)]
 pub(super) fn azimuth(d: Vector) -> [f64; 2] {
     let square = d[0] * d[0] + d[1] * d[1];

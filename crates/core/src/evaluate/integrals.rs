@@ -12,9 +12,8 @@ use crate::domain::{Direction, TriangleMesh};
 
 impl Material {
     /// Writes the directional albedo a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF to `out` (`lambdas()` long).
-    /// Other quantities give ∫ f dωo: the spectral flux of an emission, about 1 for a phase function. The integrand is
-    /// the piecewise constant function; `how` interpolates between incoming cells. Masked cells are skipped; NaN if all
-    /// are masked.
+    /// Other quantities give ∫ f dωo: the spectral flux of an emission, about 1 for a phase function. f is piecewise
+    /// constant; `how` interpolates between incoming samples. Masked samples are skipped; NaN if all are masked.
     pub fn albedo(
         &self,
         index: &[usize],
@@ -25,8 +24,9 @@ impl Material {
         self.albedo_of(Side::Both, index, wi, how, out)
     }
 
-    /// Like [`Material::albedo`], for reflected or transmitted light alone. The two sum to the whole albedo if no cell
-    /// is masked. Fails for quantities without a cosine, which have no sides.
+    /// Like [`Material::albedo`], for reflected or transmitted light alone. The two parts sum to the whole albedo if no
+    /// sample is masked. Fails for quantities without a cosine factor, for which reflection and transmission are not
+    /// distinguished.
     pub fn albedo_of(
         &self,
         side: Side,
@@ -69,10 +69,12 @@ impl Material {
         Ok(())
     }
 
-    /// Integrates the function as [`Material::evaluate`] gives it, by quadrature. It sums values at the centroids of
-    /// triangles `finer` levels below those of the outgoing axis (at most level 8), times their (projected) solid
-    /// angles. `Constant` gives the stored albedo up to rounding. With `Smooth`, the difference from it is the effect
-    /// of interpolation. Slow: one evaluation for each triangle.
+    /// Integrates the function of [`Material::evaluate`] over outgoing directions by quadrature. It sums values at the
+    /// centroids of triangles `finer` levels below those of the outgoing axis (at most level 8), times their
+    /// (projected) solid angles.
+    ///
+    /// [`Interpolation::Constant`] gives the stored albedo up to rounding. The result for `Smooth` minus that for
+    /// `Constant` is the effect of interpolation. Slow: one evaluation for each triangle.
     pub fn integrated(
         &self,
         side: Side,

@@ -7,12 +7,13 @@ use super::place::Interpolation;
 use crate::compress::{decode_level, levels, with_level_errors};
 use crate::domain::{Axis, Direction, Measurement};
 
-/// Relative error counted for a sample at which a level has no finite value.
+/// Relative error assumed for a sample at which a resolution level of the file gives no finite value.
 const UNKNOWN: f64 = 1.0;
 
-/// Adds the errors of the coarser levels to a file made from `measurement` by [`compress`](crate::compress::compress).
-/// The error is er(L2) of each level, evaluated at the angles of the measurement. Directions stated several times are
-/// compared with their mean. Files without levels on a grid of angles are returned unchanged.
+/// Adds the errors of the coarser resolution levels to a file made from `measurement` by
+/// [`compress`](crate::compress::compress). The error of a level is er(L2), the root mean square relative error, at the
+/// measured angles. Directions measured several times are compared with their mean. Files without levels on a grid are
+/// unchanged.
 pub fn state_levels(bytes: Vec<u8>, measurement: &Measurement) -> Result<Vec<u8>, EvaluateError> {
     let levels = levels(&bytes)?;
     let [coarser @ .., _] = levels.as_slice() else { return Ok(bytes) };
@@ -30,7 +31,7 @@ pub fn state_levels(bytes: Vec<u8>, measurement: &Measurement) -> Result<Vec<u8>
     Ok(with_level_errors(&bytes, &errors)?)
 }
 
-/// er(L2) of a level at the stated directions.
+/// Root mean square relative error er(L2) of a resolution level at the measured directions.
 fn er_l2(stated: &Material, level: &Material, measurement: &Measurement, floor: f64) -> Result<f64, EvaluateError> {
     let axes = measurement.tensor.axes();
     let layout = stated.layout();
@@ -80,7 +81,7 @@ mod tests {
         DirectionGrid::new(frame, polar, Some(Azimuths { angles, extent })).unwrap()
     }
 
-    /// A lobe with noise, zeros and masks, under every incoming elevation.
+    /// Test measurement of a lobe with noise, zeros and masked samples, under each of the incoming elevations.
     fn measured(
         quantity: Quantity,
         incoming: Option<Vec<f64>>,

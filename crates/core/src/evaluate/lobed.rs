@@ -8,28 +8,29 @@ use crate::domain::{Direction, Lobe, LobeUnder, WavelengthGrid};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Number of wavelengths processed at a time.
+/// Number of wavelengths interpolated at a time.
 const FEW: usize = 8;
-/// Number of incidences at which the lobe's albedo is tabulated for sampling, uniform in the cosine from the horizon to
-/// the normal.
+/// Number of polar angles of incidence at which the lobe's albedo is tabulated for sampling, uniform in the cosine from
+/// the horizon to the normal. More give a more accurate share of samples.
 const INCIDENCES: usize = 33;
-/// Upper bound on the fraction of directions drawn from the lobe, as cells may reflect where their trees see no light.
+/// Upper bound on the fraction of directions drawn from the lobe. The rest is drawn from the sampled data, which may
+/// reflect where their sampling trees see no light.
 const MOST: f64 = 0.98;
 
-/// Lobe of a material.
+/// Analytic lobe that is added to the sampled data of a material.
 #[derive(Debug)]
 pub(super) struct Lobed {
     lobe: Lobe,
-    /// Mean of the colours over a spectrum, by which directions are drawn unless a wavelength is chosen.
+    /// Mean of the lobe's spectrum over wavelengths, which scales the lobe in sampling unless a wavelength is chosen.
     mean_colour: f32,
-    /// Directional albedo for a colour of 1, at incidences of azimuth 0.
+    /// Directional albedo of the lobe for a colour of 1, at tabulated incidences of azimuth 0.
     light: OnceLock<[f64; INCIDENCES]>,
 }
 
-/// The lobe under one incoming direction, as a component of the sampling mixture.
+/// Lobe under one incoming direction, as a component of the sampling mixture.
 pub(super) struct LobePart {
     under: LobeUnder,
-    /// Fraction of directions drawn from the lobe.
+    /// Fraction of directions drawn from the analytic lobe rather than from the sampled data.
     pub(super) part: f64,
 }
 
@@ -44,12 +45,12 @@ impl Lobed {
         self.mean_colour
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory of the lobe in bytes.
     pub(super) fn memory(&self) -> usize {
         self.lobe.memory()
     }
 
-    /// Value at a place for a colour of 1.
+    /// Value of the lobe for a pair of directions and a colour of 1.
     #[inline]
     fn shape(&self, place: Place<'_>) -> f32 {
         match (place.wi, place.wo) {
@@ -58,7 +59,7 @@ impl Lobed {
         }
     }
 
-    /// Adds the lobe's spectrum at a place.
+    /// Adds the lobe's spectrum for a pair of directions to `spectrum`.
     #[inline]
     pub(super) fn add(&self, place: Place<'_>, spectrum: &mut [f32]) {
         let shape = self.shape(place);
@@ -67,7 +68,7 @@ impl Lobed {
         }
     }
 
-    /// Adds the lobe's values at wavelengths in nm.
+    /// Adds the analytic lobe's BRDF values for a pair of directions, at `wavelengths` in nm, to `out`.
     pub(super) fn add_at(
         &self,
         place: Place<'_>,
@@ -83,23 +84,23 @@ impl Lobed {
         }
     }
 
-    /// Returns the value of the lobe at a place, by the number of the spectral sample.
+    /// Returns the lobe's value for a pair of directions, as a function of the number of the spectral sample.
     pub(super) fn at(&self, place: Place<'_>) -> impl Fn(usize) -> f32 {
         let shape = self.shape(place);
         move |lambda| shape * self.lobe.colours()[lambda]
     }
 
-    /// Inner product of the lobe's spectrum with weights.
+    /// Inner product of the lobe's spectrum for a pair of directions with weights, one for each sample.
     pub(super) fn weighted(&self, place: Place<'_>, weights: &[f32]) -> f32 {
         self.shape(place) * self.colour(weights)
     }
 
-    /// Inner product of the lobe's colours with weights.
+    /// Inner product of the lobe's colours (factors on its shape, one for each wavelength) with weights.
     pub(super) fn colour(&self, weights: &[f32]) -> f32 {
         self.lobe.colours().iter().zip(weights).map(|(colour, weight)| colour * weight).sum()
     }
 
-    /// Adds the lobe's albedo to the integrals `[incoming, lambda]` of the cells.
+    /// Adds the lobe's albedo to the integrals `[incoming direction, wavelength]` of the sampled data.
     pub(super) fn add_light(&self, geometry: &Geometry, integrals: &mut [f32]) {
         let colours = self.lobe.colours();
         integrals.par_chunks_mut(colours.len()).enumerate().for_each(|(entry, integrals)| {
@@ -111,15 +112,16 @@ impl Lobed {
         });
     }
 
-    /// Adds the lobe's means over the cells of one incidence to its samples `[outgoing, lambda]`.
+    /// Adds the lobe's means over the outgoing triangles, under one sampled incoming direction, to the samples
+    /// `[outgoing, wavelength]`.
     pub(super) fn add_means(&self, geometry: &Geometry, entry: usize, samples: &mut [f32]) {
         let Some(lookup) = geometry.mesh() else { return };
         let wi = Direction::from_unit(geometry.incoming_direction(entry));
         lobe_means(&self.lobe, wi, (lookup.mesh(), geometry.sampling()), samples);
     }
 
-    /// Lobe under `wi` as a component beside cells with light `cells`; `None` if the lobe has no light. `colour` is the
-    /// lobe's colour in the weighting that drives sampling.
+    /// Lobe under `wi` as a component of the sampling mixture, beside sampled data of total light `cells`; `None` if
+    /// the lobe has no light. `colour` is the lobe's colour in the weighting that drives sampling.
     pub(super) fn part(&self, wi: Option<Direction>, colour: f32, cells: f64) -> Option<LobePart> {
         let wi = wi?;
         let under = self.lobe.under(wi)?;
@@ -128,8 +130,8 @@ impl Lobed {
         (part > 0.0).then(|| LobePart { under, part: if cells > 0.0 { part.min(MOST) } else { 1.0 } })
     }
 
-    /// Albedo at an incidence of azimuth 0, linear in the cosine. For an anisotropic lobe this value serves all
-    /// azimuths, as it only decides how often the lobe is drawn.
+    /// Albedo of the lobe at azimuth 0, interpolated linearly in the cosine of the polar angle of incidence. For an
+    /// anisotropic lobe this value serves all azimuths, as it only decides how often the lobe is drawn.
     fn light_at(&self, cos_theta: f64) -> f64 {
         let table = self.light.get_or_init(|| {
             let mut table = [0.0; INCIDENCES];
@@ -150,13 +152,14 @@ impl Lobed {
 }
 
 impl LobePart {
-    /// Density in sr⁻¹ of the mixture, from that of the cells.
+    /// Density in sr⁻¹ of the mixture of the lobe and the sampled data, given the density `cells` of the sampled data.
     #[inline]
     pub(super) fn density(&self, wo: Direction, cells: f64) -> f64 {
         self.part * self.under.density(wo) + (1.0 - self.part) * cells
     }
 
-    /// Direction of the lobe at a point of the unit square, or the remapped point for the cells.
+    /// Returns the lobe's direction for a point of the unit square. If the point selects the sampled data instead,
+    /// returns it as an error, stretched to the whole square.
     #[inline]
     pub(super) fn drawn(&self, [u, v]: [f64; 2]) -> Result<Direction, [f64; 2]> {
         if u < self.part {
@@ -166,18 +169,19 @@ impl LobePart {
         }
     }
 
-    /// Point of the unit square that draws `wo` from the lobe; `None` in its outermost tail, where points are too close
-    /// together.
+    /// Point of the unit square that draws `wo` from the lobe; `None` in the outermost part of the lobe, where the
+    /// points of different directions are too close together.
     pub(super) fn point_of(&self, wo: Direction) -> Option<[f64; 2]> {
         let [share, turn] = self.under.point_of(wo);
         (share < CLOSE && self.under.density(wo) > 0.0).then_some([share * self.part, turn])
     }
 
-    /// Point of the mixture for a point of the cells.
+    /// Point of the unit square at which the mixture of lobe and sampled data draws the direction that the sampled data
+    /// alone draw at `[u, v]`.
     pub(super) fn of_cells(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [self.part + (1.0 - self.part) * u, v]
     }
 }
 
-/// Fraction of a lobe beyond which its points are not inverted.
+/// Fraction of the lobe's light, counted from its centre, beyond which drawn directions are not inverted to points.
 const CLOSE: f64 = 0.9999;

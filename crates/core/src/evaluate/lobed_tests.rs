@@ -27,7 +27,7 @@ fn lobe(centre: LobeCentre, width: f64) -> Lobe {
     .unwrap()
 }
 
-/// A base that is darker at grazing directions.
+/// Diffuse base that is darker at grazing directions.
 fn cells(incoming: Axis) -> Measurement {
     let mesh = mesh(3);
     let axes =
@@ -51,7 +51,7 @@ fn file(measurement: &Measurement, lobe: Option<Lobe>) -> Vec<u8> {
     compress(measurement, &settings, &Silent).unwrap().bytes
 }
 
-/// Files with a lobe, each with the file of the cells alone.
+/// Compressed files with an analytic lobe, each with a file of the data without the lobe.
 fn all() -> Vec<([Vec<u8>; 2], Lobe)> {
     let mut all = Vec::new();
     for centre in CENTRES {

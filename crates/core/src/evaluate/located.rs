@@ -8,17 +8,18 @@ use crate::numeric::wide;
 use std::hint::select_unpredictable;
 use wide::f32x4;
 
-/// Marks a direction outside the domain.
+/// Placeholder for a triangle's number where a direction lies outside the domain of a triangle mesh.
 pub(super) const OUTSIDE: u32 = u32::MAX;
 
 impl MeshLookup {
-    /// Triangle that contains the unit vector `d`, or [`OUTSIDE`].
+    /// Number of the triangle that contains the unit vector `d`, or [`OUTSIDE`].
     #[inline(always)]
     pub(super) fn locate_or_outside(&self, d: Vector) -> u32 {
         self.locate_vector(d).map_or(OUTSIDE, |triangle| triangle as u32)
     }
 
-    /// Writes the triangles that contain unit vectors, or [`OUTSIDE`]; agrees with [`MeshLookup::locate_vector`].
+    /// Writes the numbers of the triangles that contain the unit vectors of a block, or [`OUTSIDE`]. Agrees with
+    /// [`MeshLookup::locate_vector`].
     pub(super) fn locate_block(&self, d: &Vectors, to: &mut [u32; BLOCK]) {
         wide(
             #[inline(always)]
@@ -45,8 +46,8 @@ impl MeshLookup {
         );
     }
 
-    /// Writes the triangles that contain directions, or [`OUTSIDE`]. Returns false if some coordinates are not a
-    /// direction, or if the square of their length overflows or underflows f32.
+    /// Writes the numbers of the triangles that contain directions, or [`OUTSIDE`]. Returns false if some coordinates
+    /// are not a direction, or if the square of their length overflows or underflows f32.
     pub(super) fn locate_all(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
         match d.coordinates() {
             Some(coordinates) => self.locate_coordinates(coordinates, to),
@@ -54,7 +55,7 @@ impl MeshLookup {
         }
     }
 
-    /// Locates unit vectors, block by block.
+    /// Locates unit vectors on the triangle mesh, block by block.
     fn locate_units(&self, d: Directions<'_>, to: &mut [u32]) -> bool {
         let (mut vectors, mut found) = ([[0.0; BLOCK]; 3], [0; BLOCK]);
         for (start, to) in (0..d.len()).step_by(BLOCK).zip(to.chunks_mut(BLOCK)) {
@@ -67,7 +68,7 @@ impl MeshLookup {
         true
     }
 
-    /// Locates directions from coordinates, four at a time.
+    /// Locates directions given by f32 coordinates on the triangle mesh, four at a time.
     fn locate_coordinates(&self, coordinates: [&[f32]; 3], to: &mut [u32]) -> bool {
         let last = to.len().wrapping_sub(1);
         for start in (0..to.len()).step_by(4) {

@@ -6,10 +6,11 @@ use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::numeric::bracket::Bracket;
 use std::hint::select_unpredictable;
 
-/// Maximum number of entries of a stencil: three vertices with at most 6 triangles each.
+/// Maximum number of samples that contribute to an interpolated value: three vertices with at most 6 triangles each.
 const MOST: usize = 18;
 
-/// Entries of an axis and their weights, which are positive and sum to 1.
+/// Numbers of the samples of an axis that contribute to an interpolated value, with weights that are positive and sum
+/// to 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stencil {
     length: usize,
@@ -27,7 +28,8 @@ impl Stencil {
         Self { length: 0, entries: [(0, 0.0); MOST] }
     }
 
-    /// Entries and weights.
+    /// Samples whose weighted sum is the interpolated value at a direction, each as its number on the axis of
+    /// directions and its weight.
     pub(super) fn entries(&self) -> impl Iterator<Item = (usize, f32)> + Clone + '_ {
         self.entries[..self.length].iter().map(|&(entry, weight)| (entry as usize, weight))
     }
@@ -42,26 +44,30 @@ impl Stencil {
     }
 }
 
-/// Lookup tables of a mesh. All octants of the octahedron are images of the first under exchanges and sign changes of
-/// coordinates. Geometry is therefore stored for one octant, and directions are folded into it.
+/// Lookup tables of a triangle mesh of directions. All octants of the octahedron are images of the first one under
+/// exchanges and sign changes of coordinates. Geometry is therefore stored for one octant, and directions are mapped
+/// into it.
 #[derive(Debug)]
 pub(super) struct MeshLookup {
     mesh: TriangleMesh,
-    /// Sign of z in the domain: 1 on the upper hemisphere, −1 on the lower, 0 on the sphere.
+    /// Sign of z in the mesh's domain: 1 on the upper hemisphere, −1 on the lower one, 0 on the sphere.
     up: f64,
     /// Number of the first octant below the horizon on a sphere, else 0.
     below: u32,
-    /// Binary logarithm of the number of leaves in an octant.
+    /// Binary logarithm of the number of leaf triangles in an octant.
     shift: u32,
-    /// For each inner node, level by level: the three planes that cut off its corners, positive on the corner's side.
+    /// For each inner triangle, level by level: the normals of the three planes that cut off its corners, positive on
+    /// the corner's side.
     cuts: Vec<Vector>,
-    /// For each leaf: the inner product of entry k with a direction is proportional to its k-th barycentric coordinate.
+    /// For each leaf triangle of the first octant: three vectors whose inner products with a direction are proportional
+    /// to its barycentric coordinates.
     opposite: Vec<[Vector; 3]>,
-    /// Vertices of every triangle of the mesh.
+    /// Vertex numbers of every triangle of the mesh.
     corners: Vec<[u32; 3]>,
-    /// Start of each vertex's triangles in `around`.
+    /// For each vertex, the position in the list `around` at which its triangles start; then the length of that list.
     starts: Vec<u32>,
-    /// Triangles around the vertices, and their fractions of the solid angle around the vertex.
+    /// Numbers of the triangles around each vertex, with each triangle's fraction of the solid angle around that
+    /// vertex.
     around: Vec<(u32, f32)>,
     grid: Grid,
 }
@@ -105,47 +111,47 @@ impl MeshLookup {
             + self.grid.memory()
     }
 
-    /// Triangle that contains `direction`; `None` outside the domain.
+    /// Number of the triangle that contains `direction`; `None` outside the domain of the mesh.
     #[inline(always)]
     pub(super) fn locate(&self, direction: Direction) -> Option<usize> {
         self.locate_vector(direction.xyz())
     }
 
-    /// Triangle that contains the unit vector `d`; `None` outside the domain.
+    /// Number of the triangle that contains the unit vector `d`; `None` outside the domain of the mesh.
     #[inline(always)]
     pub(super) fn locate_vector(&self, d: Vector) -> Option<usize> {
         self.descend(d).map(|(triangle, _)| triangle)
     }
 
-    /// Returns true if the unit vector `d` is in the domain.
+    /// Returns true if the unit vector `d` is in the domain of the mesh.
     #[inline(always)]
     pub(super) fn holds(&self, [_, _, z]: Vector) -> bool {
         z * self.up >= 0.0
     }
 
-    /// Number of vertices.
+    /// Number of vertices of the mesh.
     pub(super) fn vertices(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Vertex numbers of a triangle.
+    /// Vertex numbers of one triangle.
     #[inline]
     pub(super) fn corners(&self, triangle: usize) -> [u32; 3] {
         self.corners[triangle]
     }
 
-    /// Vertex numbers of all triangles.
+    /// Vertex numbers of all triangles of the mesh.
     pub(super) fn all_corners(&self) -> &[[u32; 3]] {
         &self.corners
     }
 
-    /// Triangles around a vertex, and their fractions of the solid angle around it.
+    /// Numbers of the triangles around a vertex, with each triangle's fraction of the solid angle around that vertex.
     pub(super) fn ring(&self, vertex: u32) -> impl Iterator<Item = (usize, f32)> + '_ {
         let ring = self.starts[vertex as usize] as usize..self.starts[vertex as usize + 1] as usize;
         self.around[ring].iter().map(|&(triangle, weight)| (triangle as usize, weight))
     }
 
-    /// Triangles and weights of the smooth value at `direction`; `None` outside the domain.
+    /// Triangles and weights that give the smoothly interpolated value at `direction`; `None` outside the domain.
     pub(super) fn stencil(&self, direction: Direction) -> Option<Stencil> {
         let (triangle, folded) = self.descend(direction.xyz())?;
         let opposite = &self.opposite[triangle % self.opposite.len()];
@@ -164,7 +170,8 @@ impl MeshLookup {
         Some(stencil)
     }
 
-    /// Triangle that contains a unit vector, and the vector folded into the first octant; `None` outside the domain.
+    /// Number of the triangle that contains a unit vector, and the vector mapped into the first octant; `None` outside
+    /// the domain.
     #[inline(always)]
     pub(super) fn descend(&self, [x, y, z]: Vector) -> Option<(usize, Vector)> {
         if !self.holds([x, y, z]) {
@@ -190,18 +197,21 @@ impl MeshLookup {
         Some((self.triangle(is_odd + 2 * back, down) as usize + leaf, folded))
     }
 
-    /// Grid over the first octant.
+    /// Grid of cubes over the first octant that gives the candidate triangles of a direction.
     pub(super) fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Number of the first leaf of an octant, given by its quadrant and its side of the horizon (`down` 1 below).
+    /// Number of the first leaf triangle of an octant, given by its quadrant of azimuth and its side of the horizon
+    /// (`down` is 1 below).
     #[inline(always)]
     pub(super) fn triangle(&self, quadrant: u32, down: u32) -> u32 {
         (quadrant + self.below * down) << self.shift
     }
 
-    /// Leaf of the first octant that contains `folded` (of any length), given its place in the grid.
+    /// Number of the leaf triangle that contains the direction `folded`, which exchanges and sign changes of
+    /// coordinates have mapped into the first octant; any length. Only the candidates in `place`, found by the search
+    /// grid, are considered.
     #[inline(always)]
     pub(super) fn leaf_at(&self, place: Place, folded: Vector) -> usize {
         if let Some(root) = place.root() {
@@ -211,7 +221,8 @@ impl MeshLookup {
         usize::from(select_unpredictable(beyond, place.inside, place.outside))
     }
 
-    /// Leaf of the first octant that contains `folded`, by a search from a node above it and that node's level.
+    /// Number of the leaf triangle that contains the direction `folded` of the first octant, by a search down from an
+    /// ancestor triangle of a given level.
     #[cold]
     fn leaf_below(&self, (mut node, level): (usize, u8), folded: Vector) -> usize {
         let mut width = 1 << (2 * u32::from(level));
@@ -231,7 +242,8 @@ impl MeshLookup {
     }
 }
 
-/// Elevations around `theta` (degrees) with linear weights; clamped at the ends of the axis.
+/// Sampled elevations around `theta` (degrees) with linear interpolation weights; the end's elevation alone beyond the
+/// ends of the axis.
 pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     let Bracket { below, t, .. } = Bracket::held(values, theta);
     let mut stencil = Stencil::one(below);
@@ -242,20 +254,20 @@ pub(super) fn elevation_stencil(values: &[f64], theta: f64) -> Stencil {
     stencil
 }
 
-/// Triangles of the first octant; those below the horizon are their mirror images.
+/// Vertices of the leaf triangles of the first octant; triangles below the horizon are their mirror images.
 pub(super) fn octant(level: u8) -> impl Iterator<Item = [Vector; 3]> {
     let mesh = TriangleMesh::new(Domain::Hemisphere, level);
     mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
 }
 
-/// Plane through `a`, `b` and the origin, positive on the side of `corner`.
+/// Normal of the plane through `a`, `b` and the origin, positive on the side of `corner`.
 fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
     let plane = cross(a, b);
     if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }
 }
 
 /// Vertex numbers of every triangle, and the number of vertices. On the flat octahedron |x| + |y| + |z| = 2^L the
-/// vertices are lattice points, so that equal ones are found without comparing floats.
+/// vertices are lattice points, so that shared vertices are found without comparing floats.
 fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     type Lattice = [i32; 3];
     let size = 1_i32 << mesh.level();
@@ -292,7 +304,8 @@ fn corners(mesh: TriangleMesh) -> (Vec<[u32; 3]>, usize) {
     (corners, count as usize)
 }
 
-/// Triangles around every vertex in index order, with their fractions of the solid angle.
+/// Triangles around every vertex, in the order of the vertices, with each triangle's fraction of the solid angle around
+/// the vertex. The first list holds the position at which each vertex's triangles start, then the length of the second.
 fn rings(corners: &[[u32; 3]], vertices: usize, areas: &[f64]) -> (Vec<u32>, Vec<(u32, f32)>) {
     let mut starts = vec![0_u32; vertices + 1];
     let mut totals = vec![0.0; vertices];

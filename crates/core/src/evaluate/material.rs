@@ -25,7 +25,7 @@ use crate::domain::{Axis, Direction, Layout, Lobe, Measurement, Quantity, Tensor
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// Opened material; share it between threads by reference.
+/// Opened material, ready for evaluation and sampling; share it between threads by reference.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -46,29 +46,30 @@ pub struct Material {
     summary: Option<Summary>,
 }
 
-/// Function built from the samples.
+/// Radiometric function of direction and wavelength, built from the samples of a material.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant, reason = "a query of cells goes through one pointer less, and materials are few")]
 enum Body {
-    /// Samples of cells of directions, or without directions.
+    /// Samples over triangles of directions, or samples that do not depend on an outgoing direction.
     Cells(Cells),
-    /// Samples on a grid of angles.
+    /// Samples at the directions of a grid of polar angles and azimuths.
     Grid {
         stated: Box<Stated>,
-        /// Averages over triangles, built on first use.
+        /// Averages of the function over triangles of directions, built on first use.
         cells: OnceLock<Result<Box<Material>, EvaluateError>>,
     },
 }
 
-/// Function of cells, and the data derived from it.
+/// Function of direction and wavelength given by samples that belong to triangles of directions, with its sampling
+/// trees, its albedos and an analytic lobe that evaluation adds to it.
 #[derive(Debug)]
 struct Cells {
     function: Function,
-    /// Sampling trees, built when a first direction is drawn.
+    /// Importance sampling trees, built when the first direction is drawn.
     trees: OnceLock<Trees>,
-    /// Albedos; empty without an outgoing axis.
+    /// Directional albedos; empty without an outgoing axis.
     albedos: Albedos,
-    /// Lobe that is added to the function.
+    /// Analytic lobe that is added to the function of the samples.
     lobe: Option<Box<Lobed>>,
 }
 
@@ -78,29 +79,29 @@ impl Material {
         Self::decoded(compress::decode(bytes)?)
     }
 
-    /// Opens a level of a compressed material. `bytes` is the whole file, or as long a prefix as [`compress::levels`]
-    /// states for the level.
+    /// Opens a resolution level of a compressed material. `bytes` is the whole file, or as long a prefix as
+    /// [`compress::levels`] reports for the level.
     pub fn open_level(bytes: &[u8], level: u8) -> Result<Self, EvaluateError> {
         Self::decoded(compress::decode_level(bytes, level)?)
     }
 
-    /// Levels that [`Material::open_level`] can open.
+    /// Returns the resolution levels that [`Material::open_level`] can open.
     pub fn levels(bytes: &[u8]) -> Result<Vec<LevelInfo>, EvaluateError> {
         Ok(compress::levels(bytes)?)
     }
 
-    /// Opens a measurement and selects the best alignment between incoming directions.
+    /// Opens a measurement and selects the best alignment of lobes for interpolation between incoming directions.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course::default())
     }
 
-    /// Opens a measurement with a given alignment between incoming directions.
+    /// Opens a measurement with a given alignment of lobes for interpolation between incoming directions.
     pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course { alignment: Some(alignment), ..Course::default() })
     }
 
-    /// Opens a measurement with a given interpolation between incidences. If that does not fit the measurement, the
-    /// result is that of [`Material::of`].
+    /// Opens a measurement with a given interpolation between incoming directions. If the quantity or the axes do not
+    /// allow that interpolation, the default is used: linear, without a divisor.
     pub fn with_between(measurement: Measurement, between: Between) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course { between, ..Course::default() })
     }
@@ -121,9 +122,9 @@ impl Material {
         Ok(Self { body, summary: None })
     }
 
-    /// Sets the fraction, 0 to 1, of linear interpolation between stated samples in the smooth form. The default is
-    /// that of the file, 0 for a measurement. 1 is what most readers of luminaires and of MDL's measured materials
-    /// draw. Samples of cells, which are not stated at directions, are unaffected.
+    /// Sets the fraction, 0 to 1, of linear interpolation between samples on a grid of angles; cubic interpolation has
+    /// the rest. The default is the fraction in the file, or 0 for a measurement. Most readers of luminaires and of
+    /// MDL's measured materials use 1. Samples over triangles are unaffected.
     #[must_use]
     pub fn with_straight_lines(self, share: f32) -> Self {
         match self.body {
@@ -135,8 +136,9 @@ impl Material {
         }
     }
 
-    /// Adds a lobe to the cells: evaluation gives the sum of both. Samples on a grid of angles are unaffected. So are
-    /// cells for which [`Settings::lobe`](crate::compress::Settings::lobe) fails.
+    /// Adds an analytic lobe to a BRDF sampled over triangles: evaluation gives the sum of both. The material stays as
+    /// it is if it is of another kind, or if compression would refuse this lobe for it
+    /// ([`Settings::lobe`](crate::compress::Settings::lobe)).
     #[must_use]
     pub fn with_lobe(mut self, lobe: Lobe) -> Self {
         let is_fit = lobe_fits(&lobe, self.quantity(), self.axes());
@@ -146,8 +148,8 @@ impl Material {
         self
     }
 
-    /// Returns this material if its samples are those of cells. For samples on a grid of angles, returns their averages
-    /// over triangles, the basis of sampling and integration. They are built on first use.
+    /// Returns this material if its samples belong to triangles. For samples on a grid of angles, returns their
+    /// averages over triangles, the basis of sampling and integration, which are built on first use.
     #[doc(hidden)]
     pub fn over_triangles(&self) -> Result<&Self, EvaluateError> {
         match &self.body {
@@ -162,7 +164,7 @@ impl Material {
         }
     }
 
-    /// Function between samples on a grid of angles; `None` for samples of cells.
+    /// Function interpolated between samples on a grid of angles; `None` if samples belong to triangles.
     pub(super) fn stated(&self) -> Option<&Stated> {
         if let Body::Grid { stated, .. } = &self.body { Some(stated) } else { None }
     }
@@ -171,7 +173,8 @@ impl Material {
         if let Body::Cells(cells) = &self.body { Some(cells) } else { None }
     }
 
-    /// Opens a decoded file, with its header.
+    /// Builds a material from the decoded contents of a compressed file. [`Material::summary`] then returns the file's
+    /// header.
     pub fn decoded(Decoded { measurement, summary }: Decoded) -> Result<Self, EvaluateError> {
         let mut material = Self::with_between(measurement, summary.between)?;
         if let Some(lobe) = &summary.lobe {
@@ -184,12 +187,12 @@ impl Material {
         Ok(Self { summary: Some(summary), ..material })
     }
 
-    /// Measured quantity.
+    /// Radiometric quantity that was measured.
     pub fn quantity(&self) -> Quantity {
         self.geometry().quantity()
     }
 
-    /// Unit of a value.
+    /// Unit of the values that evaluation returns.
     pub fn unit(&self) -> Unit {
         self.geometry().unit()
     }
@@ -199,7 +202,7 @@ impl Material {
         self.geometry().axes()
     }
 
-    /// Roles of the axes.
+    /// Roles of the axes: indices, incoming and outgoing directions, wavelength.
     pub fn layout(&self) -> &Layout {
         self.geometry().layout()
     }
@@ -220,13 +223,13 @@ impl Material {
         self.geometry().grid().map(WavelengthGrid::values)
     }
 
-    /// Returns true if an incoming direction lies past the last measured elevation. Values there are extrapolated from
-    /// that elevation.
+    /// Returns true if an incoming direction is further from the normal than the last measured elevation. Values there
+    /// are extrapolated from that elevation.
     pub fn is_extrapolated(&self, wi: Option<Direction>) -> bool {
         wi.is_some_and(|wi| self.geometry().is_past_last(wi))
     }
 
-    /// Reports on the opened form.
+    /// Reports memory and accuracy of the opened material.
     pub fn report(&self) -> OpenedReport {
         match &self.body {
             Body::Cells(cells) => OpenedReport::of(cells.function.form(), self.memory()),
@@ -234,8 +237,8 @@ impl Material {
         }
     }
 
-    /// Memory of the opened form in bytes: planes or samples, smooth tables, tables of the meshes, albedo and sampling
-    /// trees. Trees that are not built yet count with their expected size.
+    /// Memory of the opened material in bytes: samples or spectral coefficients, interpolation tables, tables of the
+    /// meshes, albedos and sampling trees. Trees that are not built yet count with their expected size.
     pub fn memory(&self) -> usize {
         let body = match &self.body {
             Body::Cells(cells) => cells.memory(),
@@ -247,18 +250,20 @@ impl Material {
         size_of::<Self>() + body
     }
 
-    /// Row-major position of `index` among the entries of the index axes.
+    /// Row-major position of `index` (one index for each leading index axis) among all combinations of indices
+    /// (positions on the axes before the directions).
     pub fn entry(&self, index: &[usize]) -> Result<usize, EvaluateError> {
         self.geometry().entry(index)
     }
 
-    /// Inverse of [`Material::entry`]: index on each index axis.
+    /// Index on each index axis of the combination at row-major position `entry`; inverse of [`Material::entry`].
     pub fn index_of(&self, entry: usize) -> Vec<usize> {
         self.geometry().index_of(entry)
     }
 
-    /// Writes the whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine.
-    /// NaN is masked; values are 0 if `wo` is outside the outgoing domain.
+    /// Writes the whole spectrum at `place` (indices and directions) into `out` (`lambdas()` long), in the
+    /// measurement's unit, without a cosine factor. NaN means masked; values are 0 if `wo` is outside the outgoing
+    /// domain.
     #[inline]
     pub fn evaluate(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
@@ -268,7 +273,7 @@ impl Material {
     }
 
     /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
-    /// samples of the spectrum at `place`; outside the measured range `beyond` applies. A value is NaN (masked) if one
+    /// samples of the spectrum at `place`; `beyond` decides outside the measured range. A value is NaN (masked) if one
     /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
     #[inline]
     pub fn at_wavelengths(
@@ -285,8 +290,8 @@ impl Material {
         }
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, one for each sample: a luminance or another colour
-    /// coordinate, power in a band, a mean. NaN if a sample with a nonzero weight is masked.
+    /// Inner product of the spectrum at `place` with `weights`, one for each sample: for example a luminance, the power
+    /// in a band, or a mean. NaN if a sample with a nonzero weight is masked.
     pub fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.weighted(place, how, weights),
@@ -294,8 +299,8 @@ impl Material {
         }
     }
 
-    /// Piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing
-    /// one. A table without directions gives one spectrum. NaN is masked.
+    /// Samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one, whose row-major
+    /// position is `slice`. Data without directions give one spectrum. NaN means masked.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -306,7 +311,7 @@ impl Material {
         }
     }
 
-    /// Samples as opened: the decoded ones, up to the deviation that [`Material::report`] states.
+    /// Samples of the opened material: the decoded ones, up to the deviation that [`Material::report`] gives.
     pub fn measurement(&self) -> Result<Measurement, EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.measurement(),
@@ -314,9 +319,9 @@ impl Material {
         }
     }
 
-    /// Writes the spectra at `pairs` into `out`, `[pair][lambda]`, on the calling thread. Does not allocate. Stops at
-    /// the first refused pair. Agrees with [`Material::evaluate`] within the tolerance that the [rules](super#rules)
-    /// give for batches.
+    /// Writes the spectra for the direction pairs `pairs` into `out`, `[pair][wavelength]`, on the calling thread. Does
+    /// not allocate. Stops at the first invalid pair. Agrees with [`Material::evaluate`] within the tolerance that the
+    /// [rules](super#rules) give for batches.
     pub fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.spectra(pairs, how, out),
@@ -324,7 +329,7 @@ impl Material {
         }
     }
 
-    /// Runs [`Material::spectra`] on all threads.
+    /// Evaluates a batch of spectra like [`Material::spectra`], on all threads.
     pub fn par_spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.par_spectra(pairs, how, out),
@@ -332,8 +337,8 @@ impl Material {
         }
     }
 
-    /// Density in sr⁻¹ with which [`Material::sample`] draws `wo` for the same options. It is 0 outside the outgoing
-    /// domain, where the function is masked, and where there is no light.
+    /// Density in sr⁻¹ with which [`Material::sample`] draws `wo` if it is called with the same `index`, `wi` and
+    /// `options`. It is 0 outside the outgoing domain, where the function is masked, and where there is no light.
     pub fn pdf(
         &self,
         index: &[usize],
@@ -348,8 +353,9 @@ impl Material {
         self.sampler()?.pdf(index, wi, wo, options.into())
     }
 
-    /// Draws an outgoing direction from the point `u` of the unit square, by the mean over wavelengths. `None` if there
-    /// is no light, and for the few points whose direction is masked. `options` may be an end level alone.
+    /// Draws an outgoing direction from the point `u` of the unit square, in proportion to the mean over wavelengths.
+    /// `None` if there is no light, and for the few points whose direction is masked. `options` may be a
+    /// [`SampleOptions`] or the triangle level at which sampling stops following the function.
     pub fn sample(
         &self,
         index: &[usize],
@@ -364,8 +370,8 @@ impl Material {
         }
     }
 
-    /// Returns only the direction and density of [`Material::sample`], for callers who evaluate f themselves; `None`
-    /// for a failed draw.
+    /// Draws the direction and density of [`Material::sample`] alone, without a weight, for callers who evaluate f
+    /// themselves; `None` for a failed draw.
     #[inline]
     pub fn draw(
         &self,
@@ -380,8 +386,8 @@ impl Material {
         Ok(drawn.map(|(direction, pdf)| (turning.outward(direction), pdf)))
     }
 
-    /// Writes [`Material::pdf`] at `pairs` into `out`, on the calling thread. Does not allocate. Stops at the first
-    /// refused pair.
+    /// Writes the sampling densities of [`Material::pdf`] for the direction pairs `pairs` into `out`, on the calling
+    /// thread. Does not allocate. Stops at the first invalid pair.
     pub fn pdfs(
         &self,
         pairs: Pairs<'_>,
@@ -405,9 +411,9 @@ impl Material {
         Ok(())
     }
 
-    /// Writes [`Material::sample`] for each incoming direction `wi` and point `u` of the unit square into `out`, on the
-    /// calling thread. `wi` has one direction for each point; `None` for quantities without. Does not allocate. Stops
-    /// at the first refused point.
+    /// Runs [`Material::sample`] for each incoming direction `wi` and point `u` of the unit square, on the calling
+    /// thread, and writes the results into `out`. `wi` has one direction for each point; `None` for quantities without
+    /// an incoming direction. Does not allocate. Stops at the first invalid point.
     pub fn samples(
         &self,
         index: &[usize],
@@ -424,8 +430,8 @@ impl Material {
     }
 
     /// Returns a point of the unit square from which [`Material::sample`] with the same options draws `wo`; `None` if
-    /// its density is 0. Trees of several incoming nodes may draw the same direction, and the defensive part any. The
-    /// point is that of the first such tree, or of the defensive part if there is none.
+    /// the density of `wo` is 0. Several components of the sampling mixture may draw `wo`. The point is that of the
+    /// first tree that draws it, else of the defensive component.
     pub fn invert(
         &self,
         index: &[usize],
@@ -443,15 +449,15 @@ impl Material {
         self.sampler().map(|_| ())
     }
 
-    /// Builds the trees of one wavelength in nm, linear between the samples of the spectra. Fails outside the measured
-    /// range.
+    /// Builds a sampler whose density follows the values at one wavelength in nm, linear between the samples of the
+    /// spectra. Fails outside the measured range.
     pub fn sampler_at(&self, wavelength: f64) -> Result<WavelengthSampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
         let function = (&cells.function, cells.lobe.as_deref());
         WavelengthSampler::at(function, self.stated(), lookup, cells.mean_trees(lookup), wavelength)
     }
 
-    /// Sampler by the mean over wavelengths; its trees are built on first use.
+    /// Sampler whose density follows the mean over wavelengths; its trees are built on first use.
     #[inline]
     pub(super) fn sampler(&self) -> Result<Sampler<'_>, EvaluateError> {
         let (cells, lookup) = self.over_triangles()?.sampled()?;
@@ -467,19 +473,24 @@ impl Material {
         }
     }
 
-    /// Function of cells; `None` for samples on a grid of angles.
+    /// Function of direction and wavelength given by samples that belong to triangles of directions; `None` if the
+    /// samples lie on a grid of angles.
     #[inline(always)]
     pub(super) fn function(&self) -> Option<&Function> {
         self.cells().map(|cells| &cells.function)
     }
 
-    /// Function, planes and smooth tables; `None` if every sample is kept or there is a lobe.
+    /// Function of a material with samples over triangles, its spectral coefficients, and its tables for smooth
+    /// interpolation. `None` if all samples are stored rather than coefficients, if samples lie on a grid of angles, or
+    /// if evaluation adds an analytic lobe.
     #[inline(always)]
     pub(super) fn planes(&self) -> Option<(&Function, &Planes, &Smooth)> {
         if self.cells().is_some_and(|cells| cells.lobe.is_some()) { None } else { self.planes_of_cells() }
     }
 
-    /// Function, planes and smooth tables of the cells without their lobe; `None` if every sample is kept.
+    /// Function of a material with samples over triangles, its spectral coefficients, and its tables for smooth
+    /// interpolation, without an analytic lobe that evaluation may add. `None` if all samples are stored rather than
+    /// coefficients, or if samples lie on a grid of angles.
     #[inline(always)]
     pub(super) fn planes_of_cells(&self) -> Option<(&Function, &Planes, &Smooth)> {
         let function = self.function()?;
@@ -497,15 +508,15 @@ impl Material {
         }
     }
 
-    /// Stored integrals of one side, `[cell, lambda]`, for an incoming direction above or below; `None` if no light can
-    /// leave on that side.
+    /// Precomputed albedos of reflected, transmitted or all light, `[incoming direction, wavelength]`. `is_above` is
+    /// true for incoming directions above the horizon; `None` if no light can leave on the requested side.
     pub(super) fn stored_albedos(&self, side: Side, is_above: bool) -> Option<&[f32]> {
         self.cells()?.albedos.of(side, is_above)
     }
 }
 
 impl Cells {
-    /// Adds a lobe to the function.
+    /// Adds an analytic lobe to the function and to its albedos.
     fn take(&mut self, lobe: Lobed) {
         self.albedos.add(|table| lobe.add_light(self.function.geometry(), table));
         self.lobe = Some(Box::new(lobe));
@@ -561,7 +572,8 @@ impl Cells {
         })
     }
 
-    /// Samples of a slice, including the means of the lobe.
+    /// Samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one. If evaluation adds an
+    /// analytic lobe, its mean over each triangle is added to the sample.
     fn slice(&self, slice: usize) -> Vec<f32> {
         let mut samples = self.function.slice(slice);
         if let Some(lobe) = &self.lobe {
@@ -570,7 +582,8 @@ impl Cells {
         samples
     }
 
-    /// Samples of cells, including the means of the lobe.
+    /// Measurement with the samples of all triangles. If evaluation adds an analytic lobe, its mean over each triangle
+    /// is added to the sample.
     fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let measurement = self.function.measurement()?;
         let Some(lobe) = &self.lobe else { return Ok(measurement) };
@@ -589,7 +602,8 @@ impl Cells {
         self.trees.get_or_init(|| trees_of_mean(&self.function, lookup))
     }
 
-    /// Memory in bytes, without the size of the type; unbuilt trees count with their expected size.
+    /// Heap memory in bytes of function, sampling trees, albedos and lobe; trees not built yet count with their
+    /// expected size.
     fn memory(&self) -> usize {
         let mesh = self.function.geometry().mesh();
         let expected = || mesh.map_or(0, |lookup| Trees::expected_memory(&self.function, lookup));

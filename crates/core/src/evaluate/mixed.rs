@@ -2,27 +2,31 @@
 
 use super::reconstruct::STEEPEST;
 
-/// Maximum number of coefficients in a row; spectra that need more are kept whole.
+/// Maximum number of spectral coefficients of a pair of directions. Spectra that need more are stored sample by sample.
 pub(super) const MOST_PLANES: usize = 16;
-/// Presence (share of light) up to which a place counts as dark.
+/// Fraction of the interpolation weight on nonzero samples, 0 to 1, up to which the interpolated value of the
+/// material's function counts as 0.
 pub(super) const NO_LIGHT: f32 = 1e-4;
-/// Row of coefficients on the stack.
+/// Spectral coefficients (factors of the basis spectra) of one pair of directions, on the stack.
 pub(super) type Row = [f32; MOST_PLANES];
 
-/// Interpolated row at a place.
+/// Interpolated spectral coefficients at a query, with the fraction of the interpolation weight that lies on nonzero
+/// samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mixed {
     pub(super) row: Row,
-    /// Share of light; NaN if fully masked.
+    /// Interpolation weight of nonzero samples as a fraction of that of unmasked samples, 0 to 1; NaN if all are
+    /// masked.
     pub(super) presence: f32,
 }
 
 impl Mixed {
-    /// Row without light.
+    /// Result of interpolation where the material's function is 0: the spectral coefficients are 0, and so is the
+    /// fraction of the interpolation weight that lies on nonzero samples.
     pub(super) const NOTHING: Self = Self { row: [0.0; MOST_PLANES], presence: 0.0 };
 
-    /// Normalises a weighted sum of rows, given the total weight of lit ones and of unmasked ones. Weights of a fit may
-    /// be negative and nearly cancel.
+    /// Divides a weighted sum of spectral coefficients by `live`, the total interpolation weight of nonzero samples;
+    /// `known` is that of unmasked samples. Weights from a least-squares fit may be negative and nearly cancel.
     #[inline(always)]
     pub(super) fn settled(mut row: Row, live: f32, known: f32) -> Self {
         let mut presence = 0.0;
@@ -37,18 +41,20 @@ impl Mixed {
     }
 }
 
-/// Rows mixed by weight and presence; masked ones are skipped. Weights of a fit may be negative. If rows are missing
-/// and the remaining weights nearly cancel, the fit would extrapolate; then only positive weights count.
+/// Weighted mean of spectral coefficients that skips masked and dark samples. Weights of a fit may be negative. If
+/// samples are missing and the remaining weights nearly cancel, only positive weights count, as the fit would
+/// extrapolate.
 pub(super) struct Mixture {
     all: Sums,
     positive: Sums,
-    /// Sum of the absolute weights.
+    /// Sum of the absolute interpolation weights of the nonzero samples added so far to a weighted mean.
     size: f32,
-    /// True if a row was masked or partly dark.
+    /// True if a sample added so far to the weighted mean was masked, 0, or interpolated partly from samples that are
+    /// 0.
     is_incomplete: bool,
 }
 
-/// Weighted sum of rows, and total weights of lit and of unmasked ones.
+/// Weighted sum of spectral coefficients, with the total interpolation weights of nonzero and of unmasked samples.
 struct Sums {
     row: Row,
     live: f32,

@@ -25,39 +25,46 @@ use super::warp::{BELOW_ONE, Density, SampleOptions};
 use crate::domain::Direction;
 use crate::domain::vector::Vector;
 
-/// Maximum number of nodes around a direction, unless every sample is kept.
+/// Maximum number of interpolation nodes around an incoming direction for materials stored as spectral coefficients.
 pub(super) const FEW: usize = 3;
 
-/// Mixture under an incoming direction.
+/// Sampling distribution under one incoming direction: a mixture of the sampling trees of the nodes around it and of a
+/// defensive component.
 pub(super) struct Mixture<'a> {
     trees: &'a Trees,
     function: &'a Function,
     entry: usize,
     options: SampleOptions,
     parts: Parts,
-    /// Alignment, outgoing domain and queried incoming direction; `None` if directions stay.
+    /// Alignment of lobes, outgoing domain and queried incoming direction; `None` if drawn directions are left in
+    /// place.
     carry: Option<(Carry, Vector)>,
     defensive: f64,
 }
 
-/// Trees of a mixture.
+/// Sampling trees that a mixture draws from, with the probability of choosing each.
 enum Parts {
     Few(Shares),
-    /// Cells, the number of the first one's tree, and the sum of their weights times their light.
+    /// Sampled incoming directions with interpolation weights, the number of the sampling tree of the axis's first
+    /// incoming direction, and the sum over directions of weight times the integral of the tree's function over
+    /// outgoing directions.
     Many(Stencil, usize, f64),
 }
 
-/// Trees and their shares, which sum to 1; 0 for unused slots.
+/// Incoming directions between which the function is interpolated, and the probabilities, which sum to 1, of drawing
+/// from their sampling trees; 0 for unused slots.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shares {
     pub(super) nodes: [u32; FEW],
     pub(super) parts: [f64; FEW],
 }
 
-/// Choice of one of several parts, which sum to 1, by a number from 0 to 1. The parts are offered in turn.
+/// Random choice of one of several alternatives by a number from 0 to 1. The alternatives, whose probabilities sum to
+/// 1, are offered in turn.
 struct Choice<T> {
     left: f64,
-    /// Last part offered, and the position of the number within it, rescaled to 0..1.
+    /// Alternative offered last in a random choice, and the random number rescaled to 0..1 within the interval of that
+    /// alternative.
     chosen: Option<(T, f64)>,
 }
 
@@ -98,7 +105,7 @@ impl<'a> Mixture<'a> {
         Ok(Self { trees, function, entry, options, parts, carry: to, defensive })
     }
 
-    /// Entry of the incoming axis that contains the direction, if already known.
+    /// Number of the incoming sample (triangle or elevation) to which the incoming direction belongs, if already known.
     #[inline(always)]
     pub(super) fn incoming(&self) -> Option<usize> {
         let Parts::Few(shares) = &self.parts else { return None };
@@ -108,7 +115,8 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// Cell of a leaf under the first node, which is that of the piecewise constant form.
+    /// Number of the spectrum of an outgoing triangle under the first incoming node, which is the one of piecewise
+    /// constant evaluation.
     #[inline(always)]
     pub(super) fn cell(&self, leaf: usize) -> usize {
         let incoming = if let Parts::Few(shares) = &self.parts { shares.nodes[0] as usize } else { 0 };
@@ -116,7 +124,8 @@ impl<'a> Mixture<'a> {
         (self.entry * n_in + incoming) * n_out + leaf
     }
 
-    /// Light of the trees, weighted by their shares; 0 if none has any.
+    /// Integral over outgoing directions of the functions that the sampling trees follow, weighted by the probabilities
+    /// of drawing from each tree; 0 if all functions are 0.
     pub(super) fn light(&self) -> f64 {
         let mut sum = 0.0;
         self.each(|tree, _, share| {
@@ -126,7 +135,9 @@ impl<'a> Mixture<'a> {
         sum
     }
 
-    /// Calls `work` with the tree, node and share of each component until it returns true.
+    /// Calls `work` for each of the sampling trees from which outgoing directions are drawn, until it returns true.
+    /// `work` receives the number of the tree, the number of the tree's incoming direction, and the probability of
+    /// drawing from the tree.
     #[inline(always)]
     fn each(&self, mut work: impl FnMut(usize, usize, f64) -> bool) {
         match &self.parts {
@@ -148,20 +159,23 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// Mapping of directions from a node, on the side of the horizon of the height `z`; `None` if directions stay.
+    /// Mapping that moves outgoing directions with their lobes from incoming direction number `node` to the queried
+    /// one; `None` if lobes stay in place. It holds on the side of the horizon on which an outgoing direction with z
+    /// coordinate `z` lies.
     #[inline(always)]
     fn carried(&self, node: usize, z: f64) -> Option<Carried> {
         let ((alignment, domain), to) = self.carry?;
         Some(Carried::over(alignment, domain, z, self.function.node_direction(node), to))
     }
 
-    /// Options of a single tree, without the defensive part.
+    /// Sampling options of a single tree, without the defensive component.
     #[inline(always)]
     fn own(&self) -> SampleOptions {
         SampleOptions { defensive: 0.0, ..self.options }
     }
 
-    /// Density in sr⁻¹ of a direction of the outgoing domain, rotated to azimuth 0 for isotropic data.
+    /// Density in sr⁻¹ of a direction inside the outgoing domain. For isotropic data the direction is given with `wi`
+    /// rotated to azimuth 0.
     #[inline(always)]
     pub(super) fn density(&self, wo: Direction) -> f64 {
         let (own, warps) = (self.own(), self.trees.warps());
@@ -177,7 +191,8 @@ impl<'a> Mixture<'a> {
         self.with_defence(sum, wo)
     }
 
-    /// Density of the mixture, given that of its trees.
+    /// Density in sr⁻¹ with which `wo` is drawn, from sampling trees or by the defensive component (independently of
+    /// the function's values). `trees` is the density of the sampling trees alone.
     #[inline(always)]
     fn with_defence(&self, trees: f64, wo: Direction) -> f64 {
         if self.defensive == 0.0 {
@@ -194,7 +209,8 @@ impl<'a> Mixture<'a> {
         (self.entry, self.options.density)
     }
 
-    /// Draws a direction, with its leaf if the tree's direction stays in place; `None` for a failed draw.
+    /// Draws a direction; also returns its leaf triangle unless the alignment of lobes between incoming directions
+    /// moved the direction. `None` for a failed draw.
     #[inline(always)]
     pub(super) fn draw(&self, u: [f64; 2]) -> Option<(Direction, Option<usize>)> {
         let warps = self.trees.warps();
@@ -214,7 +230,7 @@ impl<'a> Mixture<'a> {
     }
 
     /// Point of the unit square from which [`Mixture::draw`] draws a direction: that of the first node whose tree draws
-    /// it, else of the defensive part.
+    /// it, else of the defensive component.
     pub(super) fn invert(&self, wo: Direction) -> Option<[f64; 2]> {
         let (own, warps) = (self.own(), self.trees.warps());
         let (mut start, mut found) = (0.0, None);
@@ -243,7 +259,7 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// Checks the options and returns the entry of the index axes.
+/// Checks the sampling options and returns the row-major position of the query's indices.
 #[inline]
 pub(super) fn sampled_entry(
     function: &Function,
@@ -256,8 +272,8 @@ pub(super) fn sampled_entry(
     function.geometry().entry(index)
 }
 
-/// Splits 0..1 into two parts, the second of length `second`. Returns the relative position of `u` in its part, 0 to 1,
-/// and true for the second part.
+/// Splits the interval 0..1 in two, the second part of length `second`. Returns the relative position of `u` in its
+/// part, 0 to 1, and true if that is the second part.
 #[inline(always)]
 pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     let first = 1.0 - second;
@@ -266,7 +282,8 @@ pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     (left.min(BELOW_ONE), is_second)
 }
 
-/// Density of a mixture, from that of its trees and that of its defensive part.
+/// Density of a mixture with the fraction `defensive` of its defensive component, from the densities of its trees and
+/// of that component.
 #[inline(always)]
 pub(super) fn mixed(defensive: f64, trees: f64, background: f64) -> f64 {
     (1.0 - defensive) * trees + defensive * background
@@ -278,8 +295,9 @@ impl<T> Choice<T> {
         Self { left: u, chosen: None }
     }
 
-    /// Offers a part; returns true if the number lies in it. If rounding puts the number beyond the last part, that one
-    /// is chosen.
+    /// Offers the next alternative of a random choice, which takes up the length `share` of the interval 0..1. Returns
+    /// true if the random number lies in that part. If rounding puts the number beyond the last part, the last
+    /// alternative is chosen.
     #[inline(always)]
     fn is_made(&mut self, offered: T, share: f64) -> bool {
         self.chosen = Some((offered, (self.left / share).min(BELOW_ONE)));
@@ -289,17 +307,19 @@ impl<T> Choice<T> {
 }
 
 impl Shares {
-    /// Empty selection.
+    /// Empty selection of sampling trees: the probability of drawing from each is 0.
     pub(super) const NONE: Self = Self { nodes: [0; FEW], parts: [0.0; FEW] };
 
-    /// Tree of one node; its share is 0 if it has no light.
+    /// Selects the sampling tree of a single incoming direction, with probability 1; with probability 0 if the tree's
+    /// function is 0 in all outgoing directions.
     #[inline(always)]
     pub(super) fn one(trees: &Trees, entry: usize, node: u32) -> Self {
         let has_light = trees.warps().total(trees.tree(entry, node as usize)) > 0.0;
         Self { nodes: [node, 0, 0], parts: [if has_light { 1.0 } else { 0.0 }, 0.0, 0.0] }
     }
 
-    /// Shares of nodes around an incoming direction, in proportion to weight times light; all are 0 if none has light.
+    /// Probabilities of drawing from the sampling trees of the incoming directions around a queried one, in proportion
+    /// to interpolation weight times the integral of the tree's function. All are 0 if all integrals are 0.
     #[inline(always)]
     pub(super) fn around(trees: &Trees, entry: usize, &Around { nodes, weights, .. }: &Around) -> Self {
         let first = trees.tree(entry, 0);
@@ -312,14 +332,16 @@ impl Shares {
         Self { nodes, parts: parts.map(|part| part * scale) }
     }
 
-    /// Nodes with a nonzero share.
+    /// Numbers of the incoming directions whose sampling trees are drawn from with nonzero probability, with that
+    /// probability.
     #[inline(always)]
     fn each(&self) -> impl Iterator<Item = (u32, f64)> {
         self.nodes.into_iter().zip(self.parts).filter(|(_, share)| *share > 0.0)
     }
 
-    /// Chooses a node by a number `u` from 0 to 1 and swaps it with the first one. Returns the relative position of `u`
-    /// in the node's share, 0 to 1.
+    /// Chooses one of the incoming directions around a query by a random number `u` from 0 to 1, to draw from its
+    /// sampling tree, and puts it first in the list. Returns `u` rescaled to 0..1 within the interval of the chosen
+    /// one.
     #[inline(always)]
     pub(super) fn choose(&mut self, u: f64) -> f64 {
         let mut choice = Choice::by(u);

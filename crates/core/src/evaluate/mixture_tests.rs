@@ -25,7 +25,7 @@ fn uniform(domain: Domain, rng: &mut impl Rng) -> Direction {
     Direction::from_radians(z.acos(), TAU * rng.random::<f64>())
 }
 
-/// A lobe of this width around the mirror direction, or around the direction straight on.
+/// Lobe of a given width around the mirror direction, or around the direction straight on.
 fn lobed(quantity: Quantity, incoming: Axis, outgoing: TriangleMesh, width: f64) -> Measurement {
     let directions: Vec<Vector> = match &incoming {
         Axis::Triangles(mesh) => (0..mesh.len()).map(|i| mesh.centroid(i).xyz()).collect(),
@@ -44,7 +44,8 @@ fn lobed(quantity: Quantity, incoming: Axis, outgoing: TriangleMesh, width: f64)
     Measurement::new(quantity, Unit::PerSteradian, Sampling::Average, tensor).unwrap()
 }
 
-/// Lobes on triangles and on elevations, above, below and on both sides, under every alignment.
+/// Test materials with a lobe: incoming directions are triangles or elevations, outgoing ones cover the upper
+/// hemisphere, the lower one or the sphere. Together they use every rule by which lobes follow the incoming direction.
 fn lobes() -> Vec<(Material, Domain)> {
     let triangles = || Axis::Triangles(mesh(Domain::Hemisphere, 1));
     let elevations = || Axis::Elevation(vec![0.0, 20.0, 45.0, 70.0]);
@@ -91,7 +92,7 @@ fn where_there_is_light_there_is_a_density() {
     }
 }
 
-/// A luminaire of random light, from 1e-7 to 1, in the cells that `is_lit` selects.
+/// Luminaire of random intensities, from 1e-7 to 1, in the triangles that `is_lit` selects.
 fn cut_lamp(mesh: TriangleMesh, is_lit: impl Fn(usize) -> bool, rng: &mut impl Rng) -> Material {
     let samples = (0..mesh.len()).map(|cell| {
         let light = 10_f32.powf(-7.0 * rng.random::<f32>());
@@ -101,7 +102,8 @@ fn cut_lamp(mesh: TriangleMesh, is_lit: impl Fn(usize) -> bool, rng: &mut impl R
     Material::of(Measurement::new(Quantity::Edf, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// Patches of the smooth form reach further than the cells beside the lit ones.
+/// Tests that the sampling density is positive wherever smooth interpolation gives light. It does so even in dark
+/// triangles that touch no lit one.
 #[test]
 fn luminaires_with_dark_cells_have_a_density_wherever_they_shine() {
     let mut rng = Pcg32::new(77, 1);
@@ -130,7 +132,8 @@ fn luminaires_with_dark_cells_have_a_density_wherever_they_shine() {
     }
 }
 
-/// A quadratic through logarithms extrapolates beyond any number where cells around are missing.
+/// Tests that interpolated values beside masked and dark triangles stay below 50, where the samples are at most 0.5.
+/// There a quadratic fit of logarithms could extrapolate to arbitrarily large values.
 #[test]
 fn beside_holes_values_stay_near_those_around() {
     let mut rng = Pcg32::new(78, 1);
@@ -153,7 +156,8 @@ fn beside_holes_values_stay_near_those_around() {
     }
 }
 
-/// One-sided z < 4.3 in 21 tests: a correct sampler fails with fresh seeds once in 5,000 runs.
+/// Statistical test of drawn directions, one-sided z < 4.3 in 21 cases: a correct sampler fails with fresh seeds once
+/// in 5,000 runs.
 #[test]
 fn directions_between_nodes_follow_their_density_and_weights_have_the_integral_as_their_mean() {
     const COUNT: usize = 40_000;

@@ -4,17 +4,17 @@ use crate::numeric::exponential::{exp_estrin, exp_estrin_of_four};
 use std::ops::{Add, Div, Mul, Sub};
 use wide::f32x4;
 
-/// One f32, or four.
+/// One f32, or four in SIMD lanes.
 pub(super) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Result type of comparisons.
+    /// Result type of comparisons: one mask bit or value for each lane.
     type Mask: Copy;
 
     fn of(x: f32) -> Self;
     fn less(self, other: Self) -> Self::Mask;
     fn at_most(self, other: Self) -> Self::Mask;
-    /// Selects `a` where the mask is set, else `b`.
+    /// Selects, in each lane, `a` where the mask is set, else `b`.
     fn choose(mask: Self::Mask, a: Self, b: Self) -> Self;
     fn larger(self, other: Self) -> Self;
     fn smaller(self, other: Self) -> Self;
@@ -22,15 +22,16 @@ pub(super) trait Number:
     /// Square root, correctly rounded.
     fn root(self) -> Self;
     fn exp(self) -> Self;
-    /// Returns true if every lane is finite.
+    /// Returns true if every SIMD lane is finite.
     fn is_finite(self) -> bool;
-    /// Reads all lanes from position `at` on.
+    /// Reads one number into each lane, from position `at` of a slice on.
     fn read(from: &[f32], at: usize) -> Self;
-    /// Writes as many lanes as `to` has room for.
+    /// Writes the first lanes to a slice, as many as it has room for.
     fn write_some(self, to: &mut [f32]);
-    /// Writes all lanes from position `at` on.
+    /// Writes all lanes to a slice, from position `at` on.
     fn write(self, to: &mut [f32], at: usize);
-    /// Writes integers, which must be at least 0 and below 2²³, from position `at` on.
+    /// Writes all lanes to a slice as integers, from position `at` on. The numbers must be integers of at least 0 and
+    /// below 2²³.
     fn write_integer(self, to: &mut [u32], at: usize);
 }
 

@@ -2,36 +2,37 @@
 
 use crate::domain::Direction;
 
-/// Place in a material at which to evaluate.
+/// Indices and directions at which to evaluate a material.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Place<'a> {
-    /// One entry for each leading index axis.
+    /// Position on each index axis (axis of the samples before those of directions and wavelength).
     pub index: &'a [usize],
-    /// Incoming direction; `None` for quantities without.
+    /// Incoming direction; `None` for quantities without an incoming direction.
     pub wi: Option<Direction>,
-    /// Outgoing direction; `None` for quantities without.
+    /// Outgoing direction; `None` for quantities without an outgoing direction.
     pub wo: Option<Direction>,
 }
 
-/// Form of the function of direction that is made of the samples.
+/// Interpolation between the samples over directions: piecewise constant or smooth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Value of the triangle that contains the direction, as in the paper; of the nearest incoming elevation.
+    /// Piecewise constant: the value of the triangle that contains the direction, as in the paper, and of the nearest
+    /// incoming elevation.
     Constant,
-    /// Continuous over directions.
+    /// Smooth interpolation, continuous over directions.
     #[default]
     Smooth,
 }
 
-/// Value outside the measured range of wavelengths.
+/// Value that evaluation returns outside the measured range of wavelengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Beyond {
-    /// Masked: NaN.
+    /// Values outside the measured wavelengths are NaN (masked).
     #[default]
     Masked,
-    /// Zero: no light.
+    /// Values outside the measured wavelengths are 0 (no light).
     Zero,
-    /// Sample at the end of the range, as in renderers.
+    /// Values outside the measured wavelengths are those of the nearest end of the range, as in renderers.
     Nearest,
 }

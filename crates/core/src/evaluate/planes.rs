@@ -13,19 +13,19 @@ use crate::transform::Klt;
 use ::wide::f32x4;
 use rayon::prelude::*;
 
-/// Number of wavelengths expanded together when only a few are needed.
+/// Number of wavelengths expanded together from spectral coefficients when only a few are needed.
 pub(super) const FEW: usize = LANES / 2;
-/// Maximum length of spectra whose samples are the planes themselves.
+/// Maximum number of samples of a spectrum up to which the samples themselves serve as spectral coefficients.
 const SHORT: usize = 4;
-/// Maximum deviation of the planes, in logarithms (or as a fraction of the largest sample); beyond it every sample is
-/// kept.
+/// Maximum deviation of spectra from their spectral coefficients, in logarithms (or as a fraction of the largest
+/// sample). If it is exceeded, all samples are stored instead.
 const CLOSE: f64 = 2e-4;
-/// Variances below this fraction of the first are rounding errors.
+/// Fraction of the first principal component's variance below which a component's variance is a rounding error.
 const NOTHING: f64 = 1e-13;
-/// Logarithm of a dark wavelength: its exponential is 0.
+/// Logarithm that stands for a wavelength without light: its exponential is 0.
 const DARK: f32 = -1e30;
 
-/// State of a cell.
+/// State of the spectrum of one pair of sampled directions: live (stored as coefficients), zero or masked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
     Live,
@@ -33,37 +33,40 @@ pub(super) enum Cell {
     Masked,
 }
 
-/// Basis at a few chosen wavelengths: first at the samples below them, then at those above.
+/// Spectral basis at up to [`FEW`] chosen wavelengths, arranged in SIMD lanes. The first half of the lanes holds the
+/// basis at the spectral sample below each wavelength, the second half at the one above.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Columns {
     mean: [f32; LANES],
-    /// Basis vectors; as many as a row has coefficients at most.
+    /// Basis vectors at the chosen wavelengths, one row for each spectral coefficient.
     vectors: [[f32; LANES]; MOST_PLANES],
     shares: [f32; FEW],
 }
 
-/// Rows of coefficients, and the basis that expands them to spectra.
+/// Spectra as a few coefficients each, with the common spectral basis that expands them.
 #[derive(Debug)]
 pub(super) struct Planes {
     logarithms: bool,
     lambdas: usize,
-    /// Number of planes in use, and number of coefficients in a row: the next multiple of 4.
+    /// Number of basis vectors in use, and number of coefficients stored for each spectrum: the next multiple of 4.
     count: usize,
     width: usize,
-    /// Basis for whole spectra: `[block of wavelengths][mean, then width][lane]`.
+    /// Spectral basis for whole spectra: `[block of wavelengths][mean, then basis vectors][lane]`.
     blocks: Vec<[f32; LANES]>,
-    /// Basis for single wavelengths, `[wavelength][width]`, and the mean; the last wavelength is repeated.
+    /// Spectral basis for single wavelengths, `[wavelength][basis vector]`, and the mean spectrum; the last wavelength
+    /// is repeated.
     columns: Vec<f32>,
     mean: Vec<f32>,
-    /// Coefficients `[cell][width]`.
+    /// Spectral coefficients, `[pair of sampled directions][coefficient]`.
     rows: Vec<f32>,
-    /// State of each cell; empty if all are live.
+    /// State of each spectrum (live, zero or masked); empty if all are live.
     cells: Vec<Cell>,
-    /// Largest deviation from the samples, in logarithms or as a fraction of the largest sample.
+    /// Largest deviation of the spectra that coefficients represent from the samples, in logarithms or as a fraction of
+    /// the largest sample.
     deviation: f64,
 }
 
-/// Calls a method that is compiled for each width of a row.
+/// Calls a method that is compiled for each possible number of spectral coefficients.
 macro_rules! by_width {
     ($planes:ident.$method:ident($($argument:expr),*)) => {
         match $planes.width {
@@ -76,8 +79,8 @@ macro_rules! by_width {
 }
 
 impl Planes {
-    /// Represents samples `[cell, lambda]`. `None` if a few planes do not reach [`CLOSE`], or if only parts of spectra
-    /// are masked or zero.
+    /// Represents samples `[spectrum][wavelength]` by coefficients on a spectral basis. `None` if a few coefficients do
+    /// not reach the accuracy [`CLOSE`], or if only parts of spectra are masked or zero.
     pub(super) fn of(samples: &[f32], lambdas: usize) -> Option<Self> {
         let signed = samples.iter().any(|&s| s < 0.0);
         let mut cells: Vec<Cell> = Vec::with_capacity(samples.len() / lambdas);
@@ -134,7 +137,7 @@ impl Planes {
         (lambdas <= SHORT || built.deviation <= CLOSE).then_some(built)
     }
 
-    /// Returns true if coefficients represent logarithms.
+    /// Returns true if the coefficients represent logarithms of samples.
     pub(super) fn has_logarithms(&self) -> bool {
         self.logarithms
     }
@@ -144,27 +147,28 @@ impl Planes {
         self.lambdas
     }
 
-    /// Number of planes in use.
+    /// Number of basis vectors of the spectral basis in use.
     pub(super) fn count(&self) -> usize {
         self.count
     }
 
-    /// Number of coefficients in a row: a multiple of 4.
+    /// Number of coefficients stored for each spectrum: a multiple of 4.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
-    /// State of each cell; empty if all are live.
+    /// State of each spectrum (live, zero or masked); empty if all are live.
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
 
-    /// Largest deviation from the samples, in logarithms or as a fraction of the largest sample.
+    /// Largest deviation of the spectra that coefficients represent from the samples, in logarithms or as a fraction of
+    /// the largest sample.
     pub(super) fn deviation(&self) -> f64 {
         self.deviation
     }
 
-    /// Projects a spectrum of logarithms or samples on the basis.
+    /// Projects a spectrum, given by samples or their logarithms, on the spectral basis.
     fn project(&self, values: &[f32], row: &mut [f32]) {
         let mut sums = [0.0_f64; MOST_PLANES];
         for ((value, mean), column) in values.iter().zip(&self.mean).zip(self.columns.chunks_exact(self.width)) {
@@ -177,7 +181,8 @@ impl Planes {
         row.iter_mut().zip(&sums[..self.count]).for_each(|(c, &sum)| *c = sum as f32);
     }
 
-    /// Row that adds 1 to the logarithm of every wavelength with light.
+    /// Spectral coefficients that raise the logarithm of the value by 1 at every wavelength when added to those of a
+    /// spectrum. Wavelengths at which all spectra are 0 stay 0.
     pub(super) fn constant(&self) -> Row {
         let mut sums = [0.0_f64; MOST_PLANES];
         for (column, _) in
@@ -188,7 +193,8 @@ impl Planes {
         sums.map(|sum| sum as f32)
     }
 
-    /// Tensor Σ bᵢ bⱼ bₖ over wavelengths: the contribution of the product of planes j and k to plane i.
+    /// Tensor Σ bᵢ bⱼ bₖ over wavelengths of the basis vectors b: the contribution of the product of coefficients j and
+    /// k to coefficient i.
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
@@ -224,13 +230,14 @@ impl Planes {
         f64::from(worst / largest.max(f32::MIN_POSITIVE))
     }
 
-    /// Coefficients of a cell.
+    /// Spectral coefficients of the pair of sampled directions numbered `cell`.
     #[inline]
     pub(super) fn row(&self, cell: usize) -> &[f32] {
         &self.rows[cell * self.width..][..self.width]
     }
 
-    /// Share of light in a cell: 1 or 0; NaN if it is masked.
+    /// State of the spectrum of the pair of sampled directions numbered `cell`: 1 if stored as coefficients, 0 if its
+    /// samples are all 0, NaN if masked.
     #[inline]
     pub(super) fn presence(&self, cell: usize) -> f32 {
         match self.cell(cell) {
@@ -240,7 +247,8 @@ impl Planes {
         }
     }
 
-    /// Row and presence of a cell.
+    /// Spectral coefficients of the spectrum of the pair of sampled directions numbered `cell`, with its state: 1 if
+    /// stored as coefficients, 0 if its samples are all 0, NaN if masked.
     #[inline]
     pub(super) fn mixed(&self, cell: usize) -> Mixed {
         let row = match self.width {
@@ -259,27 +267,28 @@ impl Planes {
         row
     }
 
-    /// State of a cell.
+    /// State of the pair of sampled directions numbered `cell`: live, zero or masked.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> Cell {
         self.cells.get(cell).copied().unwrap_or(Cell::Live)
     }
 
-    /// Logarithm or sample of a row at one wavelength.
+    /// Expands spectral coefficients at one wavelength; the result is a logarithm if the coefficients represent
+    /// logarithms.
     #[inline]
     pub(super) fn value(&self, row: &[f32], lambda: usize) -> f32 {
         let column = &self.columns[lambda * self.width..][..self.count];
         self.mean[lambda] + row.iter().zip(column).map(|(c, b)| c * b).sum::<f32>()
     }
 
-    /// Sample of a row at one wavelength.
+    /// Expands spectral coefficients to the sample at one wavelength.
     #[inline]
     pub(super) fn sample(&self, row: &[f32], lambda: usize) -> f32 {
         let value = self.value(row, lambda);
         if self.logarithms { exp_estrin(value) } else { value }
     }
 
-    /// Writes the whole spectrum of `row`, times `scale`.
+    /// Expands spectral coefficients to a whole spectrum, times `scale`.
     #[inline]
     pub(super) fn spectrum(&self, row: &[f32], scale: f32, out: &mut [f32]) {
         // Kept apart from the search for the row, whose code would make these loops slower.
@@ -289,13 +298,15 @@ impl Planes {
         );
     }
 
-    /// Interpolates linearly between the samples of `row` at up to [`FEW`] positions, 0 … last sample, times `scale`.
+    /// Expands spectral coefficients at up to [`FEW`] wavelengths, linearly between samples, times `scale`. A
+    /// wavelength is given by its fractional position among the samples, counted from 0.
     #[inline(always)]
     pub(super) fn few(&self, row: &[f32], scale: f32, positions: &[f64]) -> [f32; FEW] {
         by_width!(self.few_in(row, scale, positions))
     }
 
-    /// Basis at up to [`FEW`] positions, 0 … last sample, side by side, for [`Planes::picked`].
+    /// Prepares the spectral basis at up to [`FEW`] wavelengths for [`Planes::picked`]. A wavelength is given by its
+    /// fractional position among the samples, counted from 0.
     pub(super) fn columns(&self, positions: &[f64]) -> Columns {
         let mut columns = Columns { mean: [0.0; LANES], vectors: [[0.0; LANES]; MOST_PLANES], shares: [0.0; FEW] };
         for (i, &position) in positions.iter().take(FEW).enumerate() {
@@ -313,13 +324,15 @@ impl Planes {
         columns
     }
 
-    /// Like [`Planes::few`], at the positions of `columns`.
+    /// Expands spectral coefficients to values at up to [`FEW`] wavelengths that [`Planes::columns`] has prepared,
+    /// linearly between samples, times `scale`.
     #[inline(always)]
     pub(super) fn picked(&self, row: &[f32], scale: f32, columns: &Columns) -> [f32; FEW] {
         by_width!(self.picked_in(row, scale, columns))
     }
 
-    /// Writes the whole spectrum of a row with this presence.
+    /// Expands spectral coefficients to a whole spectrum, times `presence`: the fraction of the interpolation weight on
+    /// nonzero samples. Values are NaN if `presence` is NaN (masked).
     #[inline]
     pub(super) fn expand(&self, row: &[f32], presence: f32, out: &mut [f32]) {
         if presence > 0.0 {
@@ -329,7 +342,7 @@ impl Planes {
         }
     }
 
-    /// Writes the whole spectra of many rows, one after the other.
+    /// Expands many sets of spectral coefficients to whole spectra, one after the other.
     pub(super) fn expand_all(&self, rows: &[Mixed], out: &mut [f32]) {
         wide(
             #[inline(always)]
@@ -337,7 +350,8 @@ impl Planes {
         );
     }
 
-    /// Runs [`Planes::picked`] on many rows.
+    /// Expands many sets of spectral coefficients to values at the wavelengths that [`Planes::columns`] has prepared,
+    /// times the fraction of the interpolation weight on nonzero samples. Values are NaN if masked.
     pub(super) fn picked_all(&self, rows: &[Mixed], columns: &Columns, out: &mut [[f32; FEW]]) {
         wide(
             #[inline(always)]
@@ -345,7 +359,8 @@ impl Planes {
         );
     }
 
-    /// Runs [`Planes::weighted`] on many rows.
+    /// Inner products with `weights` of the spectra that many sets of spectral coefficients represent, times the
+    /// fraction of the interpolation weight on nonzero samples. A product is NaN if masked.
     pub(super) fn weighted_all(&self, rows: &[Mixed], weights: &[f32], out: &mut [f32]) {
         wide(
             #[inline(always)]
@@ -357,7 +372,8 @@ impl Planes {
         );
     }
 
-    /// Inner product with weights of the spectrum of a row with this presence.
+    /// Inner product with `weights` of the spectrum that spectral coefficients represent, times `presence`: the
+    /// fraction of the interpolation weight on nonzero samples. It is NaN if `presence` is NaN (masked).
     #[inline(always)]
     pub(super) fn weighted(&self, row: &[f32], presence: f32, weights: &[f32]) -> f32 {
         if presence.is_nan() || presence <= 0.0 {
@@ -375,9 +391,9 @@ impl Planes {
     }
 }
 
-/// Methods compiled for each width and machine, which requires inlining.
+/// Methods compiled for each number of spectral coefficients and each machine, which requires inlining.
 impl Planes {
-    /// Values at a block of wavelengths, or at chosen ones.
+    /// Samples (or logarithms) that spectral coefficients represent, at a block of wavelengths or at chosen ones.
     #[inline(always)]
     fn values<const WIDTH: usize>(
         &self,
@@ -477,7 +493,7 @@ impl Planes {
     }
 }
 
-/// Linear interpolation between the samples below and those above.
+/// Interpolates linearly between the samples below each wavelength and those above, times `scale`.
 #[inline(always)]
 fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW] {
     let mut between = [0.0; FEW];
@@ -487,13 +503,13 @@ fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW]
     between
 }
 
-/// View of a row with a width known at compile time.
+/// View of a slice of spectral coefficients as an array of fixed length.
 #[inline(always)]
 fn fixed<const WIDTH: usize>(row: &[f32]) -> &[f32; WIDTH] {
     row.first_chunk().unwrap_or(&[0.0; WIDTH])
 }
 
-/// Inner product Σ row · column, in four partial sums.
+/// Inner product of spectral coefficients with the basis at one wavelength, in four partial sums.
 #[inline(always)]
 fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32 {
     let mut sums = f32x4::ZERO;
@@ -503,7 +519,7 @@ fn product<const WIDTH: usize>(row: &[f32; WIDTH], column: &[f32; WIDTH]) -> f32
     sums.reduce_add()
 }
 
-/// Mean and basis vectors for rows of `length` values.
+/// Mean spectrum and orthonormal basis vectors of spectra of `length` values, by principal component analysis.
 fn basis(values: &[f32], length: usize, dark: &[bool], logarithms: bool) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
     if length <= SHORT {
         let unit = |k: usize| (0..length).map(|l| f64::from(u8::from(l == k))).collect();

@@ -11,37 +11,39 @@ use crate::domain::{Neighbours, TriangleMesh};
 use crate::numeric::cholesky::Definite;
 use rayon::prelude::*;
 
-/// Maximum number of cells in a fit.
+/// Maximum number of triangles whose averages enter one local least-squares fit. More make fits smoother and slower.
 const SEEN: usize = 18;
 /// Number of coefficients of a quadratic in two coordinates.
 const TERMS: usize = 6;
-/// Relative regularisation of a fit. It prevents wild extrapolation if all cells lie on one side, and is small against
-/// the data.
+/// Relative regularisation of a local fit. Raising it prevents wild extrapolation where all triangles lie on one side,
+/// and biases the fit; it is small against the data.
 const CALM: f64 = 1e-3;
 
-/// Cells of a mesh, prepared for fits.
+/// Triangles of a mesh, prepared for local quadratic fits to data on them: averages over the triangles, or samples at
+/// their centroids.
 #[derive(Debug)]
 pub(super) struct Cells {
     mesh: TriangleMesh,
     neighbours: Neighbours,
-    /// For each cell, three points of equal weight whose mean is the average of a quadratic: the midpoints of its
-    /// edges. For samples at centroids, three times the centroid.
+    /// For each triangle, three points such that the mean of any quadratic function over them is its average over the
+    /// triangle: the midpoints of the edges. For samples at centroids, the centroid, listed three times.
     points: Vec<[Vector; 3]>,
     vertices: Vec<[Vector; 3]>,
 }
 
-/// Upper bound on Σ|weight| / Σ weight of a fit that misses cells. Beyond it the fit extrapolates, which logarithms
-/// amplify. Fits among all cells around have 1.2 to 1.8.
+/// Upper bound on Σ|weight| / Σ weight of a fit some of whose triangles are missing. Beyond the bound the fit
+/// extrapolates, which logarithms amplify. Fits with all triangles around have 1.2 to 1.8.
 pub(super) const STEEPEST: f32 = 2.0;
 
-/// Tolerance within which a direction lies on an edge.
+/// Tolerance of an inner product within which a direction counts as lying on a triangle's edge.
 const ON_EDGE: f64 = 1e-9;
 
-/// Weights of cells.
+/// Indices of triangles, each with the triangle's weight in a fit.
 pub(super) type Weights = Vec<(u32, f32)>;
 
 impl Cells {
-    /// Cells of `mesh`; `averages` is true for averages over cells, false for samples at centroids.
+    /// Prepares the triangles of `mesh` for fits; `averages` is true for averages over triangles, false for samples at
+    /// centroids.
     pub(super) fn new(mesh: TriangleMesh, averages: bool) -> Self {
         let middle = |a, b| unit(add(a, b));
         let vertices = mesh.all_vertices();
@@ -56,7 +58,7 @@ impl Cells {
         self.mesh
     }
 
-    /// Cells that contain `d`, inside or on their edges.
+    /// Triangles that contain the direction `d`, inside or on their edges.
     pub(super) fn touching(&self, lookup: &MeshLookup, d: Vector) -> Vec<u32> {
         let home = lookup.locate_vector(d).unwrap_or(0);
         let holds = |cell: u32| {
@@ -72,13 +74,14 @@ impl Cells {
         self.points[cell]
     }
 
-    /// Weights of the cells, other than `left_out`, whose fit gives the value at `d`.
+    /// Weights of the triangles, other than `left_out`, whose averages give the fitted value at the direction `d`.
     pub(super) fn value_at(&self, lookup: &MeshLookup, d: Vector, left_out: Option<usize>) -> Weights {
         let (near, reach) = self.near(lookup, d, |cell| left_out != Some(cell as usize));
         self.weights(d, &near, reach)
     }
 
-    /// Live cells near `d` with their distances, nearest first, and the distance of the first one beyond.
+    /// Triangles near the direction `d` that `is_live` accepts, with their distances, nearest first; and the distance
+    /// of the first triangle too far away for the fit.
     fn near(&self, lookup: &MeshLookup, d: Vector, is_live: impl Fn(u32) -> bool) -> (Vec<(f64, u32)>, f64) {
         let home = lookup.locate_vector(d).unwrap_or(0);
         let mut cells: Vec<u32> = std::iter::once(home as u32)
@@ -105,7 +108,7 @@ impl Cells {
         (near, reach)
     }
 
-    /// Weights of nearby cells in the value of the fit at `d`; empty if the fit is singular.
+    /// Weights with which the averages of nearby triangles enter the fitted value at `d`; empty if the fit is singular.
     fn weights(&self, d: Vector, near: &[(f64, u32)], reach: f64) -> Weights {
         let across = if d[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
         let first = unit(cross(across, d));
@@ -145,20 +148,20 @@ impl Cells {
     }
 }
 
-/// Weight of a cell in a fit, from its distance.
+/// Weight of a triangle in a least-squares fit: it falls with the distance, to nearly 0 at `reach`.
 fn nearness(distance: f64, reach: f64) -> f64 {
     let t = distance / reach;
     (1.0 - t * t).max(1e-6).powi(2)
 }
 
-/// Weights of a mean, which stays within the range of the cells' values.
+/// Weights of a mean of nearby triangles, which stays within the range of their values.
 fn mean(near: &[(f64, u32)], reach: f64) -> Weights {
     let sum: f64 = near.iter().map(|&(distance, _)| nearness(distance, reach)).sum();
     near.iter().map(|&(distance, cell)| (cell, (nearness(distance, reach) / sum) as f32)).collect()
 }
 
-/// Weights, for each node, of the cells that determine its value, among those that `is_live` admits. If some
-/// surrounding cells are not live and a quadratic would extrapolate, the value is a mean.
+/// Weights, for each interpolation node, of the triangles that determine its value, among those that `is_live` accepts.
+/// If some triangles around are rejected and a quadratic would extrapolate, the value is a mean.
 pub(super) fn node_weights(
     cells: &Cells,
     lookup: &MeshLookup,

@@ -4,30 +4,33 @@ use super::form::Form;
 use super::incoming::Alignment;
 use super::lines::Lines;
 
-/// Composition of an opened material.
+/// Memory and accuracy of an opened material.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct OpenedReport {
-    /// Total memory of the opened form in bytes.
+    /// Total memory of the opened material in bytes.
     pub memory: usize,
-    /// Number of planes of coefficients; `None` if every sample is kept.
+    /// Number of spectral coefficients that represent each spectrum; `None` if all samples are stored instead.
     pub planes: Option<usize>,
-    /// Largest relative deviation of the planes from the decoded samples, or as a fraction of the largest sample if
-    /// some are negative. 0 if every sample is kept.
+    /// Largest relative deviation of the opened material from the decoded samples, or as a fraction of the largest
+    /// sample if some are negative. It comes from the spectral coefficients, and is 0 if all samples are stored
+    /// instead.
     pub deviation: f64,
-    /// Alignment of the smooth form between incoming directions.
+    /// Alignment of lobes in smooth interpolation between incoming directions.
     pub alignment: Alignment,
-    /// Change of the function's shape between neighbouring incoming directions under each candidate alignment. It is
-    /// the standard deviation of the logarithm of the ratio, weighted by squared light. The alignment with the least
-    /// change is used.
+    /// Change of the function's shape between neighbouring incoming directions, for each candidate rule by which lobes
+    /// may follow the incoming direction. It is the standard deviation, over corresponding outgoing directions, of the
+    /// logarithm of the ratio of the two values, weighted by the first value squared. The rule with the least change is
+    /// used.
     pub changes: Vec<(Alignment, f64)>,
-    /// Leave-one-out error over incoming directions: share of light misplaced, Σ |error| · cos θo over Σ value · cos
-    /// θo, when each is predicted from its neighbours. The error between incoming directions, where gaps are half as
-    /// wide, is usually about four times smaller.
+    /// Leave-one-out error over incoming directions: Σ |error| · cos θo over Σ value · cos θo, when each measured
+    /// incoming direction is predicted from its neighbours. The error between measured directions, where gaps are half
+    /// as wide, is usually about four times smaller.
     pub left_out_error: Option<f64>,
 }
 
 impl OpenedReport {
-    /// Report on a form; `memory` is that of the whole material.
+    /// Reports memory, spectral coefficients, alignment of lobes and leave-one-out error of a material with samples
+    /// over triangles. `memory` is the total memory of the opened material in bytes.
     pub(super) fn of(form: &Form, memory: usize) -> Self {
         let (planes, smooth) = match form {
             Form::Planes { planes, smooth } => (Some(planes), Some(smooth)),
@@ -43,7 +46,8 @@ impl OpenedReport {
         }
     }
 
-    /// Report on samples on a grid of angles; `memory` is that of the whole material.
+    /// Reports memory and alignment of lobes of a material with samples on a grid of angles. `memory` is the total
+    /// memory of the opened material in bytes.
     pub(super) fn of_lines(lines: &Lines, memory: usize) -> Self {
         Self {
             memory,

@@ -19,21 +19,22 @@ use super::warp::{Density, SampleOptions};
 use crate::domain::{Direction, Quantity};
 use crate::numeric::wide;
 
-/// Importance sample.
+/// Outgoing direction drawn by importance sampling, with density and weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionSample {
-    /// Drawn direction `wo`.
+    /// Drawn outgoing direction `wo`.
     pub direction: Direction,
-    /// Probability density in sr⁻¹.
+    /// Probability density of the drawn direction in sr⁻¹.
     pub pdf: f64,
     /// Weight f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise. f is the mean over the wavelengths that
-    /// are not masked, 0 if that mean is negative. It is piecewise constant if the density is uniform, otherwise
-    /// smooth.
+    /// are not masked, 0 if that mean is negative. It is piecewise constant for
+    /// [`Density::Uniform`](super::Density::Uniform), otherwise smooth.
     pub weight: f64,
 }
 
 impl DirectionSample {
-    /// Sample whose mean over wavelengths is `value`, NaN if all are masked.
+    /// Returns a drawn direction with its weight f · |cos θo| / pdf, or f / pdf for a quantity without a cosine factor.
+    /// `value` is f, averaged over wavelengths; if it is negative or NaN (masked), the weight is 0.
     #[inline]
     pub(super) fn weighted(quantity: Quantity, direction: Direction, pdf: f64, value: f32) -> Self {
         let cosine = if quantity.has_cosine() { direction.cos_theta().abs() } else { 1.0 };
@@ -41,11 +42,12 @@ impl DirectionSample {
     }
 }
 
-/// Function and the trees from which its directions are drawn.
+/// Function of a material and the sampling trees from which outgoing directions are drawn.
 #[derive(Clone, Copy)]
 pub(super) struct Sampler<'a> {
     function: &'a Function,
-    /// Lobe added to the function, and its colour under the weights of the trees.
+    /// Analytic lobe that evaluation adds to the function of the samples, and the lobe's colour (factor on its shape)
+    /// under the spectral weights that drive sampling.
     lobe: Option<(&'a Lobed, f32)>,
     trees: &'a Trees,
 }
@@ -76,26 +78,27 @@ impl<'a> Sampler<'a> {
         Mixture::new(self.function, self.trees, index, wi, options, self.trees.carry(options.density))
     }
 
-    /// Returns true if directions are also drawn from a lobe.
+    /// Returns true if directions are also drawn from an analytic lobe.
     #[inline]
     pub(super) fn has_lobe(&self) -> bool {
         self.lobe.is_some()
     }
 
-    /// Lobe under `wi` as a component beside the trees of a mixture.
+    /// Analytic lobe under `wi`, as a component beside the trees of the sampling mixture.
     #[inline]
     fn lobe_beside(&self, mixture: &Mixture<'_>, wi: Option<Direction>) -> Option<LobePart> {
         let (lobe, colour) = self.lobe?;
         lobe.part(wi, colour, mixture.light())
     }
 
-    /// Returns true if the function is masked at a place, so that no direction may be drawn there.
+    /// Returns true if the function is masked for a pair of directions, so that the outgoing direction must not be
+    /// drawn.
     #[inline]
     fn is_masked(&self, place: Place<'_>, options: SampleOptions) -> Result<bool, EvaluateError> {
         Ok(self.trees.has_masked() && !self.function.is_known(place, form_of(options))?)
     }
 
-    /// Draws a direction with its density and weight; `None` for a failed draw.
+    /// Draws an outgoing direction with its density and weight; `None` for a failed draw.
     pub(super) fn sample(
         &self,
         index: &[usize],
@@ -113,8 +116,8 @@ impl<'a> Sampler<'a> {
         Ok(Some(DirectionSample::weighted(self.function.geometry().quantity(), direction, pdf, value)))
     }
 
-    /// Like [`Sampler::sample`], for samples on a grid of angles. Directions are drawn from their averages over
-    /// triangles; the weight uses the function of the grid.
+    /// Like [`Sampler::sample`], for samples on a grid of angles. Directions are drawn by averages over triangles; the
+    /// weight uses the function interpolated on the grid.
     pub(super) fn sample_of(
         &self,
         stated: &Stated,
@@ -135,7 +138,8 @@ impl<'a> Sampler<'a> {
         }))
     }
 
-    /// Runs [`Sampler::sample_of`] for each incoming direction of `pairs` and point; stops at the first refused one.
+    /// Runs [`Sampler::sample_of`] for each incoming direction of `pairs` and point of the unit square; stops at the
+    /// first invalid one.
     pub(super) fn samples_of(
         &self,
         stated: &Stated,
@@ -153,8 +157,8 @@ impl<'a> Sampler<'a> {
         Ok(())
     }
 
-    /// Draws a direction; returns it with its density and the result of `value`. `value` receives the place, the form,
-    /// and the incoming entry and the cell if known.
+    /// Draws an outgoing direction; returns it with its density and the result of `value`. `value` receives the pair of
+    /// directions, the interpolation, and the numbers of the incoming sample and of the spectrum if known.
     #[inline(always)]
     pub(super) fn drawn_with<T>(
         &self,
@@ -197,7 +201,7 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: mixture.incoming(), cell }))
     }
 
-    /// Draws a direction from the lobe or from the trees beside it.
+    /// Draws a direction from a mixture of the analytic lobe and the sampling trees.
     fn drawn_beside(
         &self,
         mixture: &Mixture<'_>,
@@ -222,7 +226,7 @@ impl<'a> Sampler<'a> {
         Ok(Some(Draw { direction, pdf, incoming: None, cell: None }))
     }
 
-    /// Density in sr⁻¹ with which directions are drawn; 0 where none are.
+    /// Density in sr⁻¹ with which the outgoing direction `wo` is drawn; 0 if it is never drawn.
     pub(super) fn pdf(
         &self,
         index: &[usize],
@@ -265,7 +269,7 @@ impl<'a> Sampler<'a> {
         Ok(lobe.point_of(asked).or_else(|| mixture.invert(wo).map(|point| lobe.of_cells(point))))
     }
 
-    /// Draws a direction with its density, without a weight.
+    /// Draws an outgoing direction with its density, but without a weight.
     pub(super) fn draw(
         &self,
         index: &[usize],
@@ -278,7 +282,7 @@ impl<'a> Sampler<'a> {
     }
 }
 
-/// Drawn direction and its density, with the incoming entry and the cell if known.
+/// Drawn direction and its density, with the numbers of the incoming sample and of the spectrum if known.
 struct Draw {
     direction: Direction,
     pdf: f64,
@@ -286,7 +290,7 @@ struct Draw {
     cell: Option<usize>,
 }
 
-/// Form of the function that goes with a density.
+/// Interpolation that belongs to a sampling density: piecewise constant for a uniform density, smooth for a linear one.
 pub(super) fn form_of(options: SampleOptions) -> Interpolation {
     match options.density {
         Density::Uniform => Interpolation::Constant,

@@ -5,10 +5,10 @@ use super::geometry::Geometry;
 use super::lookup::Stencil;
 use super::place::{Interpolation, Place};
 
-/// Number of samples of a spectrum that are summed together if some are masked.
+/// Number of wavelengths summed together if some samples are masked.
 const BLOCK: usize = 64;
 
-/// All samples of a material, `[entry, incoming, outgoing, lambda]`.
+/// All samples of a material, `[combination of indices, incoming, outgoing, wavelength]`.
 #[derive(Debug)]
 pub(super) struct Samples {
     values: Vec<f32>,
@@ -16,24 +16,26 @@ pub(super) struct Samples {
     shape: [usize; 3],
 }
 
-/// Rows of samples whose weighted mean is the value at a place.
+/// Spectra whose weighted mean is the value for a pair of directions: all combinations of some incoming and some
+/// outgoing samples.
 pub(super) struct Rows {
     entry: usize,
     incoming: Stencil,
     outgoing: Stencil,
 }
 
-/// Samples found at a place.
+/// Samples that determine the value for a pair of directions.
 #[allow(clippy::large_enum_variant, reason = "it lives on the stack for a moment: a query does not allocate")]
 pub(super) enum Found<'a> {
-    /// Place outside the outgoing domain.
+    /// No samples: the pair of directions lies outside the outgoing domain.
     Outside,
     Cell(&'a [f32]),
     Rows(Rows),
 }
 
 impl Samples {
-    /// Stores samples; `shape` has the numbers of incoming and outgoing entries and of samples in a spectrum.
+    /// Stores samples; `shape` holds the numbers of incoming directions, of outgoing directions and of samples in a
+    /// spectrum.
     pub(super) fn new(values: Vec<f32>, shape: [usize; 3]) -> Self {
         let has_masked = values.iter().any(|s| s.is_nan());
         Self { values, has_masked, shape }
@@ -48,13 +50,13 @@ impl Samples {
         self.has_masked
     }
 
-    /// Spectrum of a cell.
+    /// Spectrum of the pair of sampled directions numbered `cell`.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> &[f32] {
         &self.values[cell * self.shape[2]..][..self.shape[2]]
     }
 
-    /// Samples at a place.
+    /// Finds the samples that determine the value for a pair of directions.
     pub(super) fn find(
         &self,
         geometry: &Geometry,
@@ -78,7 +80,7 @@ impl Samples {
         }
     }
 
-    /// Weighted mean of rows at one wavelength; NaN if all its cells are masked.
+    /// Weighted mean of spectra at one wavelength; NaN if all are masked there.
     pub(super) fn sample_of(&self, rows: &Rows, lambda: usize) -> f32 {
         let (mut sum, mut total) = (0.0, 0.0);
         for (i, a) in rows.incoming.entries() {
@@ -97,13 +99,14 @@ impl Samples {
         }
     }
 
-    /// Samples of one cell.
+    /// Spectrum of one pair of sampled directions, for one combination of indices (positions on the axes before the
+    /// directions).
     fn row(&self, entry: usize, incoming: usize, outgoing: usize) -> &[f32] {
         let [n_in, n_out, lambdas] = self.shape;
         &self.values[((entry * n_in + incoming) * n_out + outgoing) * lambdas..][..lambdas]
     }
 
-    /// Writes the weighted mean of rows into `out`; NaN where all cells are masked.
+    /// Writes the weighted mean of spectra into `out`; NaN at wavelengths where all are masked.
     pub(super) fn sum(&self, rows: &Rows, out: &mut [f32]) {
         if self.has_masked {
             self.sum_with_masks(rows, out);
@@ -143,7 +146,8 @@ impl Samples {
     }
 }
 
-/// Inner product without masked samples, rescaled to the sum of all weights; 0 if all are masked.
+/// Inner product of samples with `weights` without masked samples, rescaled to the sum of all weights; 0 if all are
+/// masked.
 pub(super) fn known_sum(weights: &[f32], value: &dyn Fn(usize) -> f32) -> f32 {
     let (mut sum, mut weight, mut all) = (0.0, 0.0, 0.0);
     for (lambda, w) in weights.iter().enumerate() {

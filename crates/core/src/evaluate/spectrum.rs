@@ -8,12 +8,13 @@ use super::planes::{FEW, Planes};
 use super::samples::{Found, known_sum};
 use crate::domain::{Measurement, Tensor, WavelengthGrid};
 
-/// Maximum length of spectra that are summed on the stack.
+/// Maximum number of samples of a spectrum that is summed on the stack.
 const SPECTRUM: usize = 512;
 
 impl Function {
-    /// Writes the whole spectrum at `place` into `out` (`lambdas()` long), in the measurement's unit, without a cosine.
-    /// NaN is masked; values are 0 if `wo` is outside the outgoing domain.
+    /// Writes the whole spectrum at `place` (indices and directions) into `out` (`lambdas()` long), in the
+    /// measurement's unit, without a cosine factor. NaN means masked; values are 0 if `wo` is outside the outgoing
+    /// domain.
     #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let geometry = self.geometry();
@@ -44,7 +45,7 @@ impl Function {
     }
 
     /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
-    /// samples of the spectrum at `place`; outside the measured range `beyond` applies. A value is NaN (masked) if one
+    /// samples of the spectrum at `place`; `beyond` decides outside the measured range. A value is NaN (masked) if one
     /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
     #[inline]
     pub(super) fn at_wavelengths(
@@ -87,8 +88,8 @@ impl Function {
         Ok(())
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, one for each sample: a luminance or another colour
-    /// coordinate, power in a band, a mean. NaN if a sample with a nonzero weight is masked.
+    /// Inner product of the spectrum at `place` with `weights`, one for each sample: for example a luminance, the power
+    /// in a band, or a mean. NaN if a sample with a nonzero weight is masked.
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
         Buffer::Weights.check(weights.len(), geometry.lambdas())?;
@@ -97,8 +98,8 @@ impl Function {
         })
     }
 
-    /// Like [`Function::weighted`], with masked samples skipped and the remaining weights renormalised; 0 if all are
-    /// masked.
+    /// Inner product of the spectrum at `place` with `weights`, one for each sample. Masked samples are skipped and the
+    /// remaining weights renormalised; 0 if all are masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
@@ -109,8 +110,9 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum })
     }
 
-    /// Like [`Function::weighted_known`], of the sum of the function and of `beside`, whose value at a spectral sample
-    /// enters where the function is known.
+    /// Inner product with `weights` of the sum of two spectra: the one at `place`, and `beside`, a function of the
+    /// number of the spectral sample. Samples masked in the first are skipped in both and the remaining weights
+    /// renormalised; 0 if all are masked.
     pub(super) fn weighted_known_beside(
         &self,
         place: Place<'_>,
@@ -127,7 +129,8 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum + more })
     }
 
-    /// Inner product at `place`, computed by `sum` if every sample is kept; NaN if a cell of planes is masked.
+    /// Inner product of the spectrum at `place` with `weights`, computed by `sum` if all samples are stored. With
+    /// spectral coefficients it is NaN if the place is masked.
     fn weighted_by(
         &self,
         place: Place<'_>,
@@ -165,8 +168,8 @@ impl Function {
         })
     }
 
-    /// Piecewise constant samples `[outgoing, lambda]` of entry `slice` (row-major) of the axes before the outgoing
-    /// one. A table without directions gives one spectrum. NaN is masked.
+    /// Samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one, whose row-major
+    /// position is `slice`. Data without directions give one spectrum. NaN means masked.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -186,7 +189,7 @@ impl Function {
         }
     }
 
-    /// Samples as opened: the decoded ones, up to the deviation that the report states.
+    /// Samples of the opened material: the decoded ones, up to the deviation that its report gives.
     pub(super) fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let geometry = self.geometry();
         let [n_in, ..] = geometry.shape();
@@ -195,7 +198,7 @@ impl Function {
         Ok(Measurement { quantity: geometry.quantity(), unit: geometry.unit(), sampling: geometry.sampling(), tensor })
     }
 
-    /// Returns true if a place is not fully masked.
+    /// Returns true if the function is unmasked at one wavelength or more for a pair of directions.
     pub(super) fn is_known(&self, place: Place<'_>, how: Interpolation) -> Result<bool, EvaluateError> {
         let geometry = self.geometry();
         match self.form() {
@@ -211,7 +214,7 @@ impl Function {
     }
 }
 
-/// Writes up to [`FEW`] wavelengths of a row of planes.
+/// Writes the values that spectral coefficients have at up to [`FEW`] wavelengths in nm.
 #[inline]
 fn few(
     planes: &Planes,
@@ -242,7 +245,7 @@ fn few(
     }
 }
 
-/// Interpolates linearly between the samples of a spectrum.
+/// Interpolates linearly between the samples of a spectrum, at wavelengths in nm.
 #[inline]
 pub(super) fn between(
     grid: &WavelengthGrid,

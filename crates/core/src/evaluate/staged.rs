@@ -20,7 +20,7 @@ use super::warp::{BELOW_ONE, Density, Draws, SampleOptions};
 use crate::domain::{Direction, Domain};
 use crate::numeric::wide;
 
-/// Working space of the stages of a block, reused from block to block.
+/// Working memory for drawing a block of directions, reused from block to block.
 struct Room {
     places: Places,
     draws: Draws,
@@ -42,7 +42,8 @@ impl Room {
         carried: CarriedBlock::NOWHERE,
     };
 
-    /// Writes the densities of trees whose directions stay, in the leaves of `draws`.
+    /// Writes the probability densities with which sampling trees draw a block of directions, if these are used as
+    /// drawn and not moved along with lobes. `draws` gives the leaf triangle of each direction.
     fn write_densities_in_leaves(&mut self, trees: &Trees, density: Density, count: usize) {
         let Self { draws, mixed, .. } = self;
         let (warps, first) = (trees.warps(), trees.tree(mixed.entry, 0));
@@ -60,7 +61,7 @@ impl Room {
         }
     }
 
-    /// Mixes the densities of trees with those of defensive parts.
+    /// Mixes the densities of the sampling trees with the density of the defensive component.
     fn defend(&mut self, trees: &Trees, density: Density, count: usize) {
         let Self { draws, mixed, .. } = self;
         for i in (0..count).filter(|&i| mixed.defensive[i] > 0.0) {
@@ -71,21 +72,24 @@ impl Room {
     }
 }
 
-/// Mixtures of a block of places: the trees' shares, and the defensive parts.
+/// Sampling mixtures of a block of queries: the probabilities of drawing from the trees, and the fractions of the
+/// defensive component.
 struct MixedBlock {
     entry: usize,
     shares: [Shares; BLOCK],
     defensive: Block,
-    /// True while directions are drawn, false for densities of given directions.
+    /// True while directions are drawn, false while densities of given directions are computed.
     is_drawn: bool,
-    /// Density with which the first node's tree drew each direction. It is in the first block if the direction followed
-    /// the alignment, in the second if it stayed. The others are 0, as are directions of the defensive part.
+    /// Density with which the sampling tree chosen for each query drew its direction: in the first array if the
+    /// direction then moved with its lobe to the queried incoming direction, in the second if it stayed in place. All
+    /// other entries are 0.
     drawn: [Block; 2],
 }
 
 impl Sampler<'_> {
-    /// Returns true if blocks can be drawn stage by stage. That requires draws down to the leaves of trees, no lobe,
-    /// planes, and the same alignment on both sides of the horizon.
+    /// Returns true if directions can be drawn block by block. That requires descents of sampling trees to their finest
+    /// triangles, no added analytic lobe, spectral coefficients, and the same rule above and below the horizon by which
+    /// lobes follow the incoming direction.
     pub(super) fn is_staged(&self, options: SampleOptions) -> bool {
         let is_alike = |(alignment, domain)| domain != Domain::Sphere || alignment == Alignment::Rotation;
         options.level.is_none()
@@ -94,7 +98,7 @@ impl Sampler<'_> {
             && self.trees().carry(options.density).is_none_or(is_alike)
     }
 
-    /// Locates the incoming side of places and sets up their mixtures.
+    /// Looks up the incoming directions of a block of queries and sets up their sampling mixtures.
     fn arrive_for(
         &self,
         entry: usize,
@@ -121,7 +125,7 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Writes the densities of up to [`BLOCK`] directions; 0 outside the outgoing domain.
+    /// Writes the sampling densities in sr⁻¹ of up to [`BLOCK`] directions; 0 outside the outgoing domain.
     fn densities_at(
         &self,
         wo: Directions<'_>,
@@ -145,8 +149,8 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Writes the densities at `pairs` into `out`, on the calling thread. Does not allocate. Stops at the first refused
-    /// pair.
+    /// Writes the sampling densities in sr⁻¹ for the direction pairs `pairs` into `out`, on the calling thread. Does
+    /// not allocate. Stops at the first invalid pair.
     pub(super) fn pdfs(&self, pairs: Pairs<'_>, options: SampleOptions, out: &mut [f64]) -> Result<(), EvaluateError> {
         let count = pairs.check(out.len(), 1)?;
         let (function, trees) = (self.function(), self.trees());
@@ -175,8 +179,8 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Writes the densities of the mixtures at the directions of `draws` into their `pdf`. Leaves are those of the
-    /// directions, or those in which they were drawn.
+    /// Writes the densities of the sampling mixtures at the directions of `draws` into their `pdf`. The leaf triangles
+    /// are those that contain the directions, or those in which they were drawn.
     fn write_densities(&self, options: SampleOptions, count: usize, room: &mut Room) {
         let trees = self.trees();
         if let Some(carry) = trees.carry(options.density) {
@@ -187,7 +191,8 @@ impl Sampler<'_> {
         room.defend(trees, options.density, count);
     }
 
-    /// Writes the densities of trees whose directions follow the alignment.
+    /// Writes the probability densities with which sampling trees draw a block of directions, if these are moved after
+    /// the draw, along with lobes that follow the incoming direction.
     fn write_carried_densities(&self, carry: Carry, count: usize, room: &mut Room) {
         let (function, trees) = (self.function(), self.trees());
         let Room { places, draws, mixed, carried } = room;
@@ -244,8 +249,8 @@ impl Sampler<'_> {
         }
     }
 
-    /// Writes [`Sampler::sample`] for each point `u` of the unit square, with the incoming direction of its pair, into
-    /// `out`.
+    /// Runs [`Sampler::sample`] for each point `u` of the unit square, with the incoming direction of the same number
+    /// in `pairs`, and writes the results into `out`.
     pub(super) fn samples(
         &self,
         pairs: Pairs<'_>,
@@ -274,9 +279,11 @@ impl Sampler<'_> {
         })
     }
 
-    /// Draws directions block by block, if [`Sampler::is_staged`]: for the incoming directions of `pairs`, at `count`
-    /// points of the unit square. `work` receives the start of each block, the draws, with density 0 where the function
-    /// is masked, and the rows of planes there.
+    /// Draws an outgoing direction for each of `count` points of the unit square, block by block; `pairs` has the
+    /// incoming directions. For each block, `work` receives the number of its first point, the directions (density 0
+    /// where the function is masked) and the spectral coefficients there.
+    ///
+    /// Requires that [`Sampler::is_staged`] holds.
     pub(super) fn draw_all(
         &self,
         pairs: Pairs<'_>,
@@ -309,7 +316,7 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Draws for up to [`BLOCK`] points of the unit square.
+    /// Draws directions for up to [`BLOCK`] points of the unit square.
     fn draw_block(&self, u: &[[f64; 2]], options: SampleOptions, room: &mut Room) -> Result<(), EvaluateError> {
         let (function, trees) = (self.function(), self.trees());
         let Some(lookup) = function.geometry().mesh() else { return Ok(()) };

@@ -15,20 +15,20 @@ use crate::domain::{Axis, Direction, Domain, Frame, Measurement, Quantity, Tenso
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Number of places a thread takes at a time.
+/// Number of queries (pairs of directions) that a thread takes at a time.
 const SHARE: usize = 1024;
 
-/// Function of samples on a grid of angles: the stated directions, and the lines that interpolate between them.
+/// Function of samples on a grid of angles: the axes, and the interpolation between the grid's directions.
 #[derive(Debug)]
 pub(super) struct Stated {
     geometry: Geometry,
-    /// True if the samples are a list over the angle between the incoming and the outgoing direction.
+    /// True if the samples are a list over the scattering angle between the incoming and the outgoing direction.
     is_scattering: bool,
     lines: Lines,
 }
 
 impl Stated {
-    /// Builds the function of a measurement with this geometry.
+    /// Builds the function of a measurement on a grid of angles, whose axes are described by `geometry`.
     pub(super) fn new(measurement: &Measurement, geometry: Geometry, course: Course) -> Self {
         let candidates = course.candidates(measurement.quantity);
         let incoming = match geometry.layout().incoming.map(|axis| &geometry.axes()[axis]) {
@@ -49,18 +49,19 @@ impl Stated {
         Self { geometry, is_scattering, lines }
     }
 
-    /// Sets the fraction of linear interpolation of samples, 0..=1.
+    /// Sets the fraction, 0..=1, of linear interpolation of samples; cubic interpolation has the rest.
     pub(super) fn with_straight(self, share: f32) -> Self {
         Self { lines: self.lines.with_straight(share), ..self }
     }
 
-    /// Returns true for a phase function of the scattering angle alone, which has values under any incoming direction.
+    /// Returns true for a phase function given by the scattering angle alone, which has values under any incoming
+    /// direction.
     pub(super) fn is_scattering(&self) -> bool {
         self.is_scattering
     }
 
-    /// Frame about `wi` for a list over the scattering angle, in which light comes in along `+z`. `None` for other
-    /// samples, whose directions need no frame.
+    /// Frame whose z axis is `wi`, for samples over the scattering angle, whose light comes in along `+z`. `None` for
+    /// other samples, whose directions need no frame.
     pub(super) fn turning(&self, wi: Option<Direction>) -> Option<Turning> {
         wi.filter(|_| self.is_scattering).map(Turning::about)
     }
@@ -73,12 +74,12 @@ impl Stated {
         &self.lines
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory in bytes of a function on a grid of angles.
     pub(super) fn memory(&self) -> usize {
         self.geometry.memory() + self.lines.memory()
     }
 
-    /// Entry of the index axes and both directions of a place, in the frame of the lines.
+    /// Row-major position of a query's indices, and the incoming and outgoing direction in the frame of the grid.
     #[inline]
     fn asked(&self, place: Place<'_>) -> Result<(usize, [Vector; 2]), EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
@@ -89,14 +90,15 @@ impl Stated {
         Ok((entry, if self.is_scattering { about(wi, wo) } else { [wi, wo] }))
     }
 
-    /// Returns true for an incoming direction below the horizon, which is outside elevations; scattering accepts any
-    /// direction.
+    /// Returns true for an incoming direction below the horizon, which is outside an axis of elevations. Samples over
+    /// the scattering angle accept any direction.
     #[inline]
     fn is_below(&self, wi: Vector) -> bool {
         wi[2] < 0.0 && self.geometry.is_isotropic() && !self.is_scattering
     }
 
-    /// Finds the places mixed at a query; `None` outside the outgoing domain of the quantity.
+    /// Finds the samples that determine the value for a pair of directions; `None` outside the outgoing domain of the
+    /// quantity.
     fn found(&self, place: Place<'_>, how: Interpolation) -> Result<Option<Found>, EvaluateError> {
         let (entry, [wi, wo]) = self.asked(place)?;
         let found = match how {
@@ -110,7 +112,7 @@ impl Stated {
         }
     }
 
-    /// Returns true for an outgoing direction outside the domain of the quantity.
+    /// Returns true for an outgoing direction outside the outgoing domain of the quantity.
     #[inline]
     fn is_outside(&self, wo: Vector) -> bool {
         match domain_of(self.geometry.quantity()) {
@@ -121,7 +123,8 @@ impl Stated {
         }
     }
 
-    /// Implements [`super::material::Material::evaluate`].
+    /// Writes the whole spectrum for a pair of directions into `out`, from samples on a grid of angles; see
+    /// [`super::material::Material::evaluate`].
     #[inline]
     pub(super) fn spectrum(&self, place: Place<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         Buffer::Spectrum.check(out.len(), self.geometry.lambdas())?;
@@ -142,7 +145,8 @@ impl Stated {
         Ok(())
     }
 
-    /// Implements [`super::material::Material::at_wavelengths`].
+    /// Writes the values at `wavelengths` in nm for a pair of directions into `out`, from samples on a grid of angles;
+    /// see [`super::material::Material::at_wavelengths`].
     pub(super) fn at_wavelengths(
         &self,
         place: Place<'_>,
@@ -162,7 +166,8 @@ impl Stated {
         Ok(())
     }
 
-    /// Implements [`super::material::Material::weighted`].
+    /// Inner product with `weights`, one for each sample of a spectrum, of the spectrum for a pair of directions, from
+    /// samples on a grid of angles; see [`super::material::Material::weighted`].
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         Buffer::Weights.check(weights.len(), self.geometry.lambdas())?;
         let Some(found) = self.found(place, how)? else { return Ok(0.0) };
@@ -170,8 +175,8 @@ impl Stated {
         Ok(lit.map(|(lambda, w)| w * self.lines.sample(&found, lambda)).sum())
     }
 
-    /// Like [`Stated::weighted`], with masked samples skipped and the remaining weights renormalised; 0 if all are
-    /// masked.
+    /// Inner product with `weights`, one for each sample of a spectrum, of the spectrum for a pair of directions.
+    /// Masked samples are skipped and the remaining weights renormalised; 0 if all are masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
@@ -182,7 +187,8 @@ impl Stated {
         Ok(known_sum(weights, &|lambda| self.lines.sample(&found, lambda)))
     }
 
-    /// Implements [`super::material::Material::spectra`].
+    /// Writes the spectra for many pairs of directions into `out`, one after the other, from samples on a grid of
+    /// angles; see [`super::material::Material::spectra`].
     pub(super) fn spectra(&self, pairs: Pairs<'_>, how: Interpolation, out: &mut [f32]) -> Result<(), EvaluateError> {
         let (count, lambdas) = (pairs.check(out.len(), self.geometry.lambdas())?, self.geometry.lambdas());
         for (start, out) in (0..count).step_by(BLOCK).zip(out.chunks_mut(BLOCK * lambdas)) {
@@ -197,8 +203,8 @@ impl Stated {
         Ok(())
     }
 
-    /// Writes the spectra of up to [`BLOCK`] pairs; returns false if one is refused, or if there is no outgoing
-    /// direction.
+    /// Writes the spectra of up to [`BLOCK`] direction pairs; returns false if a pair is invalid, or if there is no
+    /// outgoing direction.
     fn spectra_of_block(&self, pairs: Pairs<'_>, out: &mut [f32]) -> bool {
         let (Some(asked), true) = (pairs.wo, self.geometry.outgoing_grid().is_some()) else { return false };
         if pairs.wi.is_some() != self.geometry.has_incoming() {
@@ -231,7 +237,7 @@ impl Stated {
         true
     }
 
-    /// Implements [`super::material::Material::par_spectra`].
+    /// Implements [`super::material::Material::par_spectra`] for samples on a grid of angles.
     pub(super) fn par_spectra(
         &self,
         pairs: Pairs<'_>,
@@ -245,16 +251,17 @@ impl Stated {
         })
     }
 
-    /// Integral over all outgoing directions of an entry of the index axes, for quantities without an incoming
-    /// direction.
+    /// Integral over all outgoing directions, one number for each wavelength, for one combination of indices (positions
+    /// on the axes before the directions). Only for quantities without an incoming direction.
     pub(super) fn integral(&self, entry: usize) -> Vec<f32> {
         let mut sums = vec![0.0; self.geometry.lambdas()];
         self.lines.integrate(entry, self.lines.straight(), &mut sums);
         sums.into_iter().map(|sum| sum as f32).collect()
     }
 
-    /// Integrals over all outgoing directions, summed over wavelengths, of an entry of the index axes: of cubics of
-    /// logarithms, and of straight lines between the samples.
+    /// Integrals over all outgoing directions, summed over wavelengths, for one combination of indices (positions on
+    /// the axes before the directions). The first uses cubics of logarithms, the second straight lines between the
+    /// samples.
     pub(super) fn fluxes(&self, entry: usize) -> [f64; 2] {
         [0.0, 1.0].map(|straight| {
             let mut sums = vec![0.0; self.geometry.lambdas()];
@@ -263,12 +270,13 @@ impl Stated {
         })
     }
 
-    /// Implements [`super::material::Material::slice`].
+    /// Samples `[outgoing, wavelength]` on the grid of angles for one combination of the axes before the outgoing one,
+    /// whose row-major position is `slice`.
     pub(super) fn slice(&self, slice: usize) -> Vec<f32> {
         self.lines.slice(self.geometry.shape(), slice)
     }
 
-    /// Samples as opened: the decoded ones, up to rounding.
+    /// Samples of the opened material on its grid of angles: the decoded ones, up to rounding.
     pub(super) fn measurement(&self) -> Result<Measurement, EvaluateError> {
         let [n_in, ..] = self.geometry.shape();
         let samples = (0..self.geometry.entries() * n_in).flat_map(|slice| self.slice(slice)).collect();
@@ -278,7 +286,7 @@ impl Stated {
     }
 }
 
-/// Rotates pairs of directions to azimuth 0 of the incoming ones.
+/// Rotates each pair of directions of a block about the normal so that the incoming direction has azimuth 0.
 fn turn_to_plane(wi: &mut Vectors, wo: &mut Vectors) {
     let from = [*wi, *wo];
     wide(
@@ -293,12 +301,13 @@ fn turn_to_plane(wi: &mut Vectors, wo: &mut Vectors) {
     );
 }
 
-/// Both directions rotated so that light comes in along `+z` and leaves at the scattering angle.
+/// Incoming and outgoing direction rotated so that light comes in along `+z` and leaves at the scattering angle.
 fn about(wi: Vector, wo: Vector) -> [Vector; 2] {
     [[0.0, 0.0, 1.0], [norm(cross(wi, wo)), 0.0, dot(wi, wo)]]
 }
 
-/// Both directions in the frame about `wi` if `stated` is a list over the scattering angle; otherwise unchanged.
+/// Incoming and outgoing direction in the frame whose z axis is `wi` if samples are a list over the scattering angle;
+/// otherwise unchanged.
 pub(super) fn as_drawn(
     stated: Option<&Stated>,
     wi: Option<Direction>,
@@ -310,7 +319,7 @@ pub(super) fn as_drawn(
     }
 }
 
-/// Returns true if the only incoming direction is the normal and outgoing ones are polar angles without azimuths.
+/// Returns true if the only incoming direction is the normal and outgoing directions are polar angles without azimuths.
 fn is_list(geometry: &Geometry) -> bool {
     let incoming = geometry.layout().incoming.map(|axis| &geometry.axes()[axis]);
     let is_normal = matches!(incoming, Some(Axis::Elevation(elevations)) if elevations[..] == [0.0]);
@@ -318,7 +327,7 @@ fn is_list(geometry: &Geometry) -> bool {
     is_normal && outgoing.is_some_and(|grid| grid.frame() == Frame::Surface && grid.azimuths().is_none())
 }
 
-/// Directions into which a quantity sends light.
+/// Domain of the outgoing directions into which a quantity sends light.
 pub(super) fn domain_of(quantity: Quantity) -> Domain {
     match quantity {
         Quantity::Brdf => Domain::Hemisphere,

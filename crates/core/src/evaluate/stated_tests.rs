@@ -18,7 +18,7 @@ fn grid(frame: Frame, polar: Vec<f64>, azimuths: Option<(Vec<f64>, AzimuthExtent
     DirectionGrid::new(frame, polar, azimuths).unwrap()
 }
 
-/// A lobe about the mirror direction over a coloured base.
+/// Lobe about the mirror direction over a coloured base.
 fn gloss(wi: Direction, wo: Direction, lambda: usize) -> f32 {
     let h = unit(add(wi.xyz(), wo.xyz()));
     (0.05 + 0.02 * lambda as f64 + 2.0 * libm::exp(-40.0 * (1.0 - h[2]))) as f32
@@ -64,7 +64,8 @@ fn lamp() -> Material {
     Material::of(Measurement::new(Quantity::Edf, Unit::Candela, Sampling::Point, tensor).unwrap()).unwrap()
 }
 
-/// Directions of both sides, some with azimuths all around.
+/// Random pairs of directions above the horizon to test evaluation: incoming directions up to 58° from the normal,
+/// outgoing ones up to 89°, at any azimuth.
 fn pairs(count: usize) -> (Vec<Direction>, Vec<Direction>) {
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     let mut direction = |most: f64| Direction::from_degrees(most * rng.random::<f64>(), 360.0 * rng.random::<f64>());
@@ -114,7 +115,8 @@ fn batches_chosen_wavelengths_and_sums_are_those_of_single_calls() {
     }
 }
 
-/// A lamp with dark and masked samples, all around and mirrored, and a signed table: cases without a fast path.
+/// Materials to test interpolation where samples are 0 or masked, which has no fast path: luminaires over the full
+/// circle and over a mirrored sector, and BRDFs, one with negative samples.
 fn with_holes() -> Vec<Material> {
     let of = |quantity, unit, axes: Vec<Axis>, least: f32| {
         let count = axes.iter().map(Axis::len).product();
@@ -309,7 +311,8 @@ fn stated_samples_come_back_and_the_rest_is_refused() {
     assert!(matches!(missing, Err(EvaluateError::Query(QueryError::MissingDirection { .. }))));
 }
 
-/// Henyey and Greenstein's phase function of mean cosine 0.6, by the angle between `wi` and `wo`: forward is π.
+/// Phase function of Henyey and Greenstein with mean cosine 0.6, over the angle between `wi` and `wo`, in which forward
+/// scattering is π.
 fn scattered(between: f64) -> f64 {
     let g = 0.6;
     let cosine = -libm::cos(between);

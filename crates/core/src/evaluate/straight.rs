@@ -6,9 +6,10 @@ use super::geometry::Geometry;
 use super::stated::Stated;
 use crate::domain::{Measurement, Quantity};
 
-/// Relative difference from the zonal flux of the samples up to which cubics alone are used.
+/// Relative difference from the zonal flux (the flux integrated with straight lines between the angles) up to which
+/// cubic interpolation alone is used.
 const TOLERATED: f64 = 0.003;
-/// Denominator of the fraction as a file states it.
+/// Denominator of the fraction of linear interpolation, which a file stores as an integer.
 const ALL: f64 = 255.0;
 
 /// Returns the least fraction of linear interpolation, in 255ths, that keeps the flux of an emission or a phase
@@ -39,8 +40,8 @@ pub fn straight_lines_for_flux(measurement: &Measurement) -> Result<u8, Evaluate
     Ok(shares.fold(0.0, f64::max).min(ALL) as u8)
 }
 
-/// Least fraction of linear interpolation, in 255ths, rounded up, from the fluxes of cubics and of straight lines. The
-/// flux is linear in the fraction.
+/// Least fraction of linear interpolation, in 255ths, rounded up, that brings the flux within the tolerance of the flux
+/// of straight lines. The flux is linear in the fraction.
 fn share_of([curved, straight]: [f64; 2]) -> f64 {
     let difference = (curved - straight).abs();
     let tolerated = TOLERATED * straight.abs();
@@ -58,7 +59,7 @@ mod tests {
         (0..count).map(|i| to * i as f64 / (count - 1) as f64).collect()
     }
 
-    /// A lamp on angles in γ to 90° and in C to 90°, a quadrant.
+    /// Test lamp on C-γ angles: γ from 0 to 90°, and C from 0 to 90°, one quadrant of the symmetric lamp.
     fn lamp(gamma: usize, azimuths: usize, value: impl Fn(f64, f64) -> f64) -> Measurement {
         let (polar, angles) = (evenly(gamma, 90.0), evenly(azimuths, 90.0));
         let samples = polar.iter().flat_map(|&g| angles.iter().map(move |&c| (g, c)));
@@ -114,7 +115,7 @@ mod tests {
         let colour = Measurement::new(Quantity::Spectrum, Unit::Relative, Sampling::Point, tensor).unwrap();
         let settings = Settings { straight_lines: 255, ..Settings::default() };
         let refused = compress::compress(&colour, &settings, &Silent).unwrap_err();
-        assert!(refused.to_string().contains("no outgoing grid of angles"), "{refused}");
+        assert!(refused.to_string().contains("no grid of outgoing angles"), "{refused}");
         assert_eq!(straight_lines_for_flux(&colour).unwrap(), 0);
     }
 }

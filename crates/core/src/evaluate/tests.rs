@@ -30,7 +30,7 @@ fn material(quantity: Quantity, axes: Vec<Axis>, value: impl Fn(usize) -> f32) -
     Material::of(Measurement::new(quantity, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// Positive and rough: neighbours differ by up to a factor of 60; some are exactly 0.
+/// Rough positive test samples: neighbours differ by up to a factor of 60, some are exactly 0.
 fn rough(i: usize) -> f32 {
     let x = (i.wrapping_mul(2_654_435_761) >> 7) % 61;
     if x < 6 { 0.0 } else { x as f32 / 30.0 }
@@ -68,7 +68,7 @@ fn at(wi: Option<Direction>, wo: Option<Direction>) -> Place<'static> {
     Place { index: &[], wi, wo }
 }
 
-/// Samples of a material whose spectra are not represented by a few planes.
+/// Stored samples of a material whose spectra cannot be represented by a few spectral coefficients.
 fn samples(m: &Material) -> &[f32] {
     let Form::Samples(samples) = m.function().unwrap().form() else { panic!("expected samples") };
     samples.all()
@@ -266,13 +266,19 @@ fn refusals_name_their_reason() {
     let how = Interpolation::Smooth;
     is_unfit(m.evaluate(at(None, wo), how, &mut out), "no wi was given, but this brdf");
     is_unfit(m.evaluate(at(wi, None), how, &mut out), "no wo was given, but this brdf");
-    is_unfit(m.evaluate(at(wi, wo), how, &mut out[..1]), "room for 1 samples, expected 2");
+    is_unfit(
+        m.evaluate(at(wi, wo), how, &mut out[..1]),
+        "array for results, scratch space or weights has the wrong length: room for 1 samples, expected 2",
+    );
     let below = "wi has theta = 95.000 degrees, outside the incoming domain `hemisphere`";
     is_unfit(m.evaluate(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
     is_unfit(isotropic().evaluate(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
     is_unfit(m.sample(&[], Some(angles(95.0, 0.0)), [0.5; 2], None), below);
     is_unfit(m.pdf(&[], None, angles(5.0, 0.0), None), "no wi was given, but this brdf");
-    is_unfit(m.at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out), "room for 2 samples, expected 1");
+    is_unfit(
+        m.at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out),
+        "array for results, scratch space or weights has the wrong length: room for 2 samples, expected 1",
+    );
     is_unfit(m.sample(&[], wi, [0.5, 1.5], None), "u = [0.5, 1.5], expected");
     is_unfit(m.sample(&[], wi, [f64::NAN, 0.5], None), "u = [NaN, 0.5], expected");
     is_unfit(edf().evaluate(at(wi, wo), how, &mut [0.0; 3]), "wi was given, but this edf");
@@ -281,15 +287,27 @@ fn refusals_name_their_reason() {
         "wavelengths were asked for, but this btdf",
     );
     let one = material(Quantity::Reflectance, vec![triangles(Domain::Hemisphere, 0), lambda(2)], rough);
-    is_unfit(one.sample(&[], wi, [0.5; 2], None), "this reflectance has no outgoing axis to sample");
-    is_unfit(one.pdf(&[], wi, angles(0.0, 0.0), None), "this reflectance has no outgoing axis to sample");
-    is_unfit(one.albedo(&[], wi, how, &mut out), "this reflectance has no outgoing axis to integrate");
+    is_unfit(
+        one.sample(&[], wi, [0.5; 2], None),
+        "this request needs data over outgoing directions: this reflectance has no outgoing axis to sample",
+    );
+    is_unfit(
+        one.pdf(&[], wi, angles(0.0, 0.0), None),
+        "this request needs data over outgoing directions: this reflectance has no outgoing axis to sample",
+    );
+    is_unfit(
+        one.albedo(&[], wi, how, &mut out),
+        "this request needs data over outgoing directions: this reflectance has no outgoing axis to integrate",
+    );
     is_unfit(one.evaluate(at(wi, wo), how, &mut out), "wo was given, but this reflectance");
-    is_unfit(m.albedo(&[], wi, how, &mut out[..1]), "room for 1 samples, expected 2");
+    is_unfit(
+        m.albedo(&[], wi, how, &mut out[..1]),
+        "array for results, scratch space or weights has the wrong length: room for 1 samples, expected 2",
+    );
     assert_eq!(spectrum(&one, at(wi, None), Interpolation::Constant), m_row(&one, 0));
 }
 
-/// Samples of a cell in either form.
+/// Samples of the pair of sampled directions numbered `cell`, from spectral coefficients or from stored samples.
 fn cell(m: &Material, cell: usize) -> Vec<f32> {
     match m.function().unwrap().form() {
         Form::Samples(_) => m_row(m, cell).to_vec(),
@@ -322,7 +340,7 @@ fn an_opened_material_tells_what_it_is() {
     assert_eq!(m.memory(), before, "trees are counted before they are built");
 }
 
-/// Materials to sample: name, material, incoming direction, the outgoing mesh.
+/// Materials for sampling tests: name, material, incoming direction, mesh of outgoing directions.
 pub(super) fn sampled() -> Vec<(&'static str, Material, Option<Direction>, TriangleMesh)> {
     vec![
         ("edf", edf(), None, mesh(Domain::Sphere, 2)),
@@ -334,7 +352,7 @@ pub(super) fn sampled() -> Vec<(&'static str, Material, Option<Direction>, Trian
     ]
 }
 
-/// Rotation of isotropic data in radians.
+/// Angle in radians by which a query on isotropic data is rotated: the azimuth of the incoming direction.
 fn turn(name: &str) -> f64 {
     if name == "isotropic" { 77_f64.to_radians() } else { 0.0 }
 }
@@ -358,14 +376,15 @@ fn densities_integrate_to_one() {
     }
 }
 
-/// The z-score of χ² with `k` degrees of freedom (Wilson & Hilferty 1931).
+/// Standard normal deviate of a χ² value with `k` degrees of freedom (Wilson & Hilferty 1931).
 fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// Pcg32 with state 0x5eed and the case as stream; 30 one-sided tests at z < 3.5. A false alarm of a correct sampler
-/// with fresh seeds thus has probability 30 × 2.3e-4 = 0.7 %. Bins are triangles one level finer than the leaves (they
-/// also see the distribution within a leaf), merged until 5 samples are expected.
+/// χ² test of drawn directions: 30 one-sided tests at z < 3.5, so that a correct sampler fails with probability 30 ×
+/// 2.3e-4 = 0.7 % for fresh seeds. Random numbers are Pcg32 with state 0x5eed and the case as stream. Bins are
+/// triangles one level finer than the leaves, which show the distribution within a leaf, merged until 5 samples are
+/// expected in each.
 #[test]
 fn samples_follow_their_density() {
     const N: usize = 40_000;
@@ -407,7 +426,8 @@ fn samples_follow_their_density() {
     }
 }
 
-/// The mean over wavelengths of the integral over the outgoing mesh, from the tensor and exact geometry.
+/// Albedo (or flux) under one incoming direction, averaged over wavelengths: sum of the samples times the exact solid
+/// angles, projected if there is a cosine factor, of the outgoing triangles.
 fn albedo_by_hand(m: &Material, incoming: usize, outgoing: TriangleMesh) -> f64 {
     (0..outgoing.len())
         .map(|o| {
@@ -588,8 +608,14 @@ fn directions_lead_back_to_their_point_and_wavelengths_have_their_own_trees() {
     is_unfit(m.sampler_at(399.0).map(|_| ()), "399 nm is outside the measured wavelengths");
     is_unfit(btdf().sampler_at(500.0).map(|_| ()), "wavelengths were asked for, but this btdf has none");
     let one = material(Quantity::Reflectance, vec![triangles(Domain::Hemisphere, 0), lambda(2)], rough);
-    is_unfit(one.sampler_at(400.0).map(|_| ()), "this reflectance has no outgoing axis to sample");
-    is_unfit(one.invert(&[], wi, angles(0.0, 0.0), None), "this reflectance has no outgoing axis to sample");
+    is_unfit(
+        one.sampler_at(400.0).map(|_| ()),
+        "this request needs data over outgoing directions: this reflectance has no outgoing axis to sample",
+    );
+    is_unfit(
+        one.invert(&[], wi, angles(0.0, 0.0), None),
+        "this request needs data over outgoing directions: this reflectance has no outgoing axis to sample",
+    );
     for defensive in [1.0, -0.1, f64::NAN] {
         let options = SampleOptions { defensive, ..SampleOptions::default() };
         is_unfit(m.sample(&[], wi, [0.5; 2], options), "a defensive part of");

@@ -13,22 +13,24 @@ use super::warp::{Density, Measure, SampleOptions, WarpMesh, Warps};
 use crate::domain::vector::Vector;
 use std::sync::Arc;
 
-/// Trees of all entries of the index axes.
+/// Importance sampling trees of a material, for all combinations of indices (positions on the axes before the
+/// directions).
 #[derive(Debug)]
 pub(super) struct Trees {
     warps: Warps,
-    /// Number of trees for one entry of the index axes: first those of the incoming entries, then those of the nodes
-    /// between them.
+    /// Number of sampling trees for one combination of indices (positions on the axes before the directions): one for
+    /// each sampled incoming direction, then one for each interpolation node between them.
     per_entry: usize,
     background: Arc<Background>,
-    /// Weight of each sample of a spectrum in the value.
+    /// Spectral weight of each sample of a spectrum in the value by which directions are drawn.
     weights: Vec<f32>,
     carry: Option<Carry>,
     has_masked: bool,
 }
 
 impl Trees {
-    /// Trees of the mean over wavelengths, whose directions stay.
+    /// Builds the trees from which outgoing directions are drawn in proportion to the function's mean over wavelengths.
+    /// Directions drawn from them do not follow lobes that move with the incoming direction.
     pub(super) fn of_mean(function: &Function, lookup: &Arc<MeshLookup>) -> Self {
         let measure =
             if function.geometry().quantity().has_cosine() { Measure::Projected } else { Measure::SolidAngle };
@@ -41,12 +43,12 @@ impl Trees {
         Self { warps, per_entry, background, weights, carry: None, has_masked }
     }
 
-    /// Sets the alignment that drawn directions follow; `None` lets them stay.
+    /// Sets the alignment that moves drawn directions with the lobes; `None` leaves directions in place.
     pub(super) fn carried_by(self, carry: Option<Carry>) -> Self {
         Self { carry, ..self }
     }
 
-    /// Trees of the inner product of spectra with `weights`, otherwise like `self`.
+    /// Builds sampling trees of the inner product of spectra with `weights`, otherwise like `self`.
     pub(super) fn by(&self, function: &Function, lookup: &MeshLookup, weights: &[f32]) -> Self {
         Self {
             warps: Self::warps_by(self.warps.mesh(), function, lookup, weights),
@@ -101,14 +103,16 @@ impl Trees {
         &self.weights
     }
 
-    /// Alignment and outgoing domain; `None` if directions of this density stay.
+    /// Rule by which drawn outgoing directions follow lobes that move with the incoming direction, with the domain of
+    /// outgoing directions. `None` if drawn directions stay in place, as they do if `density` is uniform inside
+    /// triangles.
     #[inline]
     pub(super) fn carry(&self, density: Density) -> Option<Carry> {
         self.carry.filter(|_| density == Density::Linear)
     }
 
-    /// Defensive fraction of an entry of the index axes under an incoming direction. It is that of the options, but 1
-    /// if no tree has light, and 0 if there is no light anywhere.
+    /// Fraction of directions drawn defensively (independently of the function) under an incoming direction. It is that
+    /// of the options, but 1 if no tree has light, and 0 if there is no light anywhere.
     #[inline(always)]
     pub(super) fn defensive(&self, entry: usize, options: SampleOptions, has_light: bool) -> f64 {
         let is_defended = options.defensive > 0.0 && self.background.has_any(entry, options.density);
@@ -119,20 +123,21 @@ impl Trees {
         }
     }
 
-    /// Returns true if some cells are masked: a direction drawn there is discarded.
+    /// Returns true if some samples are masked: a direction drawn where the function is masked is discarded.
     #[inline]
     pub(super) fn has_masked(&self) -> bool {
         self.has_masked
     }
 
-    /// Number of the tree of a node.
+    /// Number of the sampling tree of an incoming interpolation node, for one combination of indices (positions on the
+    /// axes before the directions).
     #[inline]
     pub(super) fn tree(&self, entry: usize, node: usize) -> usize {
         entry * self.per_entry + node
     }
 
-    /// Memory in bytes of built trees. The estimate for unbuilt ones, [`Trees::expected_memory`], excludes a
-    /// luminaire's table of lit cells.
+    /// Memory in bytes of built sampling trees. The estimate for unbuilt ones, [`Trees::expected_memory`], excludes a
+    /// luminaire's table of lit triangles.
     pub(super) fn memory(&self) -> usize {
         self.warps.memory() + self.warps.mesh().memory() + self.background.memory() + size_of_val(&*self.weights)
     }
@@ -144,7 +149,7 @@ impl Trees {
     }
 }
 
-/// Mean over a triangle of a quadratic function, from its corners and its centroid; NaN counts as 0.
+/// Mean over a triangle of a quadratic function, from its values at the corners and the centroid; NaN counts as 0.
 fn mean_over(corners: [f32; 3], centroid: f32) -> f32 {
     let known = |value: f32| if value.is_nan() { 0.0 } else { value };
     let [a, b, c] = corners.map(known);

@@ -4,19 +4,19 @@
 use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, dot, scale};
 
-/// Three orthonormal vectors, the third of which is an incoming direction.
+/// Orthonormal frame whose z axis is an incoming direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turning {
     axes: [Vector; 3],
 }
 
 impl Turning {
-    /// Incoming direction in every frame: `+z`.
+    /// Incoming direction in the frame about that direction: `+z`.
     pub(super) fn up() -> Direction {
         Direction::from_unit([0.0, 0.0, 1.0])
     }
 
-    /// Frame about `wi` (Duff et al. 2017); that of `+z` is the frame of the material.
+    /// Frame whose z axis is `wi` (Duff et al. 2017); for `wi` = `+z` it is the frame of the material.
     pub(super) fn about(wi: Direction) -> Self {
         let [x, y, z] = wi.xyz();
         let sign = if z < 0.0 { -1.0 } else { 1.0 };
@@ -27,12 +27,12 @@ impl Turning {
         Self { axes: [first, second, [x, y, z]] }
     }
 
-    /// Converts a direction from the frame of the material to this frame.
+    /// Converts a direction from the frame of the material to the frame about the incoming direction.
     pub(super) fn inward(&self, direction: Direction) -> Direction {
         Direction::from_unit(self.axes.map(|axis| dot(axis, direction.xyz())))
     }
 
-    /// Converts a direction from this frame to the frame of the material.
+    /// Converts a direction from the frame about the incoming direction to the frame of the material.
     pub(super) fn outward(&self, direction: Direction) -> Direction {
         let [x, y, z] = direction.xyz();
         let [first, second, third] = self.axes;

@@ -10,20 +10,24 @@ use super::trees::Trees;
 use super::warp::SampleOptions;
 use crate::domain::Direction;
 
-/// Draws directions by the values at one wavelength, where [`super::Material::sample`] and its relatives use the mean.
+/// Draws outgoing directions in proportion to the values at one wavelength, whereas [`super::Material::sample`] uses
+/// the mean over wavelengths.
 #[derive(Debug)]
 pub struct WavelengthSampler<'a> {
     function: &'a Function,
-    /// Lobe beside the function, and its colour at the wavelength.
+    /// Analytic lobe that evaluation adds to the function of the samples, and the lobe's colour (factor on its shape)
+    /// at the wavelength by which directions are drawn.
     lobe: Option<(&'a Lobed, f32)>,
     stated: Option<&'a Stated>,
     trees: Trees,
 }
 
 impl<'a> WavelengthSampler<'a> {
-    /// Sampler at `wavelength` in nm, linear between the samples of the spectra, of a function and the lobe added to
-    /// it. It shares the tables of `mean`, the trees of the mean. Weights are those of `stated` if given. Fails outside
-    /// the measured range.
+    /// Builds a sampler of outgoing directions in proportion to the values at `wavelength` in nm, linear between the
+    /// samples of the spectra. An analytic lobe that evaluation adds counts too. Fails outside the measured range.
+    ///
+    /// The sampler shares the geometry tables of `mean`, the sampling trees of the mean over wavelengths. If `stated`
+    /// (samples on a grid of angles) is given, the weights f · |cos θo| / pdf use its values of f.
     pub(super) fn at(
         (function, lobe): (&'a Function, Option<&'a Lobed>),
         stated: Option<&'a Stated>,
@@ -51,7 +55,8 @@ impl<'a> WavelengthSampler<'a> {
         Sampler::new(self.function, self.lobe, &self.trees)
     }
 
-    /// Like [`super::Material::sample`]; the weight is that of f at the wavelength.
+    /// Draws an outgoing direction like [`super::Material::sample`], with density and weight by the values at the
+    /// sampler's wavelength.
     pub fn sample(
         &self,
         index: &[usize],
@@ -65,7 +70,7 @@ impl<'a> WavelengthSampler<'a> {
         }
     }
 
-    /// Like [`super::Material::pdf`].
+    /// Density in sr⁻¹ like [`super::Material::pdf`], by the values at the sampler's wavelength.
     pub fn pdf(
         &self,
         index: &[usize],
@@ -77,7 +82,8 @@ impl<'a> WavelengthSampler<'a> {
         self.sampler().pdf(index, wi, wo, options.into())
     }
 
-    /// Like [`super::Material::invert`].
+    /// Point of the unit square that draws a direction, like [`super::Material::invert`], by the values at the
+    /// sampler's wavelength.
     pub fn invert(
         &self,
         index: &[usize],

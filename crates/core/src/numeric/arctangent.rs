@@ -1,11 +1,12 @@
 //! Angles of points in a plane, by arithmetic that gives identical bits on every machine and vectorises in loops.
 
-/// Rotation in degrees that is applied to points nearer to the diagonal than to an axis.
+/// Angle in degrees by which a point is rotated, in the computation of its polar angle, if it lies nearer to a diagonal
+/// than to an axis.
 const DIAGONAL: f64 = 45.0;
-/// Tangent of half of [`DIAGONAL`].
+/// Tangent of 22.5°, half of [`DIAGONAL`]: the slope beyond which a point lies nearer to a diagonal than to an axis.
 const HALF_WAY: f64 = 0.414_213_562_373_095_03;
-/// Coefficients of the arc tangent in degrees: atan q = q · Σ `TERMS[k]`·q²ᵏ for |q| up to [`HALF_WAY`]. Interpolated
-/// at Chebyshev points, with a relative error of 4e-17 before rounding.
+/// Polynomial coefficients of the arc tangent in degrees: atan q = q · Σ `TERMS[k]`·q²ᵏ for |q| up to [`HALF_WAY`].
+/// Interpolated at Chebyshev points, with a relative error of 4e-17 before rounding.
 const TERMS: [f64; 11] = [
     57.295_779_513_082_316,
     -19.098_593_171_024_635,
@@ -20,9 +21,9 @@ const TERMS: [f64; 11] = [
     1.210_967_587_482_289_2,
 ];
 
-/// Returns the angle from +x of the point (x, y) in degrees, −180..=180, with a relative error below 1e-15 up to 45°
-/// and an error below 1e-13 degrees elsewhere. Multiples of 45° are exact, the angle changes its sign with `y`, and
-/// that of (0, 0) is 0.
+/// Returns the angle from +x of the point (x, y) in degrees, −180..=180. The relative error is below 1e-15 up to 45°,
+/// and the error elsewhere below 1e-13 degrees. Multiples of 45° are exact, the angle changes its sign with `y`, and
+/// the point (0, 0) has angle 0.
 ///
 /// It uses products and sums in a fixed order, one quotient and no branch, so that vectorised code gives the same bits.
 #[inline(always)]
@@ -62,7 +63,7 @@ fn where_negative(sign: f64, value: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns points in all directions at many distances, including points near axes and diagonals.
+    /// Returns test points in all directions at many distances, including points near axes and diagonals.
     fn points() -> impl Iterator<Item = (f64, f64)> {
         let near = [1e-300, 1e-20, 1e-9, 1e-5].into_iter().flat_map(|d| [d, 1.0 - d, 1.0 + d]);
         let slopes: Vec<f64> = near.chain((0..20_000).map(|i| f64::from(i) * 1.3e-4)).collect();

@@ -1,21 +1,25 @@
 //! Linear interpolation in increasing lists: the two entries around a value and their weights.
 
-/// Longest list, in entries, that is scanned linearly instead of by binary search.
+/// Largest number of entries of a sorted list that is searched linearly instead of by binary search.
 const SHORT: usize = 16;
 
-/// The two entries around a value and the weight of the upper one; the lower one has weight `1 − t`.
+/// Position of a number in an increasing list: the entries below and above it, and weight t of the upper one. For
+/// linear interpolation the lower entry has weight `1 − t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bracket {
-    /// Index of the entry at or below the value.
+    /// Index of the lower of the two entries of an increasing list between which a given number lies; of the first or
+    /// last entry if the number is outside the list.
     pub below: usize,
-    /// Index of the entry above the value; equal to `below` beyond the ends of the list.
+    /// Index of the upper of the two entries of an increasing list between which a given number lies; of the lower one
+    /// if no entry is larger than the number, or all are.
     pub above: usize,
-    /// Weight of the upper entry, 0..=1; 0 beyond the ends.
+    /// Interpolation weight of the upper list entry, 0..=1; 0 beyond the ends of the list.
     pub t: f64,
 }
 
 impl Bracket {
-    /// Finds `x` in strictly increasing `values`. Beyond the ends it is the first or last entry, for NaN the first.
+    /// Finds the interpolation position of `x` in strictly increasing `values`. Beyond the ends it is the first or last
+    /// entry, for NaN the first.
     #[inline]
     pub fn held(values: &[f64], x: f64) -> Self {
         let above = count_up_to(values, x);
@@ -27,13 +31,14 @@ impl Bracket {
         Self { below, above, t: (x - values[below]) / (values[above] - values[below]) }
     }
 
-    /// Returns both entries with their weights.
+    /// Returns the indices of the two list entries between which a number lies, lower one first, each with its weight
+    /// in linear interpolation.
     #[inline]
     pub fn weights(self) -> [(usize, f64); 2] {
         [(self.below, 1.0 - self.t), (self.above, self.t)]
     }
 
-    /// Rounds weights within `rounding` of 0 or 1 to 0 or 1.
+    /// Rounds interpolation weights within `rounding` of 0 or 1 to exactly 0 or 1.
     #[must_use]
     pub fn snapped(self, rounding: f64) -> Self {
         let t = if self.t < rounding {
@@ -47,7 +52,7 @@ impl Bracket {
     }
 }
 
-/// Returns the number of entries of increasing `values` that are at most `x`.
+/// Returns the number of entries of the increasing list `values` that are at most `x`.
 #[inline]
 pub fn count_up_to(values: &[f64], x: f64) -> usize {
     let is_below = |&v: &f64| v <= x;
@@ -59,8 +64,8 @@ pub fn count_up_to(values: &[f64], x: f64) -> usize {
     }
 }
 
-/// Returns the index of the entry of increasing `values` nearest to `x`; of two equally near ones the first. It is 0
-/// for an empty list or NaN.
+/// Returns the index of the entry of the increasing list `values` nearest to `x`; of two equally near ones the first.
+/// It is 0 for an empty list or NaN.
 #[inline]
 pub fn nearest(values: &[f64], x: f64) -> usize {
     let Some(last) = values.len().checked_sub(1) else { return 0 };
@@ -70,7 +75,8 @@ pub fn nearest(values: &[f64], x: f64) -> usize {
     below + (above - below) * usize::from(is_past_middle)
 }
 
-/// Returns the polyline through `(xs, ys)` at `x`, 0 outside the strictly increasing `xs`.
+/// Returns the value at `x` of the polyline through the points `(xs, ys)`; 0 outside the range of the strictly
+/// increasing `xs`.
 ///
 /// It does not use [`Bracket`], because it divides last, and recorded luminous fluxes depend on this rounding.
 pub fn polyline(xs: &[f64], ys: &[f64], x: f64) -> f64 {

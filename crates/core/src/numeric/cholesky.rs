@@ -7,17 +7,17 @@
 use super::dense::dot;
 use super::wide;
 
-/// Cholesky factor of a positive definite matrix.
+/// Cholesky factor of a symmetric positive definite matrix.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Definite<const N: usize> {
-    /// Lower triangle.
+    /// Lower triangle L of the Cholesky factorisation A = L·Lᵀ.
     factor: [[f64; N]; N],
     n: usize,
 }
 
 impl<const N: usize> Definite<N> {
-    /// Factors the first `n` rows and columns of a matrix, of which only the lower triangle is read; `None` if a pivot
-    /// is not positive.
+    /// Computes the Cholesky factor of the first `n` rows and columns of a matrix, of which only the lower triangle is
+    /// read. The result is `None` if a pivot is not positive.
     #[inline]
     pub(crate) fn new(matrix: &[[f64; N]; N], n: usize) -> Option<Self> {
         let mut factor = [[0.0; N]; N];
@@ -37,7 +37,7 @@ impl<const N: usize> Definite<N> {
         Some(Self { factor, n })
     }
 
-    /// Solves for a right-hand side; entries beyond the factored rows stay unchanged.
+    /// Solves the factored linear system for a right-hand side; entries beyond the factored rows stay unchanged.
     #[inline]
     pub(crate) fn solve(&self, mut x: [f64; N]) -> [f64; N] {
         let Self { factor, n } = self;
@@ -52,11 +52,13 @@ impl<const N: usize> Definite<N> {
     }
 }
 
-/// Smallest pivot of [`factor_clamped`], relative to the first diagonal entry.
+/// Smallest pivot of the Cholesky factorisation [`factor_clamped`], relative to the first diagonal entry. Smaller
+/// pivots are raised to it.
 const LEAST_PIVOT: f64 = 1e-14;
 
-/// Replaces the lower triangle of the first `N` rows of a positive semidefinite matrix by its factor. Diagonal entries
-/// are stored as reciprocals, by which solving multiplies. Pivots are clamped to 1e-14 of the first diagonal entry.
+/// Replaces the lower triangle of the first `N` rows of a positive semidefinite matrix by its Cholesky factor. Diagonal
+/// entries are stored as reciprocals, by which solving multiplies. Pivots are clamped to 1e-14 of the first diagonal
+/// entry.
 ///
 /// It does not use `Definite`: products are subtracted one after another, and recorded projections depend on this
 /// rounding.
@@ -81,7 +83,7 @@ pub fn factor_clamped<const N: usize, const M: usize>(matrix: &mut [[f64; M]; M]
     }
 }
 
-/// Returns L⁻¹·x for the factor L of [`factor_clamped`]; entries beyond its rows are 0.
+/// Returns L⁻¹·x for the Cholesky factor L of [`factor_clamped`]; entries beyond its rows are 0.
 #[inline]
 pub fn forward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
     x[N..].fill(0.0);
@@ -94,7 +96,7 @@ pub fn forward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f
     x
 }
 
-/// Returns L⁻ᵀ·x for the factor L of [`factor_clamped`]; entries beyond its rows stay unchanged.
+/// Returns L⁻ᵀ·x for the Cholesky factor L of [`factor_clamped`]; entries beyond its rows stay unchanged.
 #[inline]
 pub fn backward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [f64; M]) -> [f64; M] {
     for i in (0..N).rev() {
@@ -106,12 +108,12 @@ pub fn backward<const N: usize, const M: usize>(factor: &[[f64; M]; M], mut x: [
     x
 }
 
-/// Threshold of independence: a column is skipped if its component orthogonal to the columns before has less than this
-/// fraction of its squared norm.
+/// Threshold of linear independence: a column is skipped if the part orthogonal to all earlier columns has less than
+/// this fraction of its squared norm. Raising it skips more columns.
 const INDEPENDENT: f64 = 1e-4;
 
-/// Factor of the Gram matrix of columns, which makes them orthonormal: row-major lower triangle, with rows of zeros for
-/// skipped columns.
+/// Cholesky factor L of the Gram matrix of a set of columns, with which the columns are made orthonormal: row-major
+/// lower triangle, with rows of zeros for skipped columns.
 ///
 /// It does not use [`Definite`]: the size is known at run time only, products of all rows are summed at once, and
 /// container files depend on this rounding.
@@ -122,8 +124,8 @@ pub(crate) struct GramFactor {
 }
 
 impl GramFactor {
-    /// Factors a Gram matrix of `n` columns; skips columns that depend on those before and columns for which `keep` is
-    /// false.
+    /// Computes the Cholesky factor of the Gram matrix of `n` columns. It skips columns that depend linearly on earlier
+    /// ones and columns for which `keep` is false.
     pub(crate) fn new(n: usize, gram: &[f64], keep: impl Fn(usize) -> bool) -> Self {
         wide(
             #[inline(always)]
@@ -162,12 +164,12 @@ impl GramFactor {
         Self { n, lower }
     }
 
-    /// Returns true if a column was not skipped.
+    /// Returns true if a column was used in the factorisation, not skipped.
     pub(crate) fn keeps(&self, column: usize) -> bool {
         self.lower[column * self.n + column] > 0.0
     }
 
-    /// Multiplies `x` by L⁻¹, in place.
+    /// Multiplies `x` in place by L⁻¹, where L is the Cholesky factor.
     pub(crate) fn solve(&self, x: &mut [f64]) {
         for i in 0..self.n {
             let row = &self.lower[i * self.n..][..self.n];
@@ -176,7 +178,7 @@ impl GramFactor {
         }
     }
 
-    /// Multiplies `x` by L⁻ᵀ, in place.
+    /// Multiplies `x` in place by L⁻ᵀ, where L is the Cholesky factor.
     pub(crate) fn solve_transposed(&self, x: &mut [f64]) {
         for i in (0..self.n).rev() {
             let row = &self.lower[i * self.n..][..self.n];
@@ -186,7 +188,7 @@ impl GramFactor {
         }
     }
 
-    /// Multiplies `x` by Lᵀ, in place.
+    /// Multiplies `x` in place by Lᵀ, where L is the Cholesky factor.
     pub(crate) fn multiply_transposed(&self, x: &mut [f64]) {
         for j in 0..self.n {
             x[j] = (j..self.n).map(|i| self.lower[i * self.n + j] * x[i]).sum();
@@ -201,13 +203,13 @@ mod tests {
 
     const N: usize = 6;
 
-    /// Returns a positive definite matrix and a right-hand side.
+    /// Returns a positive definite matrix and a right-hand side, for tests.
     fn system() -> ([[f64; N]; N], [f64; N]) {
         let entry = |i: usize, j: usize| 1.0 / (1 + i.abs_diff(j)) as f64 + if i == j { 0.3 * i as f64 } else { 0.0 };
         (std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j))), std::array::from_fn(|i| 1.0 - 0.4 * i as f64))
     }
 
-    /// Solves the first `n` rows by Gaussian elimination.
+    /// Solves the first `n` rows of a linear system by Gaussian elimination.
     fn plain(matrix: &[[f64; N]; N], right: &[f64; N], n: usize) -> Vec<f64> {
         let row = |i: usize| matrix[i][..n].iter().copied().chain([right[i]]).collect();
         dense::solve(&mut (0..n).map(row).collect::<Vec<Vec<f64>>>()).unwrap()

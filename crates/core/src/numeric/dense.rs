@@ -1,12 +1,12 @@
 //! Dense vectors and small linear systems in f64.
 
-/// Returns Σ aᵢ·bᵢ, added in order.
+/// Returns the dot product Σ aᵢ·bᵢ, added in order.
 #[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Returns Σ aᵢ·bᵢ as four interleaved sums of fixed order, which vectorise.
+/// Returns the dot product Σ aᵢ·bᵢ as four interleaved sums of fixed order, which vectorise.
 ///
 /// Faster than [`dot`] for long vectors, but rounds differently: results recorded with sums in order need [`dot`].
 pub(crate) fn dot_by_four(a: &[f64], b: &[f64]) -> f64 {
@@ -21,25 +21,25 @@ pub(crate) fn dot_by_four(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
-/// Returns the Euclidean length.
+/// Returns the Euclidean length of a vector.
 #[inline]
 pub(crate) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Adds `factor · b` to `a`.
+/// Adds `factor · b` to the vector `a`.
 #[inline]
 pub(crate) fn add(a: &mut [f64], factor: f64, b: &[f64]) {
     a.iter_mut().zip(b).for_each(|(x, y)| *x += factor * y);
 }
 
-/// Subtracts `factor · b` from `a`.
+/// Subtracts `factor · b` from the vector `a`.
 #[inline]
 pub(crate) fn subtract(a: &mut [f64], factor: f64, b: &[f64]) {
     a.iter_mut().zip(b).for_each(|(x, y)| *x -= factor * y);
 }
 
-/// Multiplies each entry by `factor`.
+/// Multiplies each entry of a vector by `factor`.
 #[inline]
 pub(crate) fn scale(a: &mut [f64], factor: f64) {
     for x in a {
@@ -47,8 +47,8 @@ pub(crate) fn scale(a: &mut [f64], factor: f64) {
     }
 }
 
-/// Solves a square system (row-major, right-hand side last in each row) by Gaussian elimination with partial pivoting;
-/// `None` if it is singular to working precision.
+/// Solves a square linear system (row-major, right-hand side last in each row) by Gaussian elimination with partial
+/// pivoting; `None` if it is singular to working precision.
 pub(crate) fn solve(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
     let n = rows.len();
     let scale = rows.iter().flat_map(|row| &row[..n]).fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -63,7 +63,7 @@ pub(crate) fn solve(rows: &mut [Vec<f64>]) -> Option<Vec<f64>> {
     Some(substitute(rows))
 }
 
-/// Solves a square system like [`solve`], but without row exchanges: container files depend on the rounding of
+/// Solves a square linear system like [`solve`], but without row exchanges: container files depend on the rounding of
 /// polynomials fitted in this way. The matrix must be far from singular.
 pub(crate) fn solve_in_order(rows: &mut [Vec<f64>]) -> Vec<f64> {
     for column in 0..rows.len() {
@@ -72,7 +72,8 @@ pub(crate) fn solve_in_order(rows: &mut [Vec<f64>]) -> Vec<f64> {
     substitute(rows)
 }
 
-/// Reduces rows `[A | B]` to `[1 | A⁻¹·B]` by the Gauss–Jordan method with partial pivoting; `A` must not be singular.
+/// Reduces the rows of an augmented matrix `[A | B]` to `[1 | A⁻¹·B]` by the Gauss–Jordan method with partial pivoting;
+/// `A` must not be singular.
 ///
 /// It does not use [`solve`]: rows are multiplied by the inverse of their pivot, and the wavelets at the ends of lines
 /// are defined with this rounding.
@@ -97,7 +98,7 @@ pub(crate) fn reduce(rows: &mut [Vec<f64>]) {
     }
 }
 
-/// Eliminates a column below the diagonal; the resulting zeros are not written.
+/// Eliminates one column of a linear system below the diagonal; the resulting zeros are not written.
 fn eliminate(rows: &mut [Vec<f64>], column: usize) {
     let (above, below) = rows.split_at_mut(column + 1);
     let leader = &above[column];
@@ -107,7 +108,7 @@ fn eliminate(rows: &mut [Vec<f64>], column: usize) {
     }
 }
 
-/// Solves an eliminated system from its last row up.
+/// Solves a linear system in triangular form by back substitution.
 fn substitute(rows: &[Vec<f64>]) -> Vec<f64> {
     let n = rows.len();
     let mut x = vec![0.0; n];
@@ -121,7 +122,7 @@ fn substitute(rows: &[Vec<f64>]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Returns rows `[A | A·x]` of a matrix that is far from singular, and `x`.
+    /// Returns the rows `[A | A·x]` of a linear system that is far from singular, and its solution `x`.
     fn system(n: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
         let x: Vec<f64> = (0..n).map(|i| 1.0 - 0.3 * i as f64).collect();
         let rows = (0..n).map(|i| {

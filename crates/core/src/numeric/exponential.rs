@@ -7,9 +7,10 @@
 
 use ::wide::f32x4;
 
-/// Rounding constant: adding and subtracting it rounds an f64 to the nearest integer, ties to even, for |x| < 2^51.
+/// Rounding constant 1.5 · 2⁵²: adding and subtracting it rounds an f64 to the nearest integer, ties to even, for |x| <
+/// 2^51.
 const ROUNDER_F64: f64 = 6_755_399_441_055_744.0;
-/// High and low part of ln 2; products of the high part with the integers used here are exact.
+/// High and low part of ln 2 in f64; products of the high part with the integers used here are exact.
 const LN_2_HIGH_F64: f64 = 0.693_147_180_369_123_8;
 const LN_2_LOW_F64: f64 = 1.908_214_929_270_587_7e-10;
 const INVERSE_FACTORIALS: [f64; 10] =
@@ -17,12 +18,12 @@ const INVERSE_FACTORIALS: [f64; 10] =
 
 /// Rounding constant 1.5 · 2²³: adding it rounds an f32 to an integer, which is then in the low bits.
 const ROUNDER_F32: f32 = 12_582_912.0;
-/// High and low part of ln 2; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
+/// High and low part of ln 2 in f32; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
 const LN_2_HIGH_F32: f32 = 0.693_359_4;
 const LN_2_LOW_F32: f32 = -2.121_944_4e-4;
 
-/// Returns eˣ with a relative error below 1e-11, as used by the decoder. x is clamped to −120..=100, outside of which
-/// an f32 underflows or overflows.
+/// Returns eˣ with a relative error below 1e-11, as used by the decoder. x is clamped to −120..=100; beyond these
+/// limits an f32 underflows or overflows.
 ///
 /// The polynomial is Σ rⁱ / i! for i = 0..=9 by Horner's rule. Its remainder is below 7e-12, far below the rounding to
 /// f32 that follows.
@@ -41,7 +42,7 @@ pub(crate) fn exp_f64(x: f64) -> f64 {
     sum * f64::from_bits(exponent << 52)
 }
 
-/// Returns eˣ to 2 units in the last place for −87..=88; 0 below and the largest finite power above.
+/// Returns eˣ to 2 units in the last place for x in −87..=88; smaller x give 0, larger ones the largest finite power.
 ///
 /// The polynomial is evaluated in independent pairs (Estrin 1960).
 #[inline(always)]
@@ -61,7 +62,7 @@ pub(crate) fn exp_estrin(x: f32) -> f32 {
     if x < -87.0 { 0.0 } else { value * power }
 }
 
-/// Computes [`exp_estrin`] of four numbers, with identical bits except for NaN.
+/// Computes the exponentials of four numbers, with the bits of [`exp_estrin`] except for NaN.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn exp_estrin_of_four(x: f32x4) -> f32x4 {

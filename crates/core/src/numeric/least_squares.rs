@@ -2,8 +2,9 @@
 
 use super::dense::{dot, solve};
 
-/// Returns the `c` that minimises |Σ cₖ·columnₖ − target|² subject to Σ cₖ·constraint[j][k] = value[j]. Columns may
-/// have any scale. `None` if the columns or the constraints are linearly dependent.
+/// Solves a linear least-squares problem with constraints. Returns the `c` that minimises |Σ cₖ·columnₖ − target|²
+/// subject to Σ cₖ·constraint[j][k] = value[j]. Columns may have any scale. `None` if the columns or the constraints
+/// are linearly dependent.
 pub(crate) fn constrained(columns: &[Vec<f64>], target: &[f64], constraints: &[(Vec<f64>, f64)]) -> Option<Vec<f64>> {
     let (k, m) = (columns.len(), constraints.len());
     if m > k {

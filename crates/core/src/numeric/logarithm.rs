@@ -3,13 +3,14 @@
 use std::ops::{Add, Mul, Sub};
 use wide::f32x4;
 
-/// High and low part of ln 2; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
+/// High and low part of ln 2 in f32; the high part has few bits, so that its multiples are exact (Cody & Waite 1980).
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
-/// Threshold below which mantissas are doubled, so that the argument of the polynomial is at most √2 − 1 in magnitude.
+/// Mantissa below which it is doubled, so that the argument of the logarithm's polynomial is at most √2 − 1 in
+/// magnitude.
 const ROOT_HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
-/// Returns ln x to 2 units in the last place (an absolute 1e-7 near 1) for positive normal x.
+/// Returns the natural logarithm of a positive normal x to 2 units in the last place (an absolute 1e-7 near 1).
 ///
 /// x = 2ᵉ·m with √½ ≤ m < √2; the polynomial for ln m is Cephes' logf, by Horner's rule.
 #[inline(always)]
@@ -19,7 +20,7 @@ pub(crate) fn ln_f32(x: f32) -> f32 {
     combined(r, e)
 }
 
-/// Returns the logarithms of four numbers, with bits identical to [`ln_f32`].
+/// Returns the natural logarithms of four numbers, with bits identical to [`ln_f32`].
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(crate) fn ln_four(x: f32x4) -> f32x4 {
@@ -27,7 +28,7 @@ pub(crate) fn ln_four(x: f32x4) -> f32x4 {
     combined(f32x4::new(parts.map(|[r, _]| r)), f32x4::new(parts.map(|[_, e]| e)))
 }
 
-/// Returns m − 1 and e of x = 2ᵉ·m.
+/// Splits x into mantissa and exponent: returns m − 1 and e of x = 2ᵉ·m.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn reduced(x: f32) -> [f32; 2] {
@@ -38,7 +39,7 @@ fn reduced(x: f32) -> [f32; 2] {
     [if is_low { m + m - 1.0 } else { m - 1.0 }, exponent as f32]
 }
 
-/// Returns ln((1 + r)·2ᵉ).
+/// Returns the natural logarithm ln((1 + r)·2ᵉ).
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn combined<T>(r: T, e: T) -> T

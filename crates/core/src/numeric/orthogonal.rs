@@ -2,29 +2,29 @@
 
 use super::dense::{dot, norm, scale, subtract};
 
-/// Squared lengths of a vector before and after its components along others were subtracted.
+/// Squared lengths of a vector before and after it was made orthogonal to other vectors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Squares {
     pub(crate) before: f64,
     pub(crate) after: f64,
 }
 
-/// Subtracts the component of `vector` along `unit`, which has length 1.
+/// Subtracts from `vector` its component along `unit`, which has length 1.
 #[inline]
 pub(crate) fn take_one_away(vector: &mut [f64], unit: &[f64]) {
     let along = dot(vector, unit);
     subtract(vector, along, unit);
 }
 
-/// Subtracts the components of `vector` along each of `units`, which have length 1, one after another.
+/// Subtracts from `vector` its components along each of `units`, which have length 1, one after another.
 pub(crate) fn take_away(vector: &mut [f64], units: &[Vec<f64>]) {
     for unit in units {
         take_one_away(vector, unit);
     }
 }
 
-/// Subtracts like [`take_away`], twice, to remove the rounding errors of the first pass; two passes suffice (Kahan;
-/// Parlett 1980, *The Symmetric Eigenvalue Problem*, section 6-9).
+/// Makes `vector` orthogonal to `units` like [`take_away`], but in two passes, to remove the rounding errors of the
+/// first. Two passes suffice (Kahan; Parlett 1980, *The Symmetric Eigenvalue Problem*, section 6-9).
 pub(crate) fn take_away_twice(vector: &mut [f64], units: &[Vec<f64>]) -> Squares {
     let before = dot(vector, vector);
     for _ in 0..2 {
@@ -33,8 +33,8 @@ pub(crate) fn take_away_twice(vector: &mut [f64], units: &[Vec<f64>]) -> Squares
     Squares { before, after: dot(vector, vector) }
 }
 
-/// Returns the normalised component of `vector` orthogonal to `units`; `None` if `is_independent` classifies it as
-/// rounding error.
+/// Returns the component of `vector` orthogonal to the unit vectors `units`, scaled to length 1. `None` if
+/// `is_independent` classifies it as rounding error.
 pub(crate) fn remainder(
     mut vector: Vec<f64>,
     units: &[Vec<f64>],
@@ -50,7 +50,8 @@ pub(crate) fn remainder(
     })
 }
 
-/// Makes vectors orthonormal; drops vectors that `is_independent` classifies as dependent on those before.
+/// Makes vectors orthonormal by the Gram–Schmidt method; drops vectors that `is_independent` classifies as dependent on
+/// earlier ones.
 pub(crate) fn orthonormalise(vectors: &mut Vec<Vec<f64>>, is_independent: impl Fn(Squares) -> bool) {
     let mut kept: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
     for vector in vectors.drain(..) {
@@ -59,7 +60,8 @@ pub(crate) fn orthonormalise(vectors: &mut Vec<Vec<f64>>, is_independent: impl F
     *vectors = kept;
 }
 
-/// Makes vectors orthonormal in place; a vector that depends on those before becomes 0.
+/// Makes vectors orthonormal in place by the Gram–Schmidt method; a vector that depends linearly on earlier ones
+/// becomes 0.
 ///
 /// It does not use [`orthonormalise`]: decoders run it, and the container format defines one pass and a multiplication
 /// by the inverse length.
@@ -77,7 +79,7 @@ pub(crate) fn orthonormalise_decoded(vectors: &mut [Vec<f64>]) {
 mod tests {
     use super::*;
 
-    /// Returns three independent vectors, with the sum of the first two as the third of four.
+    /// Returns four test vectors, the third of which is the sum of the first two.
     fn vectors() -> Vec<Vec<f64>> {
         let a = vec![1.0, 2.0, 0.5, 4.0];
         let b = vec![0.0, 1.0, -1.0, 2.0];
@@ -85,7 +87,8 @@ mod tests {
         vec![a, b, sum, vec![3.0, 0.1, 1.0, 1.0]]
     }
 
-    /// Computes the textbook formula: each vector minus its projections on those before, normalised.
+    /// Computes the textbook form of the Gram–Schmidt method: each vector minus its projections on earlier ones,
+    /// normalised.
     fn plain() -> Vec<Vec<f64>> {
         let mut units: Vec<Vec<f64>> = Vec::new();
         for vector in [0, 1, 3].map(|i| vectors()[i].clone()) {

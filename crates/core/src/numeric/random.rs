@@ -5,12 +5,12 @@
 
 use rand::Rng;
 
-/// Returns a number in [0, 1), a multiple of 2⁻⁵³.
+/// Returns a uniform random number in [0, 1), a multiple of 2⁻⁵³.
 pub fn half_open(random: &mut impl Rng) -> f64 {
     (random.next_u64() >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
 }
 
-/// Returns a number in (0, 1), an odd multiple of 2⁻⁵³, never 0 or 1.
+/// Returns a uniform random number in (0, 1), an odd multiple of 2⁻⁵³, never 0 or 1.
 pub fn open(random: &mut impl Rng) -> f64 {
     ((random.next_u64() >> 12) as f64 + 0.5) / (1_u64 << 52) as f64
 }
@@ -23,7 +23,7 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
     use std::convert::Infallible;
 
-    /// Generator that always returns the same number.
+    /// Random number generator that always returns the same number, for tests.
     struct Always(u64);
 
     impl TryRng for Always {

@@ -3,35 +3,38 @@
 //! The container format depends on the bits of the coefficients. Every sum has a fixed order, and loops that a compiler
 //! may vectorise treat each entry independently.
 
-/// Rows are padded to a multiple of this number of entries.
+/// Divisor of the padded length of rows, in entries: rows are padded with zeros to a multiple of it, so that loops
+/// vectorise.
 const LANES: usize = 4;
-/// Ridge regularisation relative to the mean square of each feature. Raising it pulls coefficients towards the prior
-/// for longer.
+/// Ridge regularisation of recursive least squares, relative to the mean square of each feature. Raising it keeps
+/// coefficients near their prior for more examples.
 const RIDGE: f64 = 10.0;
-/// Growth factor of the example count after which the system is solved again (at least one more example is added).
-/// Raising it solves less often.
+/// Growth factor of the number of examples after which the least-squares system is solved again (at least one more
+/// example is added). Raising it solves less often.
 const GROWTH: f64 = 1.05;
 
-/// Linear prediction of a number from features, learned from all examples so far.
+/// Recursive least squares: predicts a number as a linear combination of features, learned from all examples so far.
 #[derive(Clone, Debug)]
 pub(crate) struct Recursive {
     n: usize,
-    /// Padded length of a row, a multiple of [`LANES`].
+    /// Length of a feature vector of the least-squares predictor in memory: the number of features, padded to a
+    /// multiple of [`LANES`].
     stride: usize,
-    /// Sum Σ f·fᵀ over examples; only the upper triangle is used.
+    /// Sum Σ f·fᵀ over examples with feature vectors f; only the upper triangle is used.
     gram: Vec<f64>,
-    /// Sum Σ f·y over examples.
+    /// Sum Σ f·y over examples with feature vectors f and target numbers y.
     right: Vec<f64>,
-    /// Weighted number of examples; fading reduces the weight of earlier ones.
+    /// Weighted number of examples (feature vectors with target numbers) from which the predictor has learned so far;
+    /// earlier examples can be given a lower weight.
     count: f64,
-    /// Weighted number of examples at which the system is solved again.
+    /// Weighted number of examples at which the least-squares system is solved again.
     next: f64,
     factor: Vec<f64>,
     coefficients: Vec<f64>,
 }
 
 impl Recursive {
-    /// Creates a system of `n` features without examples.
+    /// Creates a least-squares system of `n` features without examples.
     pub(crate) fn new(n: usize) -> Self {
         let stride = n.next_multiple_of(LANES);
         let vector = vec![0.0; stride];
@@ -47,14 +50,16 @@ impl Recursive {
         }
     }
 
-    /// Multiplies the weight of all examples so far by `by`, and makes a new solution due.
+    /// Multiplies the weight of all earlier examples in the least-squares system by `by`, and marks the system as due
+    /// to be solved again.
     pub(crate) fn fade(&mut self, by: f64) {
         self.gram.iter_mut().chain(&mut self.right).for_each(|x| *x *= by);
         self.count *= by;
         self.next = 0.0;
     }
 
-    /// Returns true if the system should be solved again.
+    /// Returns true if enough examples were added since the last solution for the least-squares system to be solved
+    /// again.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn is_due(&self) -> bool {
@@ -62,7 +67,7 @@ impl Recursive {
     }
 
     /// Computes the coefficients that minimise the squared error plus a ridge term towards `prior`, whose missing
-    /// entries are 0. The ridge of feature i is ten times its mean square plus `least`. If rounding makes the system
+    /// entries are 0. The ridge of a feature is ten times its mean square plus `least`. If rounding makes the system
     /// singular, the coefficients are `prior`.
     pub(crate) fn solve(&mut self, prior: &[f64], least: f64) {
         let (n, stride) = (self.n, self.stride);
@@ -81,8 +86,8 @@ impl Recursive {
         }
     }
 
-    /// Replaces the matrix by its factor U with A = Uᵀ·U, row by row, and the right-hand side by the solution. Returns
-    /// false if a pivot is not positive.
+    /// Replaces the least-squares matrix A by its Cholesky factor U with A = Uᵀ·U, row by row, and the right-hand side
+    /// by the solution. Returns false if a pivot is not positive.
     fn eliminate(&mut self) -> bool {
         let (n, stride) = (self.n, self.stride);
         let x = &mut self.coefficients;
@@ -115,8 +120,8 @@ impl Recursive {
         true
     }
 
-    /// Returns Σ cᵢ·fᵢ; features are padded with 0 to a multiple of 4. Four sums (s₀ of i = 0, 4, 8, …, s₁ of i = 1, 5,
-    /// …, and so on) are added as (s₀ + s₂) + (s₁ + s₃).
+    /// Predicts a number as Σ cᵢ·fᵢ from coefficients c and features f, which are padded with 0 to a multiple of 4.
+    /// Four sums (s₀ of i = 0, 4, 8, …, s₁ of i = 1, 5, …, and so on) are added as (s₀ + s₂) + (s₁ + s₃).
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn predict(&self, features: &[f64]) -> f64 {
@@ -129,7 +134,8 @@ impl Recursive {
         (sums[0] + sums[2]) + (sums[1] + sums[3])
     }
 
-    /// Adds an example; features are padded with 0 to a multiple of 4.
+    /// Adds an example, features and target number, to the least-squares sums; features are padded with 0 to a multiple
+    /// of 4.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(crate) fn learn(&mut self, features: &[f64], wanted: f64) {

@@ -3,7 +3,8 @@
 //! Operations and their order are the same on every machine, only some run in parallel. No sum is reordered or
 //! contracted, so the bits do not depend on the processor.
 
-/// Runs `work`, compiled for the instruction set of this processor, together with all functions inlined into it.
+/// Runs the function `work`, compiled for the instruction set of this processor, together with all functions inlined
+/// into it.
 ///
 /// Each call site compiles every version, so there are few versions. Test builds omit AVX-512, since they are compiled
 /// often and rarely run for long. There is no SSE4.2 version, since these loops gain nothing from it.

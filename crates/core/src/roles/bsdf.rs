@@ -34,34 +34,36 @@ const NEEDS: Needs = Needs {
 pub struct Bsdf<'a>(View<'a>);
 
 impl Material {
-    /// Views this material as a surface. Fails for other quantities and for materials with index axes.
+    /// Views the material as a surface that reflects or transmits. Fails for other quantities and for materials with
+    /// index axes (axes of numbered entries).
     pub fn bsdf(&self) -> Result<Bsdf<'_>, RoleError> {
         self.bsdf_at(&[])
     }
 
-    /// Views one entry of the index axes as a surface; `index` has one number per index axis, from 0.
+    /// Views one entry of the index axes (axes of numbered entries) as a surface. `index` has one number per index
+    /// axis, from 0.
     pub fn bsdf_at(&self, index: &[usize]) -> Result<Bsdf<'_>, RoleError> {
         Ok(Bsdf(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Bsdf<'a> {
-    /// Returns the number of samples of a spectrum.
+    /// Returns the number of samples of each spectrum: wavelengths, colour channels, or 1 for monochromatic data.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// Returns the material, for queries that the view does not offer.
+    /// Returns the material that this object presents as a surface, for queries such as its axes or unit.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// Returns the spectrum of f at `wi` and `wo` in sr⁻¹, without a cosine.
+    /// Returns the spectrum of the BSDF for incoming `wi` and outgoing `wo`, in sr⁻¹, without a cosine.
     pub fn eval(&self, wi: Direction, wo: Direction) -> Vec<f32> {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// Like [`Bsdf::eval`], but writes to `out`.
+    /// Writes the spectrum of the BSDF to `out`, like [`Bsdf::eval`].
     ///
     /// # Panics
     /// If the length of `out` is not [`Bsdf::lambdas`].
@@ -69,33 +71,33 @@ impl<'a> Bsdf<'a> {
         self.0.eval_into(Some(wi), Some(wo), out);
     }
 
-    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
-    /// reflected or transmitted.
+    /// Samples an outgoing direction by importance, according to the mean over wavelengths, from a point `u` of the
+    /// unit square. `None` if no light is reflected or transmitted.
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// Returns the probability density, in sr⁻¹, with which [`Bsdf::sample`] draws `wo`.
+    /// Returns the probability density, in sr⁻¹, with which [`Bsdf::sample`] draws the outgoing direction `wo`.
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// Returns the spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together, for
-    /// the stored piecewise constant form. Masked cells count as 0; NaN if all are masked. [`Material::integrated`]
-    /// integrates the evaluated function instead.
+    /// Returns the spectrum of the directional albedo ∫ f · |cos θo| dωo, of reflection and transmission together. It
+    /// integrates the stored piecewise constant function; [`Material::integrated`] integrates the interpolated one.
+    /// Masked cells count as 0; NaN if all are masked.
     pub fn albedo(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
 
-    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and constant
-    /// beyond them. Fails for materials without wavelengths (RGB, monochromatic).
+    /// Restricts the surface to up to eight wavelengths in nm. Values are linear between measured wavelengths and
+    /// constant beyond them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<BsdfAt<'a, N>, RoleError> {
         Ok(BsdfAt(self.0.at(wavelengths, Beyond::Nearest)?))
     }
 }
 
-/// View of a surface at chosen wavelengths. Queries do not allocate, except the first sample or density of a material,
-/// which builds its sampling trees.
+/// View of a material as a surface at chosen wavelengths. Queries do not allocate, except the first sample or density
+/// of a material, which builds its sampling trees.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -112,24 +114,25 @@ impl<'a> Bsdf<'a> {
 pub struct BsdfAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> BsdfAt<'_, N> {
-    /// Returns the wavelengths in nm.
+    /// Returns the chosen wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// Like [`Bsdf::eval`], at the chosen wavelengths.
+    /// Returns the BSDF for incoming `wi` and outgoing `wo`, in sr⁻¹, at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wi: Direction, wo: Direction) -> [f32; N] {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// Like [`Bsdf::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
+    /// Samples an outgoing direction like [`Bsdf::sample`], with one weight per chosen wavelength, which is 0 if the
+    /// value is masked.
     #[inline]
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// Like [`Bsdf::pdf`].
+    /// Returns the probability density, in sr⁻¹, with which the outgoing direction `wo` is sampled, like [`Bsdf::pdf`].
     #[inline]
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)

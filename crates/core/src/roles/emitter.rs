@@ -27,34 +27,36 @@ const NEEDS: Needs =
 pub struct Emitter<'a>(View<'a>);
 
 impl Material {
-    /// Views this material as a light source. Fails for other quantities and for materials with index axes.
+    /// Views the material as a light source. Fails for other quantities and for materials with index axes (axes of
+    /// numbered entries).
     pub fn emitter(&self) -> Result<Emitter<'_>, RoleError> {
         self.emitter_at(&[])
     }
 
-    /// Views one entry of the index axes as a light source; `index` has one number per index axis, from 0.
+    /// Views one entry of the index axes (axes of numbered entries) as a light source. `index` has one number per index
+    /// axis, from 0.
     pub fn emitter_at(&self, index: &[usize]) -> Result<Emitter<'_>, RoleError> {
         Ok(Emitter(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Emitter<'a> {
-    /// Returns the number of samples of a spectrum.
+    /// Returns the number of samples of each spectrum: wavelengths, colour channels, or 1 for monochromatic data.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// Returns the material, for queries that the view does not offer.
+    /// Returns the material that this object presents as a light source, for queries such as its axes or unit.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// Returns the spectrum of the intensity towards `wo`.
+    /// Returns the spectrum of the intensity towards direction `wo`.
     pub fn eval(&self, wo: Direction) -> Vec<f32> {
         self.0.eval(None, Some(wo))
     }
 
-    /// Like [`Emitter::eval`], but writes to `out`.
+    /// Writes the spectrum of the intensity to `out`, like [`Emitter::eval`].
     ///
     /// # Panics
     /// If the length of `out` is not [`Emitter::lambdas`].
@@ -62,25 +64,25 @@ impl<'a> Emitter<'a> {
         self.0.eval_into(None, Some(wo), out);
     }
 
-    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
-    /// emitted.
+    /// Samples a direction of emission by importance, according to the mean over wavelengths, from a point `u` of the
+    /// unit square. `None` if no light is emitted.
     pub fn sample(&self, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(None, u)
     }
 
-    /// Returns the probability density, in sr⁻¹, with which [`Emitter::sample`] draws `wo`.
+    /// Returns the probability density, in sr⁻¹, with which [`Emitter::sample`] draws the direction `wo`.
     pub fn pdf(&self, wo: Direction) -> f64 {
         self.0.pdf(None, wo)
     }
 
-    /// Returns the spectrum of the flux, the integral of the intensity over all directions, for the stored piecewise
-    /// constant form. Masked cells count as 0; NaN if all are masked.
+    /// Returns the spectrum of the flux: the integral over all directions of the intensity, as the stored piecewise
+    /// constant function. Masked cells count as 0; NaN if all are masked.
     pub fn flux(&self) -> Vec<f32> {
         self.0.albedo(None)
     }
 
-    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and 0 beyond
-    /// them. Fails for materials without wavelengths (RGB, monochromatic).
+    /// Restricts the light source to up to eight wavelengths in nm. Values are linear between measured wavelengths and
+    /// 0 beyond them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<EmitterAt<'a, N>, RoleError> {
         Ok(EmitterAt(self.0.at(wavelengths, Beyond::Zero)?))
     }
@@ -103,24 +105,25 @@ impl<'a> Emitter<'a> {
 pub struct EmitterAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> EmitterAt<'_, N> {
-    /// Returns the wavelengths in nm.
+    /// Returns the chosen wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// Like [`Emitter::eval`], at the chosen wavelengths.
+    /// Returns the intensity towards `wo` at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wo: Direction) -> [f32; N] {
         self.0.eval(None, Some(wo))
     }
 
-    /// Like [`Emitter::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
+    /// Samples a direction of emission like [`Emitter::sample`], with one weight per chosen wavelength, which is 0 if
+    /// the value is masked.
     #[inline]
     pub fn sample(&self, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(None, u)
     }
 
-    /// Like [`Emitter::pdf`].
+    /// Returns the probability density, in sr⁻¹, with which the direction `wo` is sampled, like [`Emitter::pdf`].
     #[inline]
     pub fn pdf(&self, wo: Direction) -> f64 {
         self.0.pdf(None, wo)

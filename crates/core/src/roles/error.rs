@@ -20,25 +20,30 @@ use crate::evaluate::EvaluateError;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RoleError {
-    /// The material has another quantity.
+    /// The radiometric quantity of the material does not suit the requested use as a surface, light source, phase
+    /// function or spectrum.
     #[error("this material is of quantity {found}, expected {expected}")]
     Quantity {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material.
         found: Quantity,
-        /// Quantities that the view accepts.
+        /// Radiometric quantities that a material needs to serve as the requested surface, light source or phase
+        /// function.
         expected: &'static str,
     },
-    /// The directions of the material are not those of the view.
-    #[error("this {quantity} has {found}, expected {expected}")]
+    /// The material lacks incoming or outgoing directions that the view needs, or has directions that the view does not
+    /// take.
+    #[error("directions of this {quantity}: found {found}, expected {expected}")]
     Directions {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material.
         quantity: Quantity,
-        /// Directions of the material.
+        /// Description of the directions that the material has.
         found: &'static str,
-        /// Directions of the view.
+        /// Description of the directions that a material needs to serve as the requested surface, light source, phase
+        /// function or spectrum.
         expected: &'static str,
     },
-    /// The entry of the index axes or the wavelengths do not fit the material.
+    /// The requested entry of the index axes (axes of numbered entries) or the requested wavelengths do not fit the
+    /// material.
     #[error(transparent)]
     Query(#[from] EvaluateError),
 }

@@ -30,34 +30,36 @@ const NEEDS: Needs =
 pub struct Phase<'a>(View<'a>);
 
 impl Material {
-    /// Views this material as a phase function. Fails for other quantities and for materials with index axes.
+    /// Views the material as a phase function. Fails for other quantities and for materials with index axes (axes of
+    /// numbered entries).
     pub fn phase(&self) -> Result<Phase<'_>, RoleError> {
         self.phase_at(&[])
     }
 
-    /// Views one entry of the index axes as a phase function; `index` has one number per index axis, from 0.
+    /// Views one entry of the index axes (axes of numbered entries) as a phase function. `index` has one number per
+    /// index axis, from 0.
     pub fn phase_at(&self, index: &[usize]) -> Result<Phase<'_>, RoleError> {
         Ok(Phase(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Phase<'a> {
-    /// Returns the number of samples of a spectrum.
+    /// Returns the number of samples of each spectrum: wavelengths, colour channels, or 1 for monochromatic data.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// Returns the material, for queries that the view does not offer.
+    /// Returns the material that this object presents as a phase function, for queries such as its axes or unit.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
 
-    /// Returns the spectrum of p at `wi` and `wo` in sr⁻¹.
+    /// Returns the spectrum of the phase function for incoming `wi` and outgoing `wo`, in sr⁻¹.
     pub fn eval(&self, wi: Direction, wo: Direction) -> Vec<f32> {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// Like [`Phase::eval`], but writes to `out`.
+    /// Writes the spectrum of the phase function to `out`, like [`Phase::eval`].
     ///
     /// # Panics
     /// If the length of `out` is not [`Phase::lambdas`].
@@ -65,25 +67,25 @@ impl<'a> Phase<'a> {
         self.0.eval_into(Some(wi), Some(wo), out);
     }
 
-    /// Samples a direction from a point `u` of the unit square, by the mean over wavelengths; `None` if no light is
-    /// scattered.
+    /// Samples an outgoing direction by importance, according to the mean over wavelengths, from a point `u` of the
+    /// unit square. `None` if no light is scattered.
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<f64>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// Returns the probability density, in sr⁻¹, with which [`Phase::sample`] draws `wo`.
+    /// Returns the probability density, in sr⁻¹, with which [`Phase::sample`] draws the outgoing direction `wo`.
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)
     }
 
-    /// Returns the spectrum of ∫ p dωo for the stored piecewise constant form, which is 1 for a normalised phase
-    /// function. Masked cells count as 0; NaN if all are masked.
+    /// Returns the spectrum of the integral ∫ p dωo of the stored piecewise constant phase function, which is 1 if it
+    /// is normalised. Masked cells count as 0; NaN if all are masked.
     pub fn integral(&self, wi: Direction) -> Vec<f32> {
         self.0.albedo(Some(wi))
     }
 
-    /// Restricts the view to up to eight wavelengths in nm. Values are linear between measured wavelengths and constant
-    /// beyond them. Fails for materials without wavelengths (RGB, monochromatic).
+    /// Restricts the phase function to up to eight wavelengths in nm. Values are linear between measured wavelengths
+    /// and constant beyond them. Fails for materials without wavelengths (RGB, monochromatic).
     pub fn at<const N: usize>(self, wavelengths: [f64; N]) -> Result<PhaseAt<'a, N>, RoleError> {
         Ok(PhaseAt(self.0.at(wavelengths, Beyond::Nearest)?))
     }
@@ -109,24 +111,26 @@ impl<'a> Phase<'a> {
 pub struct PhaseAt<'a, const N: usize>(ViewAt<'a, N>);
 
 impl<const N: usize> PhaseAt<'_, N> {
-    /// Returns the wavelengths in nm.
+    /// Returns the chosen wavelengths in nm.
     pub fn wavelengths(&self) -> [f64; N] {
         self.0.wavelengths()
     }
 
-    /// Like [`Phase::eval`], at the chosen wavelengths.
+    /// Returns the phase function for incoming `wi` and outgoing `wo`, in sr⁻¹, at the chosen wavelengths.
     #[inline]
     pub fn eval(&self, wi: Direction, wo: Direction) -> [f32; N] {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// Like [`Phase::sample`], with one weight per chosen wavelength, which is 0 if the value is masked.
+    /// Samples an outgoing direction like [`Phase::sample`], with one weight per chosen wavelength, which is 0 if the
+    /// value is masked.
     #[inline]
     pub fn sample(&self, wi: Direction, u: [f64; 2]) -> Option<Sample<[f32; N]>> {
         self.0.sample(Some(wi), u)
     }
 
-    /// Like [`Phase::pdf`].
+    /// Returns the probability density, in sr⁻¹, with which the outgoing direction `wo` is sampled, like
+    /// [`Phase::pdf`].
     #[inline]
     pub fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         self.0.pdf(Some(wi), wo)

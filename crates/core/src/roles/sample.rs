@@ -2,7 +2,7 @@
 
 use crate::domain::Direction;
 
-/// Direction returned by the `sample` method of a view, with its weight and probability density.
+/// Direction sampled from a surface, light source or phase function, with its weight and probability density.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,11 +19,11 @@ use crate::domain::Direction;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample<W> {
-    /// Sampled direction.
+    /// Direction drawn at random, with probability density `pdf`.
     pub wo: Direction,
-    /// Weight by which a renderer multiplies: f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions.
+    /// Weight of the sample in a renderer: f · |cos θo| / pdf for BSDFs, f / pdf for emitters and phase functions.
     /// Either one number from the mean over wavelengths (0 if that is negative), or one per chosen wavelength.
     pub weight: W,
-    /// Probability density of the direction, in sr⁻¹.
+    /// Probability density of the sampled direction, in sr⁻¹.
     pub pdf: f64,
 }

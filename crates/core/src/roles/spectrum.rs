@@ -26,19 +26,21 @@ const NEEDS: Needs =
 pub struct Spectrum<'a>(View<'a>);
 
 impl Material {
-    /// Views this material as a spectrum. Fails for materials with directions or index axes.
+    /// Views the material as a spectrum. Fails for materials with directions or with index axes (axes of numbered
+    /// entries).
     pub fn spectrum(&self) -> Result<Spectrum<'_>, RoleError> {
         self.spectrum_at(&[])
     }
 
-    /// Views one entry of the index axes as a spectrum; `index` has one number per index axis, from 0.
+    /// Views one entry of the index axes (axes of numbered entries) as a spectrum. `index` has one number per index
+    /// axis, from 0.
     pub fn spectrum_at(&self, index: &[usize]) -> Result<Spectrum<'_>, RoleError> {
         Ok(Spectrum(View::new(self, index, &NEEDS)?))
     }
 }
 
 impl<'a> Spectrum<'a> {
-    /// Returns the material, for queries that the view does not offer.
+    /// Returns the material that this object presents as a spectrum, for queries such as its axes or unit.
     pub fn material(&self) -> &'a Material {
         self.0.material()
     }
@@ -48,18 +50,18 @@ impl<'a> Spectrum<'a> {
         self.0.material().wavelengths()
     }
 
-    /// Returns the number of samples of the spectrum.
+    /// Returns the number of samples of the spectrum: wavelengths, colour channels, or 1 for monochromatic data.
     pub fn lambdas(&self) -> usize {
         self.0.lambdas()
     }
 
-    /// Returns the samples in the unit of the material; NaN = masked.
+    /// Returns the samples of the spectrum in the unit of the material; NaN marks masked samples.
     pub fn samples(&self) -> Vec<f32> {
         self.0.eval(None, None)
     }
 
-    /// Returns the values at wavelengths in nm, linear between samples; NaN at masked samples and outside the measured
-    /// range. Fails for materials without wavelengths.
+    /// Returns the values of the spectrum at wavelengths in nm, linear between samples; NaN at masked samples and
+    /// outside the measured range. Fails for materials without wavelengths.
     pub fn values_at<const N: usize>(&self, wavelengths: [f64; N]) -> Result<[f32; N], RoleError> {
         let mut out = [0.0; N];
         self.0.at_wavelengths(&wavelengths, &mut out)?;

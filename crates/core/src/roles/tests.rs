@@ -89,20 +89,23 @@ fn a_role_is_refused_once_and_says_why() {
     assert_eq!(refused(surface.phase().unwrap_err()), "this material is of quantity brdf, expected a phase function");
     assert_eq!(
         refused(surface.spectrum().unwrap_err()),
-        "this brdf has incoming and outgoing directions, expected no directions"
+        "directions of this brdf: found incoming and outgoing directions, expected no directions"
     );
     let lamp = material(Quantity::Edf, vec![triangles(Domain::Sphere, 1), wavelengths()]);
     assert_eq!(refused(lamp.bsdf().unwrap_err()), "this material is of quantity edf, expected a brdf, btdf or bsdf");
     let table = material(Quantity::Reflectance, vec![triangles(Domain::Hemisphere, 1), wavelengths()]);
     assert_eq!(
         refused(table.spectrum().unwrap_err()),
-        "this reflectance has incoming directions alone, expected no directions"
+        "directions of this reflectance: found incoming directions alone, expected no directions"
     );
     let several = material(
         Quantity::Edf,
         vec![Axis::Index { count: 3, labels: Vec::new() }, triangles(Domain::Sphere, 1), Axis::Rgb],
     );
-    assert_eq!(refused(several.emitter().unwrap_err()), "0 indices, expected 1: one for each index axis");
+    assert_eq!(
+        refused(several.emitter().unwrap_err()),
+        "0 indices, expected 1: one for each axis before the directions and the wavelength"
+    );
     let numbers = vec![1];
     let second = several.emitter_at(&numbers).unwrap();
     drop(numbers);

@@ -8,14 +8,15 @@ use crate::evaluate::{Beyond, Chosen, Interpolation, Material, Place, SampleOpti
 
 const HOW: Interpolation = Interpolation::Smooth;
 
-/// Material of a suitable quantity with suitable directions, and an entry of its index axes.
+/// Material that is to be queried as a surface, medium, light source or spectrum and has the quantity and directions
+/// for that, with the selected entry of its index axes (axes of numbered entries).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View<'a> {
     material: &'a Material,
     index: Index,
 }
 
-/// Entry of the index axes: one number per axis.
+/// Selected entry of the index axes (axes of numbered entries): one number per index axis.
 #[derive(Clone, Copy, Debug)]
 struct Index {
     numbers: [usize; MAX_AXES],
@@ -23,7 +24,7 @@ struct Index {
 }
 
 impl Index {
-    /// Copies `index`, which has at most [`MAX_AXES`] numbers.
+    /// Copies the position of the selected entry: one number for each axis of numbered entries, at most [`MAX_AXES`].
     fn new(index: &[usize]) -> Self {
         let mut numbers = [0; MAX_AXES];
         numbers[..index.len()].copy_from_slice(index);
@@ -35,7 +36,7 @@ impl Index {
     }
 }
 
-/// Quantities and directions required by a role.
+/// Radiometric quantities and directions that a view of a material needs.
 pub(super) struct Needs {
     pub(super) quantities: &'static [Quantity],
     pub(super) named: &'static str,
@@ -78,6 +79,8 @@ impl<'a> View<'a> {
         out
     }
 
+    /// Writes the spectrum at an incoming and an outgoing direction to `out`; zeros where the material has none.
+    ///
     /// # Panics
     /// If the length of `out` is not that of a spectrum.
     pub(super) fn eval_into(&self, wi: Option<Direction>, wo: Option<Direction>, out: &mut [f32]) {
@@ -116,7 +119,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// View at chosen wavelengths.
+/// View of a material at chosen wavelengths.
 #[derive(Clone, Debug)]
 pub(super) struct ViewAt<'a, const N: usize> {
     view: View<'a>,
@@ -146,12 +149,12 @@ impl<const N: usize> ViewAt<'_, N> {
     }
 }
 
-/// Returns the first `N` values.
+/// Returns the first `N` values of an array.
 fn first<const N: usize>(values: [f32; Chosen::MOST]) -> [f32; N] {
     std::array::from_fn(|i| values[i])
 }
 
-/// Clamps a point to the unit square; NaN becomes 0.
+/// Clamps the coordinates of a point to the unit square; NaN becomes 0.
 fn in_square(u: [f64; 2]) -> [f64; 2] {
     u.map(|u| if u.is_nan() { 0.0 } else { u.clamp(0.0, 1.0) })
 }

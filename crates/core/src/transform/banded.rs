@@ -1,28 +1,32 @@
 //! Sparse square matrices whose inner rows repeat with period two: one level of a filter bank on n samples.
 
-/// n × n matrix. Rows `head..tail` repeat with period two relative to the diagonal; the others are stored explicitly.
+/// Sparse n × n matrix. Rows `head..tail` repeat with period two, shifted along the diagonal; all other rows are stored
+/// explicitly.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Banded {
     n: usize,
     head: usize,
     tail: usize,
-    /// Inner even and odd rows as pairs of (column − row, weight).
+    /// Nonzero entries of the matrix rows far from its ends, where all even rows are alike, and all odd rows. Each
+    /// entry is a pair (column − row, weight).
     stencils: [Vec<(i64, f64)>; 2],
-    /// Rows `0..head`, then `tail..n`, as pairs of (column, weight).
+    /// Nonzero entries of the first and of the last rows of the matrix, which do not repeat with a period: first rows,
+    /// then last rows. Each entry is a pair (column, weight).
     edges: Vec<Vec<(usize, f64)>>,
 }
 
-/// One row of a matrix.
+/// One row of a sparse matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Row<'a> {
-    /// Columns and weights.
+    /// Row near the top or bottom of the matrix, where rows do not repeat with a period: pairs of column and weight.
     Edge(&'a [(usize, f64)]),
-    /// Columns relative to the row, and weights.
+    /// Row far from the top and bottom of the matrix, where every second row has the same weights, shifted along the
+    /// diagonal: index of the row, and pairs of (column − row, weight).
     Inner(usize, &'a [(i64, f64)]),
 }
 
 impl Row<'_> {
-    /// Columns and weights.
+    /// Returns the entries of a matrix row as pairs of column and weight.
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let edge = if let Row::Edge(edge) = *self { edge } else { &[] };
         let (row, inner) = if let Row::Inner(row, inner) = *self { (row as i64, inner) } else { (0, [].as_slice()) };
@@ -31,8 +35,8 @@ impl Row<'_> {
 }
 
 impl Banded {
-    /// Creates the matrix with the given inner rows between `head` and `tail` and `edge(row)` elsewhere. If inner rows
-    /// would leave the matrix, `head` is raised and `tail` lowered.
+    /// Creates a sparse matrix with the given repeating rows between `head` and `tail` and the row `edge(row)`
+    /// elsewhere. Rows whose repeated pattern would leave the matrix become explicit rows.
     pub(super) fn new(
         n: usize,
         (head, tail): (usize, usize),
@@ -47,7 +51,7 @@ impl Banded {
         Self { n, head, tail, stencils, edges }
     }
 
-    /// Returns the number of rows, which is that of columns.
+    /// Returns the number of rows of the matrix, which equals that of its columns.
     pub(super) fn len(&self) -> usize {
         self.n
     }
@@ -106,7 +110,7 @@ fn reach(stencils: &[Vec<(i64, f64)>; 2]) -> (i64, i64) {
     (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0))
 }
 
-/// Vector that is zero outside a range.
+/// Vector that is stored only within a range of indices and is zero outside of it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window {
     pub(super) first: usize,
@@ -122,12 +126,13 @@ impl Window {
         (self.first..).zip(self.values.iter().copied())
     }
 
-    /// Returns the nonzero entries as (index, value).
+    /// Returns the nonzero entries of the vector as (index, value).
     pub(super) fn entries(&self) -> Vec<(u32, f64)> {
         self.iter().filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Returns `Σ vector[j] · matrix row (place(j))`, and true if only inner rows were used.
+    /// Returns the linear combination of matrix rows `Σ vector[j] · row(place(j))`, and true if no row near an end of
+    /// the matrix entered it. Rows near the ends do not repeat like the others.
     pub(super) fn through(&self, matrix: &Banded, place: impl Fn(usize) -> usize) -> (Self, bool) {
         let mut inner = true;
         let (mut first, mut last) = (usize::MAX, 0);
@@ -155,7 +160,7 @@ impl Window {
         (Self { first, values }, inner)
     }
 
-    /// Returns `self + factor · other`.
+    /// Returns the vector `self + factor · other`.
     pub(super) fn plus(&self, factor: f64, other: &Self) -> Self {
         if self.values.is_empty() {
             return Self { first: other.first, values: other.values.iter().map(|x| factor * x).collect() };
@@ -175,7 +180,7 @@ impl Window {
         Self { first, values }
     }
 
-    /// Drops entries of magnitude up to `least` at both ends.
+    /// Drops leading and trailing entries of magnitude up to `least` from the vector.
     pub(super) fn trimmed(mut self, least: f64) -> Self {
         let keep = |x: &f64| x.abs() > least;
         let end = self.values.iter().rposition(keep).map_or(0, |i| i + 1);

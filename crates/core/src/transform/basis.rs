@@ -4,39 +4,39 @@ use super::basis_info::{BasisInfo, Space};
 use super::boundary::Boundary;
 use super::lines::LineBasis;
 
-/// Weights of triangles in the inner product.
+/// Weights of the triangles in the inner product of functions on the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Weights {
-    /// Each triangle is weighted by its solid angle.
+    /// In the inner product of functions on the sphere, each triangle is weighted by its solid angle.
     Area,
-    /// All triangles have equal weights.
+    /// In the inner product of functions on the sphere, all triangles have equal weights.
     Count,
 }
 
-/// Basis on the triangles of the sphere, which maps the four children of a parent to one smooth value and three
-/// details.
+/// Wavelet basis on a hierarchy of triangles on the sphere. It maps the values of the four children of a triangle to
+/// one smooth value and three details.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SphereBasis {
-    /// Bio-Haar (Schröder & Sweldens 1995, section 4, without lifting to neighbours). The parent is the area-weighted
-    /// mean of the children; the details are children 1, 2, 3 minus the parent, which determine child 0. Smooth
-    /// coefficients are means.
+    /// Bio-Haar basis (Schröder & Sweldens 1995, section 4, without lifting to neighbours). A parent is the
+    /// area-weighted mean of its four children; the details are children 1, 2, 3 minus the parent, which determine
+    /// child 0. Smooth coefficients are means.
     BioHaar,
-    /// Symmetric orthonormal Haar: the Householder reflection that maps √(w / Σw) to the first unit vector. The
-    /// transform is orthonormal in the inner product `Σ w·f·g` of its weights, so that every synthesis function has
+    /// Symmetric orthonormal Haar basis: the Householder reflection that maps √(w / Σw) of the children's weights w to
+    /// the first unit vector. It is orthonormal in the inner product `Σ w·f·g`, so that every synthesis function has
     /// norm 1. With `Area` a leaf enters as √area·value, with `Count` as the value itself.
     Orthonormal(Weights),
 }
 
-/// Transform of one axis.
+/// Wavelet transform applied along one axis of a tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisTransform {
-    /// No transform.
+    /// No transform: samples are their own coefficients.
     Identity,
-    /// Wavelet transform along a line.
+    /// Wavelet transform along an ordered axis.
     Line {
-        /// Wavelet basis.
+        /// Wavelet basis of the transform.
         basis: LineBasis,
-        /// Boundary rule at both ends.
+        /// Boundary rule at both ends of the axis.
         boundary: Boundary,
     },
     /// Wavelet transform on the triangles of the sphere.
@@ -88,11 +88,11 @@ static KLT: BasisInfo = BasisInfo {
 };
 
 impl SphereBasis {
-    /// All bases on the sphere.
+    /// All wavelet bases on the triangles of the sphere.
     pub const ALL: &'static [Self] =
         &[Self::BioHaar, Self::Orthonormal(Weights::Area), Self::Orthonormal(Weights::Count)];
 
-    /// Returns the description of the basis.
+    /// Returns the description of the wavelet basis.
     pub fn info(self) -> &'static BasisInfo {
         match self {
             Self::BioHaar => &BIO_HAAR,
@@ -103,12 +103,12 @@ impl SphereBasis {
 }
 
 impl AxisTransform {
-    /// Returns the transform along a line in `basis` with its default boundary rule.
+    /// Returns the transform along an ordered axis in `basis`, with the default boundary rule of the basis.
     pub fn line(basis: LineBasis) -> Self {
         Self::Line { basis, boundary: basis.boundary() }
     }
 
-    /// Returns the name of the basis, or `identity`.
+    /// Returns the name of the wavelet basis, or `identity`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Identity => "identity",
@@ -118,8 +118,8 @@ impl AxisTransform {
     }
 }
 
-/// Returns the descriptions of all bases: wavelets on lines, the Karhunen-Loève basis of the data, and those on the
-/// sphere.
+/// Returns the descriptions of all bases: wavelets on ordered axes, the Karhunen-Loève basis of the data, and wavelets
+/// on the sphere.
 pub fn bases() -> Vec<BasisInfo> {
     let lines = LineBasis::all().map(|basis| basis.info().clone());
     lines.chain([KLT.clone()]).chain(SphereBasis::ALL.iter().map(|basis| basis.info().clone())).collect()

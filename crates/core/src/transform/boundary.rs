@@ -2,8 +2,8 @@
 
 use crate::domain::named;
 
-/// Boundary rule at both ends of a line. Under every rule, a level of n samples has exactly n coefficients (⌈n/2⌉
-/// smooth ones and ⌊n/2⌋ details) at every n. It is inverted exactly, without padding.
+/// Boundary rule of a wavelet transform at both ends of an axis. Under every rule, one level of n samples gives exactly
+/// n coefficients: ⌈n/2⌉ smooth ones and ⌊n/2⌋ details. It is inverted exactly, without padding.
 ///
 /// * **Symmetric filters under the extension of their own symmetry** (whole-sample for odd, half-sample for even filter
 ///   lengths) are critically sampled by the extension itself (Brislawn 1996, *Classification of nonexpansive symmetric
@@ -17,17 +17,17 @@ use crate::domain::named;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Boundary {
-    /// `x[n + i] = x[i]`. A level of odd length cannot be both periodic and critically sampled. From the first odd
-    /// length on, the default rule of the basis ([`super::LineBasis::boundary`]) takes over.
+    /// Periodic extension, `x[n + i] = x[i]`. It has no critically sampled form at odd lengths. From the first level of
+    /// odd length on, the default rule of the basis ([`super::LineBasis::boundary`]) takes over.
     Periodic,
-    /// Mirrored between samples: `x[−1] = x[0]`.
+    /// Symmetric extension about a point between two samples: `x[−1] = x[0]`.
     HalfSample,
-    /// Mirrored at samples: `x[−1] = x[1]`.
+    /// Symmetric extension about a sample: `x[−1] = x[1]`.
     WholeSample,
-    /// Samples beyond the ends are 0: filters are truncated there.
+    /// Samples beyond the ends count as 0, so that filters are truncated there.
     Zero,
     /// Special filters at the ends, which preserve polynomials. Details of polynomials vanish up to the ends and at all
-    /// levels, for degrees below both 4 and the number of vanishing moments of the basis.
+    /// levels, for degrees below 4 and below the number of vanishing moments of the basis.
     Fitted,
 }
 named!(Boundary, "boundary rule", {
@@ -38,7 +38,8 @@ named!(Boundary, "boundary rule", {
     Fitted = "fitted",
 });
 
-/// Returns the index of the sample to which sample `i` of the extension of n samples is equal.
+/// Maps index `i`, which may lie outside of n samples, to the sample inside that a periodic or symmetric extension
+/// repeats there.
 pub(super) fn folded(i: i64, n: usize, rule: Boundary) -> usize {
     let n = n as i64;
     let folded = match rule {

@@ -21,25 +21,28 @@ use crate::numeric::dense::{dot, norm, reduce, scale};
 use crate::numeric::orthogonal::{take_away, take_one_away};
 use std::ops::Range;
 
-/// Rows of one level that are not inner filters.
+/// Special filters of one wavelet level near the ends of the signal.
 #[derive(Debug)]
 pub(super) struct Ends {
-    /// Range of coefficients (in both channels) that use the unmodified filters.
+    /// Range of coefficient positions, in the low-pass and in the high-pass channel, that use the unmodified filters.
     pub(super) inner: Range<usize>,
-    /// Analysis rows: interleaved coefficient index, and weights over samples.
+    /// Analysis filters of the coefficients near the ends of the signal: interleaved index of the coefficient (2o for
+    /// smooth, 2o + 1 for detail o), and weights of the samples.
     pub(super) analysis: Vec<(usize, Window)>,
-    /// Synthesis functions: interleaved coefficient index, and values over samples.
+    /// Synthesis functions of the coefficients near the ends of the signal: interleaved index of the coefficient (2o
+    /// for smooth, 2o + 1 for detail o), and values at the samples.
     pub(super) synthesis: Vec<(usize, Window)>,
 }
 
-/// Properties of the smooth coefficients that enter a level, as needed for the ends.
+/// Description of the smooth coefficients that enter a wavelet level (number, and values for polynomial signals), from
+/// which the filters near the ends of the signal are computed.
 #[derive(Debug)]
 pub(super) struct Sequence {
     length: usize,
-    /// Number of coefficients at each end that were computed by special rows of earlier levels.
+    /// Number of smooth coefficients at each end of the signal that special filters of earlier levels produced.
     margins: [usize; 2],
-    /// Smooth coefficients of polynomials of degree 0, 1, 2, … (in a basis that is well-conditioned near that end), for
-    /// each end; computed on first use.
+    /// Smooth coefficients of polynomials of degree 0, 1, 2, … for each end of the signal (in a basis that is
+    /// well-conditioned near that end); computed on first use.
     polynomials: Option<[Vec<Vec<f64>>; 2]>,
 }
 
@@ -52,12 +55,14 @@ impl Sequence {
         self.length
     }
 
-    /// Advances past a level without special rows at the ends.
+    /// Changes the description of the smooth coefficients to those of the next coarser wavelet level, after a level
+    /// with the same filters up to both ends of the signal.
     pub(super) fn pass_regular(&mut self) {
         *self = Self::new(self.length.div_ceil(2));
     }
 
-    /// Advances past a level with special rows `ends`.
+    /// Changes the description of the smooth coefficients to those of the next coarser wavelet level, after a level
+    /// with the filters `ends` near the ends of the signal.
     fn pass(&mut self, low: &Taps, ends: &Ends, keeps: bool) {
         let n = self.length;
         let length = n.div_ceil(2);
@@ -81,7 +86,7 @@ impl Sequence {
 }
 
 /// Returns the samples of Legendre polynomials of degree below `count`, scaled to the first 64 of `n` samples and
-/// continued beyond; counted from the other end if `flip`.
+/// continued beyond. With `flip` they count from the last sample.
 fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
     let scale = n.min(64) as f64;
     let t = |i: usize| {
@@ -102,8 +107,10 @@ fn polynomials(n: usize, count: usize, flip: bool) -> Vec<Vec<f64>> {
     all
 }
 
-/// Computes the special rows of one level that preserve polynomials of degree below `kept`, and advances `sequence` to
-/// the next level.
+/// Computes filters for the ends of the signal, where the ordinary filters of a wavelet level reach beyond it. They
+/// preserve polynomials of degree below `kept`.
+///
+/// Changes `sequence`, the description of the level's input, to that of the next coarser level.
 pub(super) fn fitted(bank: &Bank, rule: Boundary, kept: usize, sequence: &mut Sequence) -> Ends {
     let n = sequence.length;
     let (lows, highs) = (n.div_ceil(2), n / 2);
@@ -144,10 +151,11 @@ pub(super) fn fitted(bank: &Bank, rule: Boundary, kept: usize, sequence: &mut Se
     ends
 }
 
-/// One end of a level, or an entire short level.
+/// Samples near one end of a wavelet level, or all samples of a short level, with the coefficients that need special
+/// filters.
 struct Side<'a> {
     columns: Range<usize>,
-    /// Smooth and detail coefficients that need special rows.
+    /// Positions of the smooth and of the detail coefficients that need special filters.
     slots: [Vec<usize>; 2],
     polynomials: &'a [Vec<f64>],
 }
@@ -187,7 +195,7 @@ impl Side<'_> {
         ends.analysis.extend(rows.into_iter().map(|(m, row)| (m, window(row))));
     }
 
-    /// Returns `count` orthonormal vectors that span the orthogonal complement of the inner filters `taps`.
+    /// Returns `count` orthonormal vectors that span the orthogonal complement of the unmodified filters `taps`.
     fn complement(&self, taps: &[Taps; 2], inner: &Range<usize>, count: usize) -> Vec<Vec<f64>> {
         let width = self.columns.len();
         let mut filters = Vec::new();
@@ -209,7 +217,8 @@ impl Side<'_> {
         greedy(units.collect(), &taken, count)
     }
 
-    /// Returns the truncated or folded filters of one channel that are not inner, with their coefficients.
+    /// Returns the low-pass or high-pass analysis filters that reach beyond an end of the signal, with the positions of
+    /// their coefficients. Taps beyond the end are dropped or mirrored, as the boundary rule says.
     fn cut_filters(&self, taps: &Taps, rule: Boundary, n: usize, inner: &Range<usize>) -> Vec<(i64, Vec<f64>)> {
         let (from, to) = match self.columns.start {
             0 if self.columns.len() == n => (-taps.last(), n as i64 - taps.first),
@@ -227,7 +236,7 @@ impl Side<'_> {
             .collect()
     }
 
-    /// Returns the filter of coefficient `o` on the columns of this side.
+    /// Returns the weights that the filter of coefficient `o` gives to the samples near one end of the signal.
     fn cut(&self, taps: &Taps, o: i64, place: impl Fn(i64) -> Option<usize>) -> Vec<f64> {
         let mut row = vec![0.0; self.columns.len()];
         for (k, w) in taps.iter() {
@@ -240,8 +249,8 @@ impl Side<'_> {
         row
     }
 
-    /// Rotates the orthonormal `rows` within their span so that each vector is as near as possible to the truncated
-    /// filter of its coefficient.
+    /// Rotates orthonormal filters near an end of the signal within their span, so that each is as near as possible to
+    /// the ordinary filter of its coefficient, cut off or mirrored at the end.
     fn placed(&self, rows: Vec<Vec<f64>>, channel: usize, cut: &[(i64, Vec<f64>)]) -> Vec<(usize, Vec<f64>)> {
         let slots = &self.slots[channel];
         let near: Vec<&(i64, Vec<f64>)> =
@@ -276,8 +285,12 @@ impl Side<'_> {
     }
 }
 
-/// Extends the orthonormal `rows`, orthogonal to `against`, to `count` vectors within the span of `free`: first from
-/// the candidates `cut`, the largest remainder first, then from the rest of the span.
+/// Extends a list of orthonormal filters near an end of the signal, `rows`, to `count` vectors within the span of
+/// `free`, all orthogonal to `against`.
+///
+/// Each step adds the candidate with the largest part outside the span of `against` and `rows`. The first candidates
+/// are `cut`, the ordinary filters cut off at the end of the signal, projected to the span of `free`; then come those
+/// in `free`.
 fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64>)], free: &[Vec<f64>], count: usize) {
     let remainder = |rows: &[Vec<f64>], vector: &[f64]| {
         let mut rest = vector.to_vec();
@@ -300,8 +313,8 @@ fn complete(rows: &mut Vec<Vec<f64>>, against: &[Vec<f64>], cut: &[(i64, Vec<f64
     rows.extend(greedy(free.to_vec(), &taken, missing));
 }
 
-/// Returns `count` orthonormal vectors from the span of `candidates`, orthogonal to `against`, the largest remainder
-/// first.
+/// Returns `count` orthonormal vectors from the span of `candidates`, all orthogonal to `against`. Each step takes the
+/// candidate with the largest part outside the span of `against` and of those taken before.
 fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<Vec<f64>> {
     let mut rest = candidates;
     for row in &mut rest {
@@ -320,7 +333,7 @@ fn greedy(candidates: Vec<Vec<f64>>, against: &[Vec<f64>], count: usize) -> Vec<
     chosen
 }
 
-/// Takes the vector of the largest norm out of `rest`, if that norm exceeds `least`.
+/// Returns the vector of largest norm in `rest` with its index, if that norm exceeds `least`.
 fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
     let mut best = (0, least);
     for (i, row) in rest.iter().enumerate() {
@@ -333,14 +346,14 @@ fn largest(rest: &mut [Vec<f64>], least: f64) -> Option<(usize, Vec<f64>)> {
     (size > least).then(|| (at, rest[at].clone()))
 }
 
-/// Orthogonalises `row` against `basis` to the last digit and normalises it.
+/// Makes the vector `row` orthogonal to `basis` to the last digit and normalises it.
 fn finish(row: &mut [f64], basis: &[Vec<f64>]) {
     scale(row, 1.0 / norm(row));
     take_away(row, basis);
     scale(row, 1.0 / norm(row));
 }
 
-/// Returns the functions in the span of `functions` that are dual to `rows`: `F·(R·F)⁻¹`.
+/// Returns the dual vectors of `rows` within the span of `functions`: `F·(R·F)⁻¹` for the functions F and the rows R.
 fn dual(rows: &[(usize, Vec<f64>)], functions: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let n = rows.len();
     // Augmented [R·F | 1]; column j of the inverse combines the functions into the dual of row j.

@@ -2,15 +2,15 @@
 
 use super::boundary::Boundary;
 
-/// Low-pass filters of a basis, over increasing samples.
+/// Low-pass filters of a wavelet basis; weights are listed by increasing sample index.
 ///
 /// For coefficient o, a filter of even length 2r covers samples 2o + 1 − r to 2o + r; one of odd length 2r + 1 covers
 /// 2o − r to 2o + r. PyWavelets' mode `periodization` uses the same positions.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Filters {
-    /// One filter for both analysis and synthesis.
+    /// One low-pass filter for both analysis and synthesis (orthogonal wavelets).
     Orthogonal(&'static [f64]),
-    /// Different filters for analysis and synthesis.
+    /// Different low-pass filters for analysis and synthesis (biorthogonal wavelets).
     Biorthogonal {
         /// Low-pass filter from samples to smooth coefficients.
         analysis: &'static [f64],
@@ -19,7 +19,7 @@ pub(super) enum Filters {
     },
 }
 
-/// Weights of one filter. For coefficient o, the first weight applies to sample 2o + `first`.
+/// Weights of one filter of a wavelet level. For coefficient o, the first weight applies to sample 2o + `first`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Taps {
     pub(super) first: i64,
@@ -27,37 +27,40 @@ pub(super) struct Taps {
 }
 
 impl Taps {
-    /// Returns the last sample relative to 2o.
+    /// Returns the offset k of the last sample 2o + k that the filter of coefficient o covers.
     pub(super) fn last(&self) -> i64 {
         self.first + self.weights.len() as i64 - 1
     }
 
-    /// Returns the weight of sample 2o + `k`.
+    /// Returns the filter weight of sample 2o + `k` in coefficient o.
     pub(super) fn at(&self, k: i64) -> f64 {
         usize::try_from(k - self.first).ok().and_then(|i| self.weights.get(i)).copied().unwrap_or(0.0)
     }
 
-    /// Returns all samples relative to 2o, with their weights.
+    /// Returns all pairs of offset k and weight of a filter, where the weight applies to sample 2o + k for coefficient
+    /// o.
     pub(super) fn iter(&self) -> impl Iterator<Item = (i64, f64)> + '_ {
         (self.first..).zip(self.weights.iter().copied())
     }
 }
 
-/// Analysis and synthesis filters of both channels, `[low, high]`.
+/// Two-channel filter bank: the analysis filters and the synthesis filters, each `[low-pass, high-pass]`.
 #[derive(Clone, Debug)]
 pub(super) struct Bank {
     pub(super) analysis: [Taps; 2],
     pub(super) synthesis: [Taps; 2],
-    /// Symmetric extension under which the filters are critically sampled; `None` if they are not symmetric.
+    /// Symmetric extension under which the filters give as many coefficients as samples; `None` if they are not
+    /// symmetric.
     pub(super) symmetry: Option<Boundary>,
-    /// True if analysis and synthesis use the same filters.
+    /// True if analysis and synthesis use one and the same filters.
     pub(super) orthogonal: bool,
-    /// Largest deviation of ⟨analysis, shifted synthesis⟩ from 1 or 0.
+    /// Error of perfect reconstruction: the largest deviation of an inner product of analysis and shifted synthesis
+    /// filter from its ideal value, 1 or 0.
     pub(super) error: f64,
 }
 
-/// Largest reconstruction error of a bank that is inverted by its own filters; for larger errors the inverse is
-/// computed numerically.
+/// Largest reconstruction error of a filter bank that is inverted by its own synthesis filters. For larger errors the
+/// inverse is computed numerically.
 pub(super) const PERFECT: f64 = 1e-9;
 
 impl Bank {
@@ -80,7 +83,8 @@ impl Bank {
         Self { analysis: [low, high], synthesis: [dual_low, dual_high], symmetry, orthogonal, error }
     }
 
-    /// Returns the first and last sample, relative to 2o, covered by any of the four filters.
+    /// Returns the range of samples that the four filters (low-pass and high-pass, analysis and synthesis) cover
+    /// together: first and last offset from sample 2o, for coefficient o of a level.
     pub(super) fn reach(&self) -> (i64, i64) {
         let taps = || self.analysis.iter().chain(&self.synthesis);
         let first = taps().map(|t| t.first).min().unwrap_or(0);
@@ -95,7 +99,7 @@ fn placed(filter: &[f64]) -> Taps {
     Taps { first, weights: filter.to_vec() }
 }
 
-/// Returns the high-pass filter `sign · (−1)^k · low[1 − k]`.
+/// Returns the high-pass filter with the weights `sign · (−1)^k · low[1 − k]`, derived from a low-pass filter.
 fn modulated(low: &Taps, sign: f64) -> Taps {
     let first = 1 - low.last();
     let weights = (first..=1 - low.first).map(|k| if k % 2 == 0 { sign } else { -sign } * low.at(1 - k)).collect();

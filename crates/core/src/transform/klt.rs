@@ -9,59 +9,64 @@ use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Largest length of a row for the full basis. The covariance of longer rows would take gigabytes and hours.
+/// Largest number of samples of a spectrum for the full Karhunen-Loève basis. The covariance of longer spectra would
+/// take gigabytes and hours.
 const MAX_KLT_LENGTH: usize = 1024;
 
-/// Number of extra vectors in subspace iteration, which speed up the convergence of the requested ones.
+/// Number of extra vectors in subspace iteration. More of them speed up the convergence of the requested vectors.
 const SPARE: usize = 8;
-/// Number of rounds of subspace iteration; `ITERATED` is the approximate number of rows used per round.
+/// Number of rounds of subspace iteration for the principal components of spectra. Raising it takes longer and makes
+/// them more exact.
 const ITERATIONS: usize = 3;
+/// Largest number of spectra used in each round of subspace iteration; of more, evenly spaced ones are taken. Raising
+/// it takes longer and represents the data better.
 const ITERATED: usize = 4096;
-/// Number of rows per partial sum; the partial sums are then added in order.
+/// Number of spectra per partial sum of the covariance; the partial sums are then added in order.
 const CHUNK: usize = 1024;
-/// Number of rows whose products are added in one pass over the matrix, one after the other.
+/// Number of spectra whose products are added to the covariance in one pass over the matrix, one after the other.
 const AT_ONCE: usize = 8;
-/// Number of entries of a row whose products are added in parallel (SIMD lanes).
+/// Number of samples of a spectrum whose products are added in parallel (SIMD lanes).
 const LANES: usize = 8;
 
-/// Mean row and directions of largest variance (principal components), as plain data.
+/// Karhunen-Loève basis (principal components) of equally long rows of data, such as spectra: their mean and the
+/// directions of largest variance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Klt {
-    /// Mean of the rows.
+    /// Mean of all rows of data, such as the mean of all spectra.
     pub mean: Vec<f64>,
-    /// Orthonormal vectors, each as long as the mean, by falling variance. The entry of largest magnitude of each is
-    /// positive.
+    /// Orthonormal basis vectors (principal components) by falling variance. The entry of largest magnitude of each
+    /// vector is positive.
     pub vectors: Vec<Vec<f64>>,
-    /// Variance along each vector: the mean square of its coefficient.
+    /// Variance of the data along each basis vector: the mean square of its coefficient.
     pub variances: Vec<f64>,
 }
 
-/// Reasons why rows have no basis.
+/// Reasons why no Karhunen-Loève basis can be computed from rows of data.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KltError {
-    /// The samples are not whole rows, or there are none.
-    #[error("{samples} samples in rows of {length}, expected at least one whole row")]
+    /// The number of samples is 0 or not a multiple of the row length.
+    #[error("found {samples} samples in rows of {length}, expected one or more whole rows")]
     Shape {
-        /// Number of samples.
+        /// Number of samples in all rows of data, whose principal components were to be computed.
         samples: usize,
-        /// Length of a row.
+        /// Number of samples in each row of data, such as a spectrum.
         length: usize,
     },
-    /// The rows are too long; contains their length.
-    #[error("rows of {0} entries, expected at most {MAX_KLT_LENGTH}")]
+    /// The rows of data have too many samples; contains the number of samples per row.
+    #[error("rows of {0} samples, expected at most {MAX_KLT_LENGTH} samples for a Karhunen-Loève basis")]
     Length(usize),
-    /// A sample is masked (NaN) or infinite.
-    #[error("entry {entry} of row {row} is not a finite number: fill masked samples first")]
+    /// A sample of the data is masked (NaN) or infinite.
+    #[error("sample {entry} of row {row} is not a finite number: fill masked samples first")]
     NotFinite {
-        /// Row of the sample, from 0.
+        /// Index, from 0, of the row of data (such as a spectrum) that contains the masked or infinite sample.
         row: usize,
-        /// Position in the row, from 0.
+        /// Position of the sample within its row, from 0.
         entry: usize,
     },
 }
 
 impl Klt {
-    /// Computes the basis of rows of `length` samples, with equal weights.
+    /// Computes the Karhunen-Loève basis of rows of `length` samples, with equal weights of the rows.
     pub fn of(rows: &[f32], length: usize) -> Result<Self, KltError> {
         if length > MAX_KLT_LENGTH {
             return Err(KltError::Length(length));
@@ -95,9 +100,9 @@ impl Klt {
         Ok(Self { mean, vectors, variances })
     }
 
-    /// Computes the first `rank` vectors for rows of any length, by subspace iteration (Golub & Van Loan, section
-    /// 8.2.4) that starts from rows of the data. The result is exact if the rows have no higher rank, and close if the
-    /// later variances are small.
+    /// Computes the first `rank` vectors of the Karhunen-Loève basis for rows of any length. It uses subspace iteration
+    /// (Golub & Van Loan, section 8.2.4) that starts from rows of the data. The result is exact if the rows have no
+    /// higher rank, and close if the later variances are small.
     pub fn leading(rows: &[f32], length: usize, rank: usize) -> Result<Self, KltError> {
         let mean = mean_of(rows, length)?;
         let count = rows.len() / length;
@@ -146,23 +151,23 @@ impl Klt {
         Ok(klt)
     }
 
-    /// Returns the number of entries of a row.
+    /// Returns the number of samples of a row of data.
     pub fn length(&self) -> usize {
         self.mean.len()
     }
 
-    /// Returns the number of coefficients of a row.
+    /// Returns the number of coefficients of a row of data, which is the number of basis vectors.
     pub fn rank(&self) -> usize {
         self.vectors.len()
     }
 
-    /// Keeps only the first `rank` vectors, the choice of smallest mean square error.
+    /// Keeps only the first `rank` basis vectors, the choice of smallest mean square error.
     pub fn truncate(&mut self, rank: usize) {
         self.vectors.truncate(rank);
         self.variances.truncate(rank);
     }
 
-    /// Returns the fraction of the variance, 0..1, lost if only the first `rank` vectors are kept.
+    /// Returns the fraction of the total variance, 0..=1, that is lost if only the first `rank` basis vectors are kept.
     pub fn lost(&self, rank: usize) -> f64 {
         let total: f64 = self.variances.iter().sum();
         let lost: f64 = self.variances.iter().skip(rank).sum();
@@ -196,7 +201,7 @@ impl Klt {
         coefficients
     }
 
-    /// Transforms rows of [`Klt::rank`] coefficients to rows of [`Klt::length`] samples.
+    /// Transforms rows of [`Klt::rank`] coefficients back to rows of [`Klt::length`] samples.
     ///
     /// # Panics
     /// If `coefficients` does not consist of whole rows.
@@ -219,8 +224,8 @@ impl Klt {
     }
 }
 
-/// Adds (row − mean)ᵀ (row − mean) of every row, in order, to the lower triangle of a matrix whose rows are padded to
-/// whole lanes. Entries above the diagonal are undefined.
+/// Adds the outer product (row − mean)ᵀ (row − mean) of every row of data, in order, to the lower triangle of a matrix.
+/// Matrix rows are padded to whole SIMD lanes; entries above the diagonal are undefined.
 fn add_products(rows: &[f32], mean: &[f64], sum: &mut [f64]) {
     let n = mean.len();
     let width = n.next_multiple_of(LANES);
@@ -246,7 +251,8 @@ fn add_products(rows: &[f32], mean: &[f64], sum: &mut [f64]) {
     }
 }
 
-/// Adds the products of `ROWS` centred rows, each padded to `lanes` groups of [`LANES`] entries.
+/// Adds the outer products of `ROWS` rows of data minus their mean to a covariance matrix. Each row is padded to
+/// `lanes` groups of [`LANES`] entries.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn add_products_of<const ROWS: usize>(centred: &[[f64; LANES]], lanes: usize, sum: &mut [[f64; LANES]]) {
@@ -264,8 +270,8 @@ fn add_products_of<const ROWS: usize>(centred: &[[f64; LANES]], lanes: usize, su
     }
 }
 
-/// Sums over rows: chunks of fixed size in parallel, whose sums are then added in order. `add` adds the rows of a chunk
-/// in order.
+/// Sums a function over the rows of data: chunks of fixed size in parallel, whose sums are then added in order. `add`
+/// adds the rows of a chunk in order.
 fn sums(rows: &[f32], length: usize, size: usize, add: impl Fn(&[f32], &mut [f64]) + Sync) -> Vec<f64> {
     let mut total = vec![0.0; size];
     // A few chunks at a time, to bound the memory of their sums.
@@ -321,7 +327,7 @@ fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     ((0..n).map(|i| a[i * n + i]).collect(), vectors)
 }
 
-/// Returns the mean row; fails unless `rows` consists of whole rows of finite numbers.
+/// Returns the mean of the rows of data; fails unless `rows` consists of whole rows of finite numbers.
 fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
         return Err(KltError::Shape { samples: rows.len(), length });
@@ -346,12 +352,13 @@ fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     Ok(mean)
 }
 
-/// Returns true if a vector, after orthogonalisation to those before it, is more than rounding error.
+/// Returns true if a vector is linearly independent of earlier vectors: orthogonalisation must leave more than rounding
+/// error.
 fn is_independent(squares: Squares) -> bool {
     squares.after.sqrt() > 1e-9 * squares.before.sqrt()
 }
 
-/// Returns the covariance of `rows` times each vector, up to a common factor.
+/// Returns the covariance matrix of `rows` times each vector, up to a common factor.
 fn covariance_times(rows: &[f32], mean: &[f64], vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let (n, k) = (mean.len(), vectors.len());
     let mut columns = vec![0.0; n * k];
@@ -392,7 +399,7 @@ fn rotate(p: &mut [f64], q: &mut [f64], c: f64, s: f64) {
 mod tests {
     use super::*;
 
-    /// Returns rows of rank three plus little noise.
+    /// Returns test rows that are linear combinations of three functions plus little noise.
     fn rows(count: usize, n: usize) -> Vec<f32> {
         let mut state = 7_u32;
         let mut noise = || {

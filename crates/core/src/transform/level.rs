@@ -11,19 +11,19 @@ use super::boundary::{Boundary, folded};
 use super::ends::{Ends, Sequence, fitted};
 use super::filters::{Bank, PERFECT, Taps};
 
-/// Four matrices of a level.
+/// Matrices of one wavelet level: analysis, synthesis and their transposes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Level {
-    /// Row m: the weights of the samples in coefficient m.
+    /// Analysis matrix: row m contains the weights of the samples in coefficient m.
     pub(super) analysis: Banded,
     pub(super) analysis_transposed: Banded,
-    /// Row i: the weights of the coefficients in sample i.
+    /// Synthesis matrix: row i contains the weights of the coefficients in sample i.
     pub(super) synthesis: Banded,
-    /// Row m: the synthesis function of coefficient m.
+    /// Transposed synthesis matrix: row m contains the synthesis function of coefficient m.
     pub(super) synthesis_transposed: Banded,
 }
 
-/// Computes all levels of a line of `n` samples, finest first, but at most `limit`.
+/// Computes the matrices of all wavelet levels of a signal of `n` samples, finest first, but at most `limit` levels.
 pub(super) fn levels(
     bank: &Bank,
     own: Boundary,
@@ -57,8 +57,8 @@ pub(super) fn levels(
     levels
 }
 
-/// Computes all levels of the unbalanced Haar transform (Girardi & Sweldens 1997), in which a coefficient of w samples
-/// is √w times their mean. These are fitted ends with independent pairs.
+/// Computes the matrices of all levels of the unbalanced Haar transform (Girardi & Sweldens 1997), in which a smooth
+/// coefficient of w samples is √w times their mean.
 pub(super) fn unbalanced(length: usize, limit: u32) -> Vec<Level> {
     let mut levels = Vec::new();
     let (mut n, mut stride) = (length, 1);
@@ -92,7 +92,8 @@ pub(super) fn unbalanced(length: usize, limit: u32) -> Vec<Level> {
     levels
 }
 
-/// Returns `(α, β)` of the pair at this stride whose left coefficient lies at sample `left`.
+/// Returns the weights `(α, β)` of the Haar reflection of two values `stride` samples apart, the left one of which lies
+/// at sample `left`.
 pub(super) fn pair_weights(left: usize, stride: usize, length: usize) -> (f64, f64) {
     let right_count = stride.min(length - left - stride);
     let total = (stride + right_count) as f64;
@@ -100,7 +101,8 @@ pub(super) fn pair_weights(left: usize, stride: usize, length: usize) -> (f64, f
 }
 
 impl Level {
-    /// Computes a level under periodic extension, or under the symmetric extension that suits the filters.
+    /// Computes the analysis and synthesis matrices of one wavelet level for a signal that is continued beyond its
+    /// ends: periodically, or by the symmetric extension that suits the filters.
     fn extended(bank: &Bank, rule: Boundary, n: usize) -> Self {
         let analysis = {
             let edge = |m: usize| {
@@ -130,7 +132,8 @@ impl Level {
         Self::of(analysis, synthesis.transposed(), synthesis, bank)
     }
 
-    /// Computes a level with unmodified inner filters and special rows `ends`.
+    /// Computes the analysis and synthesis matrices of one wavelet level with unmodified filters inside the signal and
+    /// the special filters `ends` near its ends.
     fn completed(bank: &Bank, ends: &Ends, n: usize) -> Self {
         let inner = (2 * ends.inner.start, 2 * ends.inner.end);
         let pick = |rows: &[(usize, Window)], m: usize| -> Vec<(usize, f64)> {
@@ -163,7 +166,7 @@ impl Level {
     }
 }
 
-/// Computes the transposed inverse of `analysis` by refining the approximation `dual`.
+/// Computes the transposed inverse of the matrix `analysis` by iterative refinement of the approximation `dual`.
 fn inverted(analysis: &Banded, dual: &Banded) -> Banded {
     let n = analysis.len();
     let transposed = analysis.transposed();
@@ -227,7 +230,8 @@ fn inverted(analysis: &Banded, dual: &Banded) -> Banded {
     Banded::new(n, (start, end), stencils, edge)
 }
 
-/// Returns the inner rows of coefficients over samples.
+/// Returns the repeating rows of an analysis matrix (weights of samples in coefficients), as pairs of (column − row,
+/// weight).
 fn rows(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     let relative = |parity: usize| {
         let entries = taps[parity].iter().map(|(k, w)| (k - parity as i64, w));
@@ -236,7 +240,8 @@ fn rows(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     [relative(0), relative(1)]
 }
 
-/// Returns the inner rows of samples over coefficients.
+/// Returns the repeating rows of a synthesis matrix (weights of coefficients in samples), as pairs of (column − row,
+/// weight).
 fn columns(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     let mut stencils = [Vec::new(), Vec::new()];
     for (parity, taps) in taps.iter().enumerate() {
@@ -251,7 +256,9 @@ fn columns(taps: &[Taps; 2]) -> [Vec<(i64, f64)>; 2] {
     stencils
 }
 
-/// Returns the interleaved index and sign of coefficient `o` of one channel of the extension; `None` if it is zero.
+/// Returns the position and sign of the stored wavelet coefficient that equals coefficient `o` of the signal as
+/// extended beyond its ends; `None` if that is 0. Smooth and detail coefficients (`parity` 0 and 1) alternate in
+/// storage.
 fn coefficient(o: i64, parity: usize, n: usize, rule: Boundary) -> Option<(usize, f64)> {
     let at = 2 * o + parity as i64;
     match rule {
@@ -271,7 +278,7 @@ fn coefficient(o: i64, parity: usize, n: usize, rule: Boundary) -> Option<(usize
     }
 }
 
-/// Sums entries of the same column, in the order of columns.
+/// Sums matrix entries of the same column and returns the sums by rising column.
 fn gathered(entries: impl Iterator<Item = (usize, f64)>) -> Vec<(usize, f64)> {
     let mut entries: Vec<_> = entries.collect();
     entries.sort_by_key(|&(column, _)| column);

@@ -11,7 +11,7 @@ use super::level::{self, Level, pair_weights};
 use super::lines::{Lifting, LineBasis, Parity, Scheme};
 use super::rows::{Pass, axpy, axpy2, combine, reflect, scale};
 
-/// Transform of a line, with its levels, finest first.
+/// Wavelet transform along an ordered axis: the matrices of its levels, finest first.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LinePlan {
     length: usize,
@@ -20,7 +20,7 @@ pub(super) struct LinePlan {
     levels: Vec<Level>,
 }
 
-/// Returns the number of levels after which a line of `n` samples has one smooth coefficient.
+/// Returns the number of wavelet levels after which a signal of `n` samples has one smooth coefficient.
 pub(super) fn levels(n: usize) -> u32 {
     n.next_power_of_two().trailing_zeros()
 }
@@ -35,7 +35,7 @@ impl LinePlan {
         Self { length, basis, boundary, levels }
     }
 
-    /// Returns the number of levels of the transform.
+    /// Returns the number of levels of the wavelet transform.
     pub(super) fn depth(&self) -> u32 {
         self.levels.len() as u32
     }
@@ -45,7 +45,8 @@ impl LinePlan {
         &self.levels
     }
 
-    /// Applies one pass to the rows of a line.
+    /// Applies the wavelet transform, its inverse or a transpose along an axis, in place; `rows` has one row per entry
+    /// of the axis.
     pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
         let mut scratch = Vec::new();
         match pass {
@@ -79,17 +80,17 @@ impl LinePlan {
         }
     }
 
-    /// Returns the synthesis function of coefficient `index`, and true if the ends do not affect it.
+    /// Returns the synthesis function of coefficient `index`, and true if the ends of the axis do not affect it.
     pub(super) fn footprint(&self, index: usize) -> (Window, bool) {
         self.descend(index, |level| &level.synthesis_transposed)
     }
 
-    /// Returns the weight of each sample in coefficient `index`.
+    /// Returns the weight of each sample in wavelet coefficient `index`.
     pub(super) fn analysis_row(&self, index: usize) -> Window {
         self.descend(index, |level| &level.analysis).0
     }
 
-    /// Returns the weight of each coefficient in sample `index`.
+    /// Returns the weight of each wavelet coefficient in sample `index`.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::new();
         let mut smooth = Window::unit(index);
@@ -120,7 +121,7 @@ impl LinePlan {
         (window, inner)
     }
 
-    /// Returns the norms of the synthesis functions of all indices, with equal weights of the samples.
+    /// Returns the L2 norms of all synthesis functions, with equal weights of the samples.
     pub(super) fn norms(&self) -> Vec<f64> {
         let n = self.length;
         let orthogonal = self.basis.info().orthogonal
@@ -163,7 +164,7 @@ impl LinePlan {
     }
 }
 
-/// Multiplies the rows at a stride by `matrix`.
+/// Multiplies every `stride`-th row, taken together as a vector, by `matrix`.
 fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut Vec<f32>) {
     let width = rows.first().map_or(0, |row| row.len());
     scratch.resize(matrix.len() * width, 0.0);
@@ -181,8 +182,9 @@ fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut 
     }
 }
 
-/// Applies unbalanced Haar to all pairs at a stride. The last value of an odd level has no partner and passes
-/// unchanged. Only the last pair can represent unequal numbers of samples.
+/// Applies one level of the unbalanced Haar transform to all pairs of values `stride` samples apart. The last value of
+/// a level of odd length has no partner and passes unchanged. Only the last pair can represent unequal numbers of
+/// samples.
 fn pairs(rows: &mut [&mut [f32]], stride: usize) {
     let n = rows.len();
     for left in (0..n).step_by(2 * stride) {
@@ -233,13 +235,14 @@ fn scale_both(rows: &mut [&mut [f32]], stride: usize, low: f32, high: f32) {
     }
 }
 
-/// Returns the samples of one parity at a stride with their left and right neighbours, `None` beyond the ends.
+/// Returns the even or the odd positions of a wavelet level (multiples of `stride`) with their left and right
+/// neighbours, `None` beyond the ends.
 fn places(n: usize, stride: usize, parity: Parity) -> impl Iterator<Item = (Option<usize>, usize, Option<usize>)> {
     let first = if parity == Parity::Even { 0 } else { stride };
     (first..n).step_by(2 * stride).map(move |i| (i.checked_sub(stride), i, Some(i + stride).filter(|&r| r < n)))
 }
 
-/// Adds `c` times the sum of its neighbours to each sample of `parity`.
+/// Applies one lifting step: adds `c` times the sum of both neighbours to each even (or each odd) sample.
 fn gather(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     for (left, i, right) in places(rows.len(), stride, parity) {
         let (before, rest) = rows.split_at_mut(i);
@@ -253,7 +256,8 @@ fn gather(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     }
 }
 
-/// Adds `c` times each sample of `parity` to its neighbours: the transpose of [`gather`].
+/// Applies a transposed lifting step: adds `c` times each even (or each odd) sample to both its neighbours. It is the
+/// transpose of [`gather`].
 fn scatter(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     for (left, i, right) in places(rows.len(), stride, parity) {
         let (before, rest) = rows.split_at_mut(i);

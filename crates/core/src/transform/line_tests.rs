@@ -8,7 +8,7 @@ use super::{AxisTransform, Boundary, LineBasis, Plan, lines};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// Returns the tolerance that the published digits of a table allow.
+/// Returns the tolerance that the number of published digits of a filter table allows.
 fn tolerance(basis: LineBasis) -> f64 {
     match basis.name() {
         "brislawn10.10" => 5e-8,
@@ -19,7 +19,8 @@ fn tolerance(basis: LineBasis) -> f64 {
     }
 }
 
-/// Returns Σ (−1)^k · (2k / length)^power · low[k], which is 0 if this moment of the opposite wavelet vanishes.
+/// Returns |Σ (−1)^k · (2k / length)^power · h[k]| for a synthesis low-pass filter h of `length` taps. It is 0 if the
+/// analysis wavelet has a vanishing moment of order `power`.
 fn moment(low: &Taps, power: i32) -> f64 {
     let half = low.weights.len() as f64 / 2.0;
     let term = |(k, w): (i64, f64)| if k % 2 == 0 { w } else { -w } * (k as f64 / half).powi(power);
@@ -113,7 +114,7 @@ fn distinct() -> Vec<LineBasis> {
     LineBasis::distinct().collect()
 }
 
-/// Checks all identities of one plan.
+/// Checks all identities of the wavelet transform of one basis, boundary rule and length.
 fn check(basis: LineBasis, boundary: Boundary, n: usize) {
     let plan = LinePlan::new(n, basis, boundary, u32::MAX);
     let name = format!("{basis} {boundary} {n}");
@@ -154,7 +155,7 @@ fn check(basis: LineBasis, boundary: Boundary, n: usize) {
 }
 
 impl LinePlan {
-    /// Checks in f64 that analysis and synthesis of each level are inverse to each other.
+    /// Checks in f64 that analysis and synthesis matrices of each level are inverse to each other.
     fn check_levels(&self, name: &str) {
         for (k, level) in self.levels().iter().enumerate() {
             let n = level.analysis.len();
@@ -172,7 +173,7 @@ impl LinePlan {
         }
     }
 
-    /// Returns the largest norm of a synthesis function, at least 1.
+    /// Returns the largest L2 norm of a synthesis function, at least 1.
     fn growth(&self) -> f32 {
         self.norms().into_iter().fold(1.0, f64::max) as f32
     }
@@ -196,8 +197,8 @@ fn every_basis_rule_and_length_is_inverted_exactly() {
     cases.into_par_iter().for_each(|(basis, boundary, n)| check(basis, boundary, n));
 }
 
-/// Details of constants vanish at any length, for a basis with a vanishing moment under its default rule. With fitted
-/// ends, details of all preserved polynomials vanish.
+/// Checks that details of constants vanish at any length, for a basis with a vanishing moment under its default rule.
+/// With special filters at the ends, details of all preserved polynomials vanish.
 #[test]
 fn kept_polynomials_have_no_details() {
     for basis in distinct() {
@@ -265,18 +266,18 @@ fn lifting_is_its_filters() {
     }
 }
 
-/// Returns reference coefficients of PyWavelets, see `tests/golden/pywavelets.py`.
+/// Returns reference coefficients computed by PyWavelets, see `tests/golden/pywavelets.py`.
 fn golden() -> serde_json::Value {
     serde_json::from_str(include_str!("../../../../tests/golden/pywavelets.json")).unwrap()
 }
 
-/// Returns the samples `(i*i*7) % 31 - 15`.
+/// Returns the test samples `(i*i*7) % 31 - 15` for i = 0, 1, 2, ….
 fn squares(n: u32) -> Vec<f32> {
     (0..n).map(|i| ((i * i * 7) % 31) as f32 - 15.0).collect()
 }
 
-/// Returns the coefficient indices of a line with `levels` levels in the order of PyWavelets: smooth ones, then details
-/// from coarse to fine.
+/// Returns the coefficient indices of an axis with `levels` wavelet levels in the order of PyWavelets: smooth ones,
+/// then details from coarse to fine.
 fn listed(n: usize, levels: u32) -> Vec<usize> {
     let smooth = (0..n).step_by(1 << levels);
     let details = (0..levels).rev().flat_map(|height| (1 << height..n).step_by(2 << height));

@@ -26,13 +26,13 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::LazyLock;
 
-/// Basis on a line (wavelengths, elevations, or any ordered entries): a handle into the registry. All bases are
-/// critically sampled at every length. Sign, scale (low-pass gain √2 at zero frequency) and position agree with
-/// PyWavelets.
+/// Wavelet basis on an ordered axis (wavelengths, elevations, or any ordered entries), identified by its number in a
+/// table. All bases give as many coefficients as samples at every length. Sign, scale (low-pass gain √2 at zero
+/// frequency) and position agree with PyWavelets.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LineBasis(u16);
 
-/// One row of the registry.
+/// Entry of the table of wavelet bases: name, family, filters and properties of one basis.
 pub(super) struct Line {
     code: u16,
     name: &'static str,
@@ -40,39 +40,41 @@ pub(super) struct Line {
     filters: Filters,
     /// Number of vanishing moments of the analysis wavelet.
     moments: usize,
-    /// Arithmetic for a level under the default boundary rule, if there is a faster one than the filters.
+    /// Fastest method to compute one level of the wavelet transform under the default boundary rule.
     pub(super) scheme: Scheme,
 }
 
-/// Bases of common origin.
+/// Family of wavelet bases of common origin.
 struct Family {
     name: &'static str,
     source: &'static str,
 }
 
-/// Arithmetic that turns the samples of one level into smooth (even) and detail (odd) coefficients.
+/// Method that turns the samples of one wavelet level into smooth coefficients (at even positions) and details (at odd
+/// positions).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Scheme {
-    /// Sums over filter taps.
+    /// Sums of samples weighted by filter taps.
     Filters,
-    /// Reflection of each pair: `(α·a + β·b, β·a − α·b)` with α² + β² = 1. The ratio α/β follows from the number of
-    /// samples that each value represents.
+    /// Reflection of each pair of samples (a, b): `(α·a + β·b, β·a − α·b)` with α² + β² = 1. The ratio α/β follows from
+    /// the number of original samples that each value represents.
     Pairs,
-    /// Lifting steps.
+    /// Lifting scheme: each step adds to every other sample a multiple of the sum of its two neighbours.
     Lifting(&'static Lifting),
 }
 
-/// Lifting steps, then even × `low`, odd × −1/`low` (Daubechies & Sweldens 1998).
+/// Factorisation of a wavelet into lifting steps. After the steps, even samples are multiplied by `low` and odd ones by
+/// −1/`low` (Daubechies & Sweldens 1998).
 #[derive(Debug)]
 pub(super) struct Lifting {
-    /// Steps in order: the parity of the samples that change, and the factor of the sum of their two neighbours added
-    /// to them.
+    /// Lifting steps in order: the parity of the samples that change, and the factor of the sum of their two neighbours
+    /// that is added to them.
     pub(super) steps: &'static [(Parity, f32)],
-    /// Scale factor of the smooth samples.
+    /// Scale factor of the smooth (even) samples after the lifting steps.
     pub(super) low: f32,
 }
 
-/// The even or the odd samples of a level.
+/// Choice between the even and the odd samples of a wavelet level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parity {
     Even,
@@ -278,7 +280,7 @@ static LINES: &[Line] = &[
     line(122, "battle-lemarie5", &BATTLE_LEMARIE, Orthogonal(&SPLINE5), 2),
 ];
 
-/// Filter banks and descriptions derived from the tables, in the order of [`LINES`].
+/// Filter bank and description of every wavelet basis, derived from its filter table, in the order of [`LINES`].
 static KNOWN: LazyLock<Vec<(Bank, BasisInfo)>> = LazyLock::new(|| {
     LINES
         .iter()
@@ -302,8 +304,8 @@ static KNOWN: LazyLock<Vec<(Bank, BasisInfo)>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Returns the default boundary rule: the symmetric extension for symmetric filters that are not orthogonal, else
-/// fitted ends, which keep an orthogonal basis orthogonal.
+/// Returns the default boundary rule of a filter bank: symmetric extension for symmetric filters that are not
+/// orthogonal. All others get special filters at the ends, which keep an orthogonal basis orthogonal.
 fn own_rule(bank: &Bank) -> Boundary {
     match bank.symmetry {
         Some(symmetry) if !bank.orthogonal || bank.error >= PERFECT => symmetry,
@@ -312,20 +314,21 @@ fn own_rule(bank: &Bank) -> Boundary {
 }
 
 impl LineBasis {
-    /// Haar basis. With fitted ends it is unbalanced at odd lengths (Girardi & Sweldens 1997), and thus orthonormal.
+    /// Haar basis. With special filters at the ends it is unbalanced at odd lengths (Girardi & Sweldens 1997), and thus
+    /// orthonormal.
     pub const HAAR: Self = Self(0);
     /// Cohen–Daubechies–Feauveau 5/3 basis (Le Gall and Tabatabai), computed by lifting under whole-sample extension.
     pub const BIOR22: Self = Self(78);
     /// Cohen–Daubechies–Feauveau 9/7 basis (Antonini, Brislawn), computed by lifting under whole-sample extension.
     pub const BIOR44: Self = Self(87);
 
-    /// Returns all bases on a line, by number.
+    /// Returns all wavelet bases on an ordered axis, by number.
     pub fn all() -> impl ExactSizeIterator<Item = Self> + Clone {
         (0..LINES.len() as u16).map(Self)
     }
 
-    /// Returns all different bases on a line. Of bases with several names, only the one with the lowest number is
-    /// included.
+    /// Returns all different wavelet bases on an ordered axis. Of bases with several names, only the one with the
+    /// lowest number is included.
     pub fn distinct() -> impl Iterator<Item = Self> + Clone {
         Self::all().filter(|basis| {
             let (bank, _) = &KNOWN[basis.index()];
@@ -336,28 +339,28 @@ impl LineBasis {
         })
     }
 
-    /// Returns the stable name; bases of PyWavelets have the same name there.
+    /// Returns the stable name of the wavelet basis; bases of PyWavelets have the same name there.
     pub fn name(self) -> &'static str {
         self.line().name
     }
 
-    /// Returns the number in files, which never changes.
+    /// Returns the number of the wavelet basis in files, which never changes.
     pub fn code(self) -> u16 {
         self.line().code
     }
 
-    /// Returns the basis with this number.
+    /// Returns the wavelet basis with this number.
     pub fn from_code(code: u16) -> Option<Self> {
         LINES.iter().position(|line| line.code == code).map(|i| Self(i as u16))
     }
 
-    /// Returns the description of the basis.
+    /// Returns the description of the wavelet basis.
     pub fn info(self) -> &'static BasisInfo {
         &KNOWN[self.index()].1
     }
 
-    /// Returns the default boundary rule: fitted ends for orthogonal or asymmetric bases, otherwise the symmetric
-    /// extension.
+    /// Returns the default boundary rule of the basis: special filters at the ends for orthogonal or asymmetric bases,
+    /// otherwise the symmetric extension.
     pub fn boundary(self) -> Boundary {
         own_rule(self.bank())
     }
@@ -416,7 +419,7 @@ impl<'de> Deserialize<'de> for LineBasis {
 mod tests {
     use super::*;
 
-    /// Append only: files contain these numbers.
+    /// Wavelet bases with their numbers. Entries are only ever appended, because files contain the numbers.
     const NUMBERS: &str = "0=haar 1=db1 2=db2 3=db3 4=db4 5=db5 6=db6 7=db7 8=db8 9=db9 10=db10 11=db11 12=db12 13=db13 14=db14 15=db15 \
         16=db16 17=db17 18=db18 19=db19 20=db20 21=db21 22=db22 23=db23 24=db24 25=db25 26=db26 27=db27 28=db28 \
         29=db29 30=db30 31=db31 32=db32 33=db33 34=db34 35=db35 36=db36 37=db37 38=db38 39=sym2 40=sym3 41=sym4 \

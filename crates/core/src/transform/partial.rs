@@ -9,19 +9,21 @@ use super::plan::{Operator, Plan};
 use super::rows::Pass;
 use std::ops::Range;
 
-/// Part of an axis to reconstruct.
+/// Part of the samples along one axis that an inverse transform reconstructs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// All samples from all coefficients.
+    /// Selects all samples along the axis, reconstructed from all coefficients.
     All,
-    /// The sample of one index; the result does not have this axis.
+    /// Selects the sample at one index of the axis; the result does not have this axis.
     At(usize),
-    /// All samples, from the coefficients of these tree levels only (0 is the smooth level).
+    /// Selects all samples along the axis, reconstructed from the coefficients of a range of wavelet levels only (0 is
+    /// the smooth level, 1 the coarsest details).
     Levels(Range<usize>),
 }
 
 impl Plan {
-    /// Returns the synthesis function of coefficient `index` of axis `axis`: pairs of sample and weight, by sample.
+    /// Returns the synthesis function of coefficient `index` along axis `axis`, as pairs of sample index and weight, by
+    /// sample index.
     ///
     /// # Panics
     /// If `axis` or `index` is out of range.
@@ -33,7 +35,8 @@ impl Plan {
         }
     }
 
-    /// Returns the samples and weights from which coefficient `index` of axis `axis` is computed, by sample.
+    /// Returns the sample indices and weights from which coefficient `index` along axis `axis` is computed, by sample
+    /// index.
     ///
     /// # Panics
     /// If `axis` or `index` is out of range.
@@ -45,8 +48,8 @@ impl Plan {
         }
     }
 
-    /// Returns the coefficients and weights from which sample `index` of axis `axis` is computed, by coefficient: the
-    /// transpose of [`Plan::footprint`].
+    /// Returns the coefficient indices and weights from which sample `index` along axis `axis` is computed, by
+    /// coefficient index. It is the transpose of [`Plan::footprint`].
     ///
     /// # Panics
     /// If `axis` or `index` is out of range.
@@ -58,8 +61,8 @@ impl Plan {
         }
     }
 
-    /// Reconstructs the samples at the given index of each axis; `None` reconstructs all samples of the axis. The
-    /// result is row-major over the axes without an index.
+    /// Reconstructs from coefficients the samples at the given index of each axis; `None` reconstructs all samples of
+    /// the axis. The result is row-major over the axes without an index.
     ///
     /// # Panics
     /// As [`Plan::reconstruct`].
@@ -68,8 +71,10 @@ impl Plan {
         self.reconstruct(coefficients, &parts)
     }
 
-    /// Reconstructs a part of the samples, row-major over the remaining axes. Other samples are not computed. Sums over
-    /// the coefficients of a single index are in f64.
+    /// Reconstructs a part of the samples from all wavelet coefficients: along each axis all samples, one sample, or
+    /// the share of chosen levels in all. The result is row-major over the axes not reduced to one sample.
+    ///
+    /// An axis that is reduced to one sample is summed in f64.
     ///
     /// # Panics
     /// If the number of coefficients is not that of the axes' entries, the number of parts is not that of
@@ -109,7 +114,8 @@ impl Plan {
     }
 }
 
-/// Returns the weighted sum of the n rows (of `inner` values) of each slab of `data`.
+/// Sums `data` over one axis of `n` entries, with `weights` as pairs of entry and weight. The axes after it have
+/// `inner` values in total.
 fn contracted(data: &[f32], n: usize, inner: usize, weights: &[(u32, f64)]) -> Vec<f32> {
     let mut result = Vec::with_capacity(data.len() / n);
     let mut sums = vec![0.0_f64; inner];
@@ -139,7 +145,7 @@ mod tests {
         Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap())
     }
 
-    /// Returns axes of every kind with transforms of every kind.
+    /// Returns axes of every kind with transforms of every kind, for tests.
     fn cases() -> Vec<(Axis, AxisTransform)> {
         let lines = ["haar", "db3", "coif1", "bior3.3", "bior4.4", "rbio2.6", "adelson9"];
         let lines = lines.iter().flat_map(|name| {

@@ -9,15 +9,16 @@ use crate::domain::{Axis, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
 
-/// Largest number of samples of a slab of the last axes, so that it fits the second-level cache (2 MiB). All its axes
-/// are transformed slab by slab.
+/// Largest number of samples in a block of trailing axes that fits the second-level cache (2 MiB). All axes of such a
+/// block are transformed before the next block.
 const CACHED: usize = 1 << 19;
-/// Smaller slabs are grouped to about this number of samples per task.
+/// Largest number of samples for which several blocks of trailing axes form one parallel task; a larger block is a task
+/// of its own. Raising it gives fewer, larger tasks.
 const GROUPED: usize = 1 << 16;
 
-/// Transforms of the axes of a tensor. Passes work in place on all samples, row-major, in `f32`. Results are identical
-/// to the last bit on any number of threads. A NaN spreads to every coefficient computed from it, so fill masked
-/// samples first.
+/// Wavelet transforms of all axes of a tensor, one per axis. They work in place on all samples, row-major, in `f32`.
+/// Results are identical to the last bit on any number of threads. A NaN spreads to every coefficient computed from it,
+/// so fill masked samples first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     axes: Vec<AxisPlan>,
@@ -32,7 +33,7 @@ struct AxisPlan {
     operator: Operator,
 }
 
-/// Precomputed tables of the transform of one axis.
+/// Precomputed tables of the wavelet transform of one axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Operator {
     Identity,
@@ -40,45 +41,46 @@ pub(super) enum Operator {
     Sphere(SphereTables),
 }
 
-/// Reasons why axes and transforms do not fit together.
+/// Reasons why axes and wavelet transforms do not fit together.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// The number of transforms differs from that of axes.
-    #[error("{transforms} transforms for {axes} axes, expected one each")]
+    /// The number of transforms differs from the number of axes.
+    #[error("{transforms} transforms for {axes} axes, expected one transform per axis")]
     Count {
-        /// Number of axes.
+        /// Number of axes of the tensor.
         axes: usize,
-        /// Number of transforms.
+        /// Number of wavelet transforms that the caller passed for the axes of the tensor.
         transforms: usize,
     },
-    /// An axis has no entries.
+    /// An axis of the tensor has no entries.
     #[error("axis {axis} has no entries, expected at least one")]
     Empty {
-        /// Position of the axis, from 0.
+        /// Position of the axis without entries, from 0.
         axis: usize,
     },
-    /// A transform does not apply to this kind of axis.
-    #[error("axis {axis}: `{transform}` on {found}, expected {expected}")]
+    /// A wavelet transform does not apply to this kind of axis.
+    #[error("axis {axis}: transform `{transform}` on {found}, expected {expected}")]
     Unfit {
-        /// Position of the axis, from 0.
+        /// Position of the unsuitable axis, from 0.
         axis: usize,
-        /// Name of the requested basis.
+        /// Name of the requested wavelet basis.
         transform: &'static str,
-        /// Description of the axis.
+        /// Description of the axis found.
         found: String,
-        /// Kinds of axis to which the basis applies.
+        /// Kinds of axis to which the wavelet basis applies.
         expected: &'static str,
     },
 }
 
 impl Plan {
-    /// Plans one transform per axis: sphere bases for triangles only, line bases for all other axes.
+    /// Prepares one wavelet transform per axis: bases on the sphere for triangles only, bases on ordered axes for all
+    /// others.
     pub fn new(axes: &[Axis], transforms: &[AxisTransform]) -> Result<Self, PlanError> {
         Self::with_levels(axes, transforms, &vec![None; axes.len()])
     }
 
-    /// Like [`Plan::new`], but with at most the given number of levels on each line axis. The smooth coefficients then
-    /// lie at the multiples of 2^levels.
+    /// Prepares transforms like [`Plan::new`], but with at most the given number of wavelet levels on each ordered
+    /// axis. The smooth coefficients then lie at the indices that are multiples of 2^levels.
     pub fn with_levels(axes: &[Axis], transforms: &[AxisTransform], levels: &[Option<u8>]) -> Result<Self, PlanError> {
         if axes.len() != transforms.len() || axes.len() != levels.len() {
             return Err(PlanError::Count { axes: axes.len(), transforms: transforms.len().min(levels.len()) });
@@ -88,7 +90,7 @@ impl Plan {
         Ok(Self { axes: axes.collect::<Result<_, _>>()? })
     }
 
-    /// Transforms samples to coefficients, first axis first.
+    /// Transforms samples to wavelet coefficients in place, first axis first.
     ///
     /// # Panics
     /// If the number of samples is not the product of the lengths of the axes.
@@ -96,7 +98,7 @@ impl Plan {
         self.pass(samples, Pass::Forward);
     }
 
-    /// Transforms coefficients to samples: the inverse of [`Plan::forward`], last axis first.
+    /// Transforms wavelet coefficients back to samples in place: the inverse of [`Plan::forward`], last axis first.
     ///
     /// # Panics
     /// If the number of coefficients is not the product of the lengths of the axes.
@@ -104,8 +106,8 @@ impl Plan {
         self.pass(coefficients, Pass::Inverse);
     }
 
-    /// Applies the adjoint of [`Plan::forward`]: ⟨forward u, v⟩ = ⟨u, `forward_transposed` v⟩ in the plain sum over
-    /// entries.
+    /// Applies the adjoint of the forward transform ([`Plan::forward`]): ⟨forward u, v⟩ = ⟨u, `forward_transposed` v⟩
+    /// with unweighted sums over entries.
     ///
     /// # Panics
     /// If the number of coefficients is not the product of the lengths of the axes.
@@ -113,8 +115,8 @@ impl Plan {
         self.pass(coefficients, Pass::ForwardTransposed);
     }
 
-    /// Applies the adjoint of [`Plan::inverse`]: the results are the inner products of the samples with the synthesis
-    /// functions.
+    /// Applies the adjoint of the inverse transform ([`Plan::inverse`]): the results are the inner products of the
+    /// samples with the synthesis functions.
     ///
     /// # Panics
     /// If the number of samples is not the product of the lengths of the axes.
@@ -122,12 +124,12 @@ impl Plan {
         self.pass(samples, Pass::InverseTransposed);
     }
 
-    /// Returns the number of axes.
+    /// Returns the number of axes of the tensor.
     pub fn axes(&self) -> usize {
         self.axes.len()
     }
 
-    /// Returns the transform of axis `axis`.
+    /// Returns the wavelet transform of axis `axis`.
     ///
     /// # Panics
     /// If `axis` is out of range.
@@ -135,7 +137,7 @@ impl Plan {
         self.axes[axis].transform
     }
 
-    /// Returns the coefficient tree of axis `axis`.
+    /// Returns the tree of wavelet coefficients along axis `axis`.
     ///
     /// # Panics
     /// If `axis` is out of range.
@@ -143,8 +145,8 @@ impl Plan {
         &self.axes[axis].tree
     }
 
-    /// Returns the L2 norm of the synthesis function of each index of axis `axis`. The norm of a coefficient over
-    /// several axes is the product. `weights` applies to triangles only; on other axes each entry has weight 1.
+    /// Returns the L2 norms of all synthesis functions along axis `axis`. The norm of a coefficient over several axes
+    /// is the product of such norms. `weights` applies to triangles only; on other axes each entry has weight 1.
     ///
     /// # Panics
     /// If `axis` is out of range.
@@ -160,7 +162,7 @@ impl Plan {
         }
     }
 
-    /// Returns the product of the lengths of the axes.
+    /// Returns the number of samples of the tensor: the product of the lengths of the axes.
     pub(super) fn samples(&self) -> usize {
         self.axes.iter().map(|axis| axis.length).product()
     }
@@ -169,14 +171,15 @@ impl Plan {
         self.axes[axis].length
     }
 
-    /// Returns the operator of axis `axis` after checking that `index` is in range.
+    /// Returns the precomputed transform of axis `axis` after checking that `index` is in range.
     pub(super) fn operator(&self, axis: usize, index: usize) -> &Operator {
         let axis = &self.axes[axis];
         assert!(index < axis.length, "index {index} on an axis of {} entries", axis.length);
         &axis.operator
     }
 
-    /// Applies one pass along one axis, whose rows have `inner` samples.
+    /// Applies the transform, its inverse or a transpose along one axis of `data`. Entries of the axis are `inner`
+    /// samples apart.
     pub(super) fn pass_axis(&self, axis: usize, data: &mut [f32], inner: usize, pass: Pass) {
         self.axes[axis].pass(data, inner, pass);
     }

@@ -13,24 +13,26 @@ use crate::domain::{MOST_NEIGHBOURS, Neighbours, TriangleMesh};
 use crate::numeric::cholesky::Definite;
 use std::cmp::Ordering;
 
-/// Number of unknowns of the quadratic polynomial without its constant: u, v, u², uv, v².
+/// Number of unknowns of the quadratic polynomial without its constant, in tangent-plane coordinates u and v: u, v, u²,
+/// uv, v².
 const TERMS: usize = 5;
-/// Smallest number of neighbours for a quadratic fit; a linear fit needs three.
+/// Smallest number of neighbouring triangles for a quadratic fit; a linear fit needs three.
 const FOR_QUADRATIC: usize = 7;
-/// Regularisation of the least-squares fit, which keeps one-sided fits at the edge of a hemisphere bounded. Raising it
-/// damps all predictions.
+/// Ridge regularisation of the least-squares fit of neighbouring triangles, which keeps one-sided fits at the edge of a
+/// hemisphere bounded. Raising it damps all predictions.
 const RIDGE: f64 = 1e-4;
 
-/// Prediction weights of all nodes of one level.
+/// Weights that predict the means of the four children of every triangle of one level from neighbouring triangles.
 #[derive(Clone, Debug)]
 pub(crate) struct Prediction {
     neighbours: Neighbours,
-    /// Per node and neighbour: weights of the difference neighbour − node in the means of corner children 0, 1 and 2,
-    /// then a 0.
+    /// Prediction weights per triangle and neighbour: the weight of the difference neighbour − triangle in the means of
+    /// corner children 0, 1 and 2, then a 0.
     weights: Vec<[[f32; 4]; MOST_NEIGHBOURS]>,
 }
 
-/// Means of position and of its products (xx, xy, xz, yy, yz, zz) over the leaves below a node.
+/// Mean position (x, y, z) and mean products of coordinates (xx, xy, xz, yy, yz, zz) over the finest triangles inside a
+/// coarser one.
 #[derive(Clone, Copy, Default)]
 struct Moments {
     first: Vector,
@@ -51,7 +53,7 @@ impl Moments {
         mean
     }
 
-    /// Returns the mean of (p·a)(p·b).
+    /// Returns the mean of (p·a)(p·b) over the positions p of the finest triangles.
     fn product(&self, a: Vector, b: Vector) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.second;
         let row =
@@ -59,14 +61,15 @@ impl Moments {
         dot(a, row)
     }
 
-    /// Returns the means of the terms u, v, u², uv, v² in the frame (a, b).
+    /// Returns the means, over the finest triangles inside a coarser one, of the terms u, v, u², uv, v² of a
+    /// polynomial. u and v are the coordinates of a triangle's position along the vectors a and b.
     fn terms(&self, a: Vector, b: Vector) -> [f64; TERMS] {
         [dot(self.first, a), dot(self.first, b), self.product(a, a), self.product(a, b), self.product(b, b)]
     }
 }
 
 impl Prediction {
-    /// Computes the predictions of levels 0 … `mesh.level() − 1` of a mesh, coarsest first.
+    /// Computes the prediction weights of the mesh levels 0 to `mesh.level() − 1`, coarsest first.
     pub(crate) fn levels(mesh: TriangleMesh) -> Vec<Self> {
         let mut children: Vec<Moments> = (0..mesh.len()).map(|i| Moments::of_point(mesh.centroid(i).xyz())).collect();
         let mut levels = Vec::new();
@@ -90,12 +93,13 @@ impl Prediction {
         Self { weights: weights.collect(), neighbours }
     }
 
-    /// Returns the neighbours of node `i`.
+    /// Returns the indices of the triangles around triangle `i`.
     pub(crate) fn around(&self, i: usize) -> &[u32] {
         self.neighbours.around(i)
     }
 
-    /// Predicts the four children of node `i` as deviations from its mean; `means` are those of all nodes of its level.
+    /// Predicts the values of the four children of triangle `i`, as deviations from its mean. `means` are the means of
+    /// all triangles of its level.
     #[inline]
     pub(crate) fn children(&self, i: usize, means: &[f32]) -> [f32; 4] {
         let own = means[i];
@@ -108,7 +112,7 @@ impl Prediction {
     }
 }
 
-/// Computes the weights at node `i`; all are 0 if there are too few neighbours for a fit.
+/// Computes the prediction weights of triangle `i`; all are 0 if it has too few neighbours for a fit.
 fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) -> [[f32; MOST_NEIGHBOURS]; 3] {
     let mut result = [[0.0; MOST_NEIGHBOURS]; 3];
     let terms = if around.len() >= FOR_QUADRATIC {
@@ -164,20 +168,21 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
     result
 }
 
-/// Orthonormal basis of the deviations of two, three or four siblings from their mean: the reflection that maps (1, …,
-/// 1)/√n to the last unit vector, without its last row.
+/// Orthonormal basis of the deviations of two, three or four sibling values from their mean: the Householder reflection
+/// that maps (1, …, 1)/√n to the last unit vector, without its last row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Householder {
     siblings: usize,
-    /// The Householder vector has `alpha` at all siblings but the last and `beta` at the last; `scale` is 2 / its
-    /// squared norm.
+    /// Entry `alpha` of the Householder vector at all siblings but the last; `beta` is the entry at the last one, and
+    /// `scale` is 2 / the squared norm.
     alpha: f32,
     beta: f32,
     scale: f32,
 }
 
 impl Householder {
-    /// Creates the basis for `siblings` = 2, 3 or 4 children.
+    /// Creates the orthonormal basis of the deviations of two, three or four sibling values (children of one triangle)
+    /// from their mean.
     pub(crate) fn new(siblings: usize) -> Self {
         let n = siblings as f64;
         let alpha = 1.0 / n.sqrt();
@@ -185,12 +190,13 @@ impl Householder {
         Self { siblings, alpha: alpha as f32, beta: beta as f32, scale: (1.0 / (1.0 - alpha)) as f32 }
     }
 
-    /// Returns the number of details: one less than siblings.
+    /// Returns the number of detail coefficients: one less than the number of siblings.
     pub(crate) fn details(self) -> usize {
         self.siblings - 1
     }
 
-    /// Returns the details of the siblings' values; a common offset has no effect.
+    /// Returns the detail coefficients of two to four sibling values (of the children of one triangle). Adding a
+    /// constant to all values does not change them.
     #[inline]
     pub(crate) fn analyse(self, values: &[f32; 4]) -> [f32; 3] {
         let n = self.siblings;
@@ -202,7 +208,8 @@ impl Householder {
         std::array::from_fn(|k| if k < n - 1 { values[k] - along } else { 0.0 })
     }
 
-    /// Returns the deviations of the siblings from their mean.
+    /// Returns the deviations of two to four sibling values (of the children of one triangle) from their mean, given
+    /// their detail coefficients.
     #[inline]
     pub(crate) fn synthesise(self, details: &[f32; 3]) -> [f32; 4] {
         let n = self.siblings;

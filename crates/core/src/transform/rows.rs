@@ -6,28 +6,29 @@
 
 use rayon::prelude::*;
 
-/// One of the four linear maps of a transform `W`.
+/// Linear map that belongs to a wavelet transform `W`: the transform, its inverse, or the transpose of either.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// `W`: samples to coefficients.
+    /// Forward transform `W`: samples to coefficients.
     Forward,
-    /// `W⁻¹`.
+    /// Inverse transform `W⁻¹`: coefficients to samples.
     Inverse,
-    /// `Wᵀ`.
+    /// Transpose `Wᵀ` of the forward transform.
     ForwardTransposed,
-    /// `W⁻ᵀ`.
+    /// Transpose `W⁻ᵀ` of the inverse transform.
     InverseTransposed,
 }
 
-/// Rows of fewer samples than this are packed side by side into the lanes of a small scratch buffer.
+/// Number of samples below which a row is narrow; narrow rows are packed side by side into a scratch buffer, to fill
+/// the SIMD lanes.
 const NARROW: usize = 16;
 const LANES: usize = 32;
-/// Number of samples in a block of columns, which fits the second-level cache.
+/// Number of samples in a block of columns of a large array, chosen to fit the second-level cache.
 const BLOCK: usize = 1 << 16;
-/// Smallest number of samples per parallel task; smaller tasks cost more to start than they save.
+/// Smallest number of samples per parallel task of a transform; smaller tasks cost more to start than they save.
 const TASK: usize = 1 << 15;
 
-/// Runs `kernel` over every slab `[n, inner]` of `data` as `n` rows, in parallel over disjoint parts.
+/// Runs `kernel` over every block `[n, inner]` of `data` as `n` rows, in parallel over disjoint parts.
 pub(super) fn for_rows<K>(data: &mut [f32], n: usize, inner: usize, kernel: K)
 where
     K: Fn(&mut [&mut [f32]]) + Sync,
@@ -62,8 +63,8 @@ where
     });
 }
 
-/// Runs `kernel` on slabs with narrow rows, which are transposed into rows of lanes, transformed together and
-/// transposed back.
+/// Applies one step of a transform, `kernel`, to blocks whose rows have fewer than [`NARROW`] samples. Rows of several
+/// blocks are packed side by side, processed together and copied back.
 fn packed(slabs: &mut [f32], n: usize, inner: usize, scratch: &mut [f32], kernel: &impl Fn(&mut [&mut [f32]])) {
     let lanes = scratch.len() / n;
     let used = slabs.len() / n;
@@ -91,10 +92,10 @@ fn packed(slabs: &mut [f32], n: usize, inner: usize, scratch: &mut [f32], kernel
     }
 }
 
-/// Side of the square blocks of the transposition, in samples.
+/// Edge length, in samples, of the square tiles in which a matrix is transposed.
 const SQUARE: usize = 4;
 
-/// Transposes rows of length `n` to columns of `target`, whose rows have `lanes` entries.
+/// Transposes rows of `source`, of length `n`, to columns of `target`, whose rows have `lanes` entries.
 fn transpose(source: &[f32], n: usize, target: &mut [f32], lanes: usize) {
     let groups = source.chunks(SQUARE * n);
     for (g, group) in groups.enumerate() {
@@ -113,7 +114,7 @@ fn transpose(source: &[f32], n: usize, target: &mut [f32], lanes: usize) {
     }
 }
 
-/// Transposes columns of `source`, whose rows have `lanes` entries, to rows of length `n`.
+/// Transposes columns of `source`, whose rows have `lanes` entries, to rows of `target`, of length `n`.
 fn transpose_back(source: &[f32], lanes: usize, target: &mut [f32], n: usize) {
     for (g, group) in target.chunks_mut(SQUARE * n).enumerate() {
         let full = if group.len() == SQUARE * n { n / SQUARE * SQUARE } else { 0 };
@@ -140,28 +141,28 @@ fn turned(s: [[f32; SQUARE]; SQUARE]) -> [[f32; SQUARE]; SQUARE] {
     [0, 1, 2, 3].map(|j| [s[0][j], s[1][j], s[2][j], s[3][j]])
 }
 
-/// Computes `target += c·source`.
+/// Computes `target += c·source`, entry by entry.
 pub(super) fn axpy(target: &mut [f32], c: f32, source: &[f32]) {
     for (t, s) in target.iter_mut().zip(source) {
         *t += c * s;
     }
 }
 
-/// Computes `target += c·(left + right)`.
+/// Computes `target += c·(left + right)`, entry by entry.
 pub(super) fn axpy2(target: &mut [f32], c: f32, left: &[f32], right: &[f32]) {
     for ((t, l), r) in target.iter_mut().zip(left).zip(right) {
         *t += c * (l + r);
     }
 }
 
-/// Computes `row *= c`.
+/// Computes `row *= c`, entry by entry.
 pub(super) fn scale(row: &mut [f32], c: f32) {
     for x in row {
         *x *= c;
     }
 }
 
-/// Computes `(a, b) = (α·a + β·b, β·a − α·b)`, which is its own inverse and transpose if α² + β² = 1.
+/// Computes `(a, b) = (α·a + β·b, β·a − α·b)` entry by entry, which is its own inverse and transpose if α² + β² = 1.
 pub(super) fn reflect(a: &mut [f32], b: &mut [f32], alpha: f32, beta: f32) {
     for (a, b) in a.iter_mut().zip(b) {
         let (x, y) = (*a, *b);
@@ -170,8 +171,8 @@ pub(super) fn reflect(a: &mut [f32], b: &mut [f32], alpha: f32, beta: f32) {
     }
 }
 
-/// Multiplies four rows by the reflection `H` that maps (1, 1, 1, 1) / 2 to the first unit vector. `H` is its own
-/// inverse and transpose.
+/// Multiplies four rows, entry by entry, by the reflection `H` that maps (1, 1, 1, 1) / 2 to the first unit vector. `H`
+/// is its own inverse and transpose.
 pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let t = 0.5 * ((*b + *c) + (*d - *a));
@@ -182,7 +183,8 @@ pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut 
     }
 }
 
-/// Replaces the first row by the mean with weights `w`, and the others by their differences from it.
+/// Replaces the first of four rows by the mean with weights `w`, and the other three by their differences from that
+/// mean.
 pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = (w[0] * *a + w[1] * *b) + (w[2] * *c + w[3] * *d);
@@ -193,7 +195,8 @@ pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [
     }
 }
 
-/// Inverts [`mean_and_rest`]; `w` are the weights of the last three rows divided by that of the first.
+/// Restores four rows from their mean and three differences, the inverse of [`mean_and_rest`]. `w` are the weights of
+/// the last three rows divided by that of the first.
 pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = *a;
@@ -204,7 +207,7 @@ pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &
     }
 }
 
-/// Multiplies four rows by `matrix`.
+/// Multiplies four rows, entry by entry, by a 4 × 4 `matrix`.
 pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     let [m0, m1, m2, m3] = matrix;
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
@@ -216,7 +219,8 @@ pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut 
     }
 }
 
-/// Computes `target = Σ weight · source row`; the source rows are contiguous, each as wide as the target.
+/// Computes the weighted sum of rows `target = Σ weight · source row`; the source rows are contiguous, each as wide as
+/// the target.
 pub(super) fn combine<T>(target: &mut [f32], source: &[f32], taps: T)
 where
     T: Iterator<Item = (usize, f32)> + Clone,

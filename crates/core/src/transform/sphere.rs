@@ -10,16 +10,19 @@ use crate::domain::{Domain, TriangleMesh};
 type Matrix = [[f32; 4]; 4];
 type Exact = [[f64; 4]; 4];
 
-/// Matrices of a mesh and basis. The octants of the octahedron are congruent, so the matrices of one octant serve all.
+/// Matrices of the wavelet transform on a triangle mesh. The octants of the octahedron are congruent, so the matrices
+/// of one octant serve all.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SphereTables {
     basis: SphereBasis,
     level: u8,
-    /// Forward and inverse matrix of each parent; the outer index is the level of the parent, coarsest first. A level
-    /// with a single pair uses it for all parents.
+    /// Forward and inverse 4 × 4 matrix of each parent triangle; the outer index is the level of the parent, coarsest
+    /// first. A level with a single pair of matrices uses it for all parents.
     nodes: Vec<Vec<(Matrix, Matrix)>>,
-    /// Scale factor of the samples of a mesh of level 0, which has no parents whose matrices could contain it;
-    /// otherwise 1.
+    /// Factor by which the forward transform multiplies the samples of an undivided mesh (level 0): the root of the
+    /// triangle area for bases that are orthonormal by area, 1 for others.
+    ///
+    /// It is 1 for finer meshes, too, since their matrices include such factors.
     bare: f32,
 }
 
@@ -52,7 +55,8 @@ impl SphereTables {
         Self { basis, level: finest, nodes, bare }
     }
 
-    /// Applies one pass to the rows of a mesh.
+    /// Applies the wavelet transform on triangles, its inverse or a transpose, in place; `rows` has one row per
+    /// triangle.
     pub(super) fn transform(&self, rows: &mut [&mut [f32]], pass: Pass) {
         if self.bare != 1.0 {
             let by = match pass {
@@ -69,7 +73,8 @@ impl SphereTables {
         }
     }
 
-    /// Applies one pass to the rows of a node and its descendants, depth first for cache locality.
+    /// Applies the wavelet transform below one triangle of the hierarchy, depth first for cache locality; `rows` has
+    /// one row per finest triangle.
     fn pass_node(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
         if level == self.level {
             return;
@@ -89,8 +94,11 @@ impl SphereTables {
         }
     }
 
-    /// Applies one pass between the smooth value of a node and its four children, each in the first row of a quarter of
-    /// `rows`.
+    /// Transforms in place the smooth values of four child triangles to the smooth value and three details of their
+    /// parent, or back.
+    ///
+    /// `rows` has one row for each finest triangle of the parent; a child's smooth value is the first row of its
+    /// quarter.
     fn mix(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
         let (a, rest) = rows.split_at_mut(rows.len() / 4);
         let (b, rest) = rest.split_at_mut(a.len());
@@ -111,17 +119,17 @@ impl SphereTables {
         }
     }
 
-    /// Returns the synthesis function of coefficient `index`.
+    /// Returns the synthesis function of coefficient `index`, as pairs of triangle index and value.
     pub(super) fn footprint(&self, index: usize) -> Vec<(u32, f64)> {
         self.descend(index, 1.0 / f64::from(self.bare), |(_, inverse), coefficient, child| inverse[child][coefficient])
     }
 
-    /// Returns the weight of each leaf in coefficient `index`.
+    /// Returns the weight of each finest triangle in coefficient `index`.
     pub(super) fn analysis_row(&self, index: usize) -> Vec<(u32, f64)> {
         self.descend(index, f64::from(self.bare), |(forward, _), coefficient, child| forward[coefficient][child])
     }
 
-    /// Returns the weight of each coefficient in leaf `index`.
+    /// Returns the weight of each coefficient in the value of the finest triangle `index`.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::with_capacity(3 * usize::from(self.level) + 1);
         let mut smooth = 1.0 / f64::from(self.bare);
@@ -141,8 +149,8 @@ impl SphereTables {
         row.into_iter().map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Computes the weights of a coefficient on the leaves, from its node down. `weight` selects the matrix entry for a
-    /// coefficient and a child.
+    /// Computes the weights of a coefficient at the finest triangles, from its own triangle down the hierarchy.
+    /// `weight` selects the matrix entry for a coefficient and a child.
     fn descend(
         &self,
         index: usize,
@@ -176,7 +184,7 @@ impl SphereTables {
         (first..).zip(weights).filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Returns the number of leaves below a node of `level`.
+    /// Returns the number of finest triangles inside a triangle of `level`.
     fn place(&self, level: u8) -> usize {
         1 << (2 * u32::from(self.level - level))
     }
@@ -188,8 +196,8 @@ impl SphereTables {
     }
 }
 
-/// Returns the norms of the synthesis functions of all indices of `mesh`, in closed form: a function is constant on
-/// each child.
+/// Returns the L2 norms of all synthesis functions on the triangles of `mesh`, in closed form: a detail function is
+/// constant on each child.
 pub(super) fn norms(mesh: TriangleMesh, basis: SphereBasis, measure: Weights) -> Vec<f64> {
     let areas = octant_areas(mesh.level());
     let finest = mesh.level();
@@ -229,7 +237,7 @@ pub(super) fn norms(mesh: TriangleMesh, basis: SphereBasis, measure: Weights) ->
     (0..mesh.len()).map(|i| norms[i % octant]).collect()
 }
 
-/// Returns the areas of the nodes of one octant, level by level; that of a parent is the sum over its children.
+/// Returns the areas of the triangles of one octant, level by level; the area of a parent is the sum over its children.
 fn octant_areas(level: u8) -> Vec<Vec<f64>> {
     let leaves = 1_usize << (2 * u32::from(level));
     let finest: Vec<f64> = TriangleMesh::new(Domain::Hemisphere, level)
@@ -249,7 +257,7 @@ fn four(children: &[f64], parent: usize) -> [f64; 4] {
     [c[0], c[1], c[2], c[3]]
 }
 
-/// Returns the analysis and synthesis matrices of a parent whose children have areas `w`.
+/// Returns the analysis and synthesis matrices of a parent triangle whose four children have areas `w`.
 fn node(basis: SphereBasis, w: [f64; 4]) -> (Exact, Exact) {
     let total = w[0] + w[1] + w[2] + w[3];
     match basis {
@@ -274,7 +282,7 @@ fn node(basis: SphereBasis, w: [f64; 4]) -> (Exact, Exact) {
     }
 }
 
-/// Returns the reflection that maps the unit vector `u` to (1, 0, 0, 0); it is symmetric and its own inverse.
+/// Returns the 4 × 4 reflection that maps the unit vector `u` to (1, 0, 0, 0); it is symmetric and its own inverse.
 fn householder(u: [f64; 4]) -> Exact {
     let v = [u[0] - 1.0, u[1], u[2], u[3]];
     let square = v.iter().map(|x| x * x).sum::<f64>();

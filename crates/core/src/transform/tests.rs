@@ -12,7 +12,7 @@ fn triangles(domain: Domain, level: u8) -> Axis {
     Axis::Triangles(TriangleMesh::new(domain, level).unwrap())
 }
 
-/// Returns every axis and basis to test, with a name.
+/// Returns every axis and wavelet basis to test, with a name.
 fn cases() -> Vec<(String, Axis, AxisTransform)> {
     let mut cases = vec![("identity 5".to_owned(), index(5), AxisTransform::Identity)];
     for basis in [LineBasis::HAAR, LineBasis::BIOR22, LineBasis::BIOR44] {
@@ -31,7 +31,7 @@ fn cases() -> Vec<(String, Axis, AxisTransform)> {
     cases
 }
 
-/// Returns deterministic noise in −1..1.
+/// Returns pseudo-random numbers in −1..1 that are the same in every run.
 fn noise(n: usize, seed: u32) -> Vec<f32> {
     let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(12_345);
     (0..n)
@@ -58,7 +58,8 @@ fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Returns plans of one axis, and of that axis between two others (which makes its rows narrow or wide).
+/// Returns test transforms of one axis that lies between two untransformed axes, the last of which has 1, 3 or 40
+/// entries.
 fn plans() -> impl Iterator<Item = (String, Plan, usize)> {
     cases().into_iter().flat_map(|(name, axis, transform)| {
         let n = axis.len();
@@ -255,8 +256,8 @@ fn squares(n: u32) -> Vec<f32> {
     (0..n).map(|i| ((i * i * 7) % 31) as f32 - 15.0).collect()
 }
 
-/// `pywt.wavedec([(i*i*7) % 31 - 15 for i in range(128)], name, 'periodization', level=3)` of PyWavelets 1.9:
-/// details 30..33 of the finest level, 15..18 of the next, 7..10 of the third, far from the ends.
+/// Checks details far from the ends against `pywt.wavedec([(i*i*7) % 31 - 15 for i in range(128)], name,
+/// 'periodization', level=3)` of PyWavelets 1.9: 30..33 of the finest level, 15..18 of the next, 7..10 of the third.
 #[test]
 fn interior_details_are_those_of_pywavelets() {
     let golden: [(LineBasis, [f32; 9]); 3] = [
@@ -278,8 +279,11 @@ fn interior_details_are_those_of_pywavelets() {
     }
 }
 
-/// Lifting in NumPy, f64, of `(i*i*7) % 31 - 15`, i = 0..11, mirrored with `np.concatenate([s[1:], s[-1:]])` and the
-/// like at both ends, down to one sample.
+/// Checks the bior2.2 and bior4.4 wavelet coefficients of 11 samples, `(i*i*7) % 31 - 15` for i = 0 to 10, against
+/// lifting in NumPy in f64.
+///
+/// Lifting mirrors the samples at both ends, for example with `np.concatenate([s[1:], s[-1:]])`, on every level until
+/// one smooth coefficient is left.
 #[test]
 fn an_odd_length_is_mirrored_at_both_ends() {
     let golden: [(LineBasis, [f32; 11]); 2] = [
@@ -322,9 +326,10 @@ fn plans_name_a_boundary_rule_that_is_not_the_basis_own() {
     assert_eq!(plan.to_string(), "db4[8] × db4 periodic[9]");
 }
 
-/// NumPy, f64, on the hemisphere at level 2, values `(i*i*7) % 31 - 15`: per parent p = Σw·c/Σw and c − p, or
-/// y − 2v(v·y)/(v·v) with v = √(w/Σw) − e₀ on √w·c (area) or c (count). Smooth of the four bases; details of base 0; of
-/// its children 0 and 1.
+/// Checks coefficients on the hemisphere at level 2 against NumPy in f64, for the values `(i*i*7) % 31 - 15`. Bio-Haar:
+/// p = Σw·c/Σw and c − p for the children c of each parent. Haar: y − 2v(v·y)/(v·v) with v = √(w/Σw) − e₀ on y = √w·c
+/// (area) or c (count). The lists hold the smooth coefficients of the four octants, the details of octant 0, then those
+/// of its children 0 and 1.
 #[test]
 fn sphere_coefficients_are_those_of_the_formulas() {
     let golden: [(SphereBasis, [f32; 13]); 3] = [
@@ -370,5 +375,5 @@ fn refusals_name_their_reason() {
     assert!(matches!(error, PlanError::Unfit { axis: 0, expected: "all levels on triangles", .. }));
     assert_eq!(Plan::with_levels(&[index(3)], &[line], &[]), Err(PlanError::Count { axes: 1, transforms: 0 }));
     let error = Plan::new(&[triangles(Domain::Sphere, 0)], &[line]).unwrap_err();
-    assert!(error.to_string().starts_with("axis 0: `haar` on sphere:0 (8 triangles), expected wavelengths"));
+    assert!(error.to_string().starts_with("axis 0: transform `haar` on sphere:0 (8 triangles), expected wavelengths"));
 }

@@ -3,31 +3,32 @@
 use super::basis::AxisTransform;
 use crate::domain::TriangleMesh;
 
-/// Tree of the coefficients of one axis.
+/// Tree of the wavelet coefficients along one axis: levels, parents and an order from coarse to fine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AxisTree {
-    /// Level by index along the axis: 0 for smooth coefficients (all, if the axis is not transformed), 1 for the
-    /// coarsest details, and so on.
+    /// Level of the coefficient at each index: 0 for smooth coefficients (and for all, if the axis is not transformed),
+    /// 1 for the coarsest details, and so on.
     pub level: Vec<u8>,
-    /// Parent by index: the coefficient one level coarser whose support covers this one; `None` at level 0.
+    /// Parent of the coefficient at each index: the coefficient one level coarser whose support covers it; `None` at
+    /// level 0.
     ///
     /// On a line, the parent of detail j is detail j / 2 of the next coarser level. On triangles, the parent of detail
     /// k of a node is detail k of the parent node. The parents of details of level 1 are smooth coefficients.
     pub parent: Vec<Option<u32>>,
-    /// All indices, by level, then by index.
+    /// Indices of all wavelet coefficients along the axis, sorted by wavelet level, then by index.
     pub order: Vec<u32>,
-    /// Positions in `order`: `order[starts[l]..starts[l + 1]]` are the indices of level `l`. One entry more than
-    /// levels.
+    /// Positions in `order` at which the levels start: `order[starts[l]..starts[l + 1]]` are the indices of level `l`.
+    /// There is one entry more than levels.
     pub starts: Vec<usize>,
 }
 
 impl AxisTree {
-    /// Returns the number of levels, including the smooth one.
+    /// Returns the number of levels of the coefficient tree, including the smooth one.
     pub fn levels(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Returns the indices of level `level`, in increasing order.
+    /// Returns the indices of the coefficients of level `level`, in increasing order.
     ///
     /// # Panics
     /// If `level` is out of range.
@@ -35,7 +36,8 @@ impl AxisTree {
         &self.order[self.starts[level]..self.starts[level + 1]]
     }
 
-    /// Creates the tree of a transformed axis; `depth` is the number of levels of details on a line.
+    /// Creates the coefficient tree of a transformed axis; `depth` is the number of levels of details on an ordered
+    /// axis.
     pub(super) fn new(length: usize, mesh: Option<TriangleMesh>, transform: AxisTransform, depth: u32) -> Self {
         let (level, parent) = match (transform, mesh) {
             (AxisTransform::Sphere(_), Some(mesh)) => sphere(mesh),

@@ -9,20 +9,22 @@ use crate::domain::colour::{ColourError, Tristimulus, Xyz, xyz_to_linear};
 use crate::domain::{Axis, WavelengthGrid};
 use crate::evaluate::Material;
 
-/// Weights by wavelength: linear sRGB = Σ weight · sample, with 1 for the perfect diffuser.
+/// Weights for each wavelength that convert a spectrum to linear sRGB: Σ weight · sample. The perfect diffuser gives 1
+/// in each channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Channels {
     weights: Vec<[f32; 3]>,
-    /// True if hue is meaningful; false for grey approximations.
+    /// True if the weights that convert a material's spectra to linear sRGB preserve their hue. False if the
+    /// wavelengths of the spectra allow only a grey approximation.
     coloured: bool,
 }
 
-/// Wavelength range in nm that a spectrum must cover for an approximate colour.
+/// First and last wavelength in nm that a spectrum must cover, so that its colour can be approximated.
 const MOST_OF_THE_VISIBLE: (f64, f64) = (480.0, 620.0);
-/// Lower bound on the number of wavelengths between 400 and 700 nm for an approximate colour. Raising it turns more
-/// sparse spectra grey.
+/// Lower bound on the number of wavelengths between 400 and 700 nm from which a colour is approximated. Raising it
+/// turns more sparse spectra grey.
 const FEWEST: usize = 3;
-/// Number of partial sums accumulated independently, so that the compiler can vectorise.
+/// Number of partial sums of weighted samples that are accumulated independently, so that the compiler can vectorise.
 const LANES: usize = 8;
 
 impl Channels {
@@ -50,8 +52,8 @@ impl Channels {
         self.coloured
     }
 
-    /// Returns linear sRGB, unclipped: components outside 0..=1 are out of gamut. Masked samples are skipped and the
-    /// remaining weights renormalised. A channel with no more than half of its weight measured is NaN.
+    /// Returns the linear sRGB of a spectrum, unclipped: components outside 0..=1 are out of gamut. Masked samples are
+    /// skipped and the remaining weights renormalised. A channel with no more than half of its weight measured is NaN.
     pub(crate) fn linear(&self, spectrum: &[f32]) -> [f32; 3] {
         // Independent partial sums, so that no addition waits for another.
         let mut sums = [[0.0_f32; 3]; LANES];
@@ -98,8 +100,8 @@ impl Channels {
     }
 }
 
-/// Returns the XYZ of a unit sample at each wavelength, and the white point. `None` if the wavelengths are too few for
-/// a colour.
+/// Returns the XYZ weights of the sample at each wavelength, and the white point. `None` if the wavelengths are too few
+/// for a colour.
 fn weights(grid: &WavelengthGrid, light: bool, viewing: &Viewing) -> Result<Option<(Vec<Xyz>, Xyz)>, ColourError> {
     let of = |grid: &WavelengthGrid| if light { viewing.emission(grid) } else { viewing.reflectance(grid) };
     let as_xyz = |weights: &[[f64; 3]]| weights.iter().map(|&[x, y, z]| Xyz { x, y, z }).collect::<Vec<_>>();

@@ -5,7 +5,7 @@ use crate::domain::colour::{
 };
 use crate::domain::{Axis, Tensor, WavelengthGrid};
 
-/// An illuminant and an observer, with the names that they are reported under.
+/// Viewing conditions of a colour: an illuminant and an observer, with the names that a report shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Viewing {
     illuminant: String,
@@ -15,14 +15,14 @@ pub struct Viewing {
 }
 
 impl Default for Viewing {
-    /// D65, and the CIE 1931 2° observer.
+    /// Returns the default viewing conditions: illuminant D65 and the CIE 1931 2° observer.
     fn default() -> Self {
         Self::standard(Illuminant::default(), StandardObserver::default())
     }
 }
 
 impl Viewing {
-    /// A standard illuminant, and a standard observer.
+    /// Creates viewing conditions from a standard illuminant and a standard observer of the CIE.
     pub fn standard(illuminant: Illuminant, observer: StandardObserver) -> Self {
         Self {
             illuminant: illuminant.name().to_owned(),
@@ -47,17 +47,18 @@ impl Viewing {
         self.check()
     }
 
-    /// The illuminant's name.
+    /// Name of the illuminant under which colours are computed, as reports show it.
     pub fn illuminant(&self) -> &str {
         &self.illuminant
     }
 
-    /// The observer's name.
+    /// Name of the observer (set of colour matching functions, such as CIE 1931) for which colours are computed, as
+    /// reports show it.
     pub fn observer(&self) -> &str {
         &self.observer
     }
 
-    /// The observer.
+    /// Colour matching functions of the observer.
     pub fn functions(&self) -> &Observer {
         &self.functions
     }
@@ -67,27 +68,29 @@ impl Viewing {
         self.power == *Illuminant::D65.power()
     }
 
-    /// Returns true if Y of an emission is photometric. Only ȳ of the CIE 1931 observer is V(λ).
+    /// Returns true if the tristimulus value Y of emitted light is photometric: only ȳ of the CIE 1931 observer is
+    /// V(λ).
     pub(crate) fn is_photometric(&self) -> bool {
         self.functions == *Observer::cie_1931()
     }
 
-    /// Returns the weights of XYZ for reflectances, scaled to Y = 100 for the perfect reflector.
+    /// Returns the weights at each wavelength that give the XYZ of a reflectance, scaled to Y = 100 for the perfect
+    /// reflector.
     pub(crate) fn reflectance(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::reflectance_by(grid, &self.power, &self.functions)
     }
 
-    /// Returns the weights of XYZ for emitted light, scaled by 683 lm/W.
+    /// Returns the weights at each wavelength that give the XYZ of emitted light, scaled by 683 lm/W.
     pub(crate) fn emission(&self, grid: &WavelengthGrid) -> Result<Tristimulus, ColourError> {
         Tristimulus::emission_by(grid, &self.functions)
     }
 
-    /// Returns XYZ of the perfect diffuser under the illuminant, Y = 100.
+    /// Returns the XYZ of the perfect diffuser under the illuminant, scaled to Y = 100.
     pub(crate) fn white(&self) -> Result<Xyz, ColourError> {
         Ok(self.reflectance(&every_nanometre()?)?.white())
     }
 
-    /// Returns the chromatic adaptation from `white` to the white of sRGB (D65).
+    /// Returns the chromatic adaptation from the white point `white` to the white of sRGB (D65).
     pub(crate) fn adaptation(white: Xyz) -> Result<Adaptation, ColourError> {
         // The tabulated D65 white rather than the rounded one of the standard's matrix, so that D65 data stay
         // unchanged.

@@ -3,17 +3,30 @@
 use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
 use super::fits::unused;
-use super::format::ExportFormat;
 use super::measure::AddedError;
 use super::options::{ExportOptions, check_size};
+use super::writer::{Write, Writer};
 use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::evaluate::{EvaluateError, QueryError};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
 
+/// Writer of arrays.
+pub(super) const NPY: Writer = Writer {
+    name: "npy",
+    other_names: &[],
+    description: "the dense float32 tensor as a NumPy array, NaN = masked, beside a manifest of its axes",
+    extension: "npy",
+    media_type: "application/octet-stream",
+    holds: "everything",
+    fits: |_| true,
+    options: &[],
+    write: Write::Samples(array),
+};
+
 /// Refuses options that have no effect in a format that holds every sample, such as `npy`. `name` is the name of the
 /// format.
 pub fn check_whole(measurement: &Measurement, name: &'static str, options: &ExportOptions) -> Result<(), ExportError> {
-    unused(name, options, |_| false)?;
+    unused(name, options, &[])?;
     let Some(index) = &options.index else { return Ok(()) };
     let axes = measurement.tensor.axes().iter().filter(|axis| matches!(axis, Axis::Index { .. })).count();
     if index.len() != axes {
@@ -22,10 +35,11 @@ pub fn check_whole(measurement: &Measurement, name: &'static str, options: &Expo
     setting(OptionError::UnusedIndex { format: name })
 }
 
-/// Writes the samples of `measurement`; NaN marks a masked sample. [`manifest_of`] gives the accompanying manifest.
+/// Writes the samples of `measurement` as a NumPy array; NaN marks a masked sample. [`manifest_of`] gives the
+/// accompanying manifest.
 pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Exported, ExportError> {
     let tensor = &measurement.tensor;
-    check_whole(measurement, ExportFormat::Npy.name(), options)?;
+    check_whole(measurement, NPY.name, options)?;
     check_size(tensor.len().checked_mul(4), options, "decode a coarser level of it")?;
     let shape = tensor.shape();
     let bytes = write_npy(&shape, tensor.samples());
@@ -42,7 +56,7 @@ pub fn array(measurement: &Measurement, options: &ExportOptions) -> Result<Expor
     let report = ErrorReport::measure(tensor.samples(), found, 0.0);
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     let about = Summary {
-        format: ExportFormat::Npy,
+        format: NPY.name,
         resolution: format!("{} samples", shape.join(" × ")),
         unit: measurement.unit.to_string(),
         lost: Vec::new(),

@@ -2,12 +2,13 @@
 
 use super::error::ExportError;
 use super::exported::{Exported, Summary};
-use super::format::ExportFormat;
+use super::fits::{UPPER, has_colour, incoming, is_on, outgoing};
 use super::measure::{AddedError, Draws, measure};
 use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, wavelengths};
+use super::writer::{Write, Writer};
 use super::{read_back, resolution};
-use crate::domain::{Axis, Direction, Quantity, Unit};
+use crate::domain::{Axis, Direction, Domain, Quantity, Unit};
 use crate::evaluate::Material;
 use crate::formats::{
     self, Acquisition, DirectionalFunction, FormatError, FormatErrorKind, Interpretation, MbsdfGrid, RglGrid, Samples,
@@ -18,7 +19,68 @@ const REFLECTED: Draws = Draws::Surface { above: true, below: false };
 const SPECTRA: &str = "the spectrum";
 const COLOURS: &str = "linear sRGB of the spectrum (D65, CIE 1931)";
 
-pub(super) fn rgl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+/// Writer of RGL tensor files.
+pub(super) const RGL: Writer = Writer {
+    name: "rgl",
+    other_names: &[],
+    description: "RGL tensor file: a BRDF, spectral or RGB, isotropic or not",
+    extension: "bsdf",
+    media_type: "application/octet-stream",
+    holds: "a brdf over the upper hemisphere",
+    fits: reflects,
+    options: &[
+        ("side", "nodes along a side"),
+        ("step", "degrees between incident directions"),
+        ("rgb", "linear sRGB instead of spectra"),
+    ],
+    write: Write::Entry(rgl),
+};
+
+/// Writer of MERL tables.
+pub(super) const MERL: Writer = Writer {
+    name: "merl",
+    other_names: &[],
+    description: "MERL table: an isotropic BRDF in RGB",
+    extension: "binary",
+    media_type: "application/octet-stream",
+    holds: "an isotropic brdf with a colour (400 to 700 nm)",
+    fits: |material| reflects(material) && is_isotropic(material) && has_colour(material),
+    options: &[],
+    write: Write::Entry(merl),
+};
+
+/// Writer of MDL measured BSDFs.
+pub(super) const MBSDF: Writer = Writer {
+    name: "mbsdf",
+    other_names: &[],
+    description: "MDL measured BSDF: isotropic, RGB or scalar",
+    extension: "mbsdf",
+    media_type: "application/octet-stream",
+    holds: "an isotropic brdf, btdf or bsdf with a colour (400 to 700 nm)",
+    fits: |material| scatters(material) && is_isotropic(material) && has_colour(material),
+    options: &[("side", "polar angles")],
+    write: Write::Entry(mbsdf),
+};
+
+fn reflects(material: &Material) -> bool {
+    material.quantity() == Quantity::Brdf && is_on(incoming(material), UPPER) && is_on(outgoing(material), UPPER)
+}
+
+fn scatters(material: &Material) -> bool {
+    let domains = match material.quantity() {
+        Quantity::Brdf => UPPER,
+        Quantity::Btdf => &[Domain::Lower, Domain::Sphere],
+        Quantity::Bsdf => &[Domain::Sphere],
+        _ => return false,
+    };
+    is_on(outgoing(material), domains)
+}
+
+fn is_isotropic(material: &Material) -> bool {
+    matches!(incoming(material), Some(Axis::Elevation(_)))
+}
+
+fn rgl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let spectral = wavelengths(material).filter(|_| !options.rgb).cloned();
     let subject =
         if spectral.is_some() { Subject::spectra(material, options) } else { Subject::rgb(material, options)? };
@@ -39,19 +101,19 @@ pub(super) fn rgl(material: &Material, options: &ExportOptions) -> Result<Export
     let what = if grid.wavelengths.is_some() { SPECTRA } else { what_of(material) };
     let error = compare(&written, &subject, what, REFLECTED, None)?;
     let lost = if grid.wavelengths.is_some() { Vec::new() } else { lost_spectrum(material) };
-    Ok(exported(ExportFormat::Rgl, format!("{directions}, {0} × {0} nodes", grid.side), lost, written, error))
+    Ok(exported(RGL.name, format!("{directions}, {0} × {0} nodes", grid.side), lost, written, error))
 }
 
-pub(super) fn merl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+fn merl(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let subject = Subject::rgb(material, options)?;
     check_size(Some(12 + 24 * 90 * 90 * 180), options, "the format has one size")?;
     let written = write_merl(&subject)?;
     let error = compare(&written, &subject, what_of(material), REFLECTED, None)?;
     let resolution = "90 × 90 × 180 cells of half and difference angles".to_owned();
-    Ok(exported(ExportFormat::Merl, resolution, lost_spectrum(material), written, error))
+    Ok(exported(MERL.name, resolution, lost_spectrum(material), written, error))
 }
 
-pub(super) fn mbsdf(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+fn mbsdf(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let rgb = material.axes().last().is_some_and(Axis::is_spectral);
     let subject = if rgb { Subject::rgb(material, options)? } else { Subject::spectra(material, options) };
     let theta = resolution::side(material, options)?;
@@ -79,7 +141,7 @@ pub(super) fn mbsdf(material: &Material, options: &ExportOptions) -> Result<Expo
         _ => "transmission",
     };
     let resolution = format!("{side}, {theta} × {theta} polar angles, {phi} azimuths");
-    Ok(exported(ExportFormat::Mbsdf, resolution, lost_spectrum(material), written, error))
+    Ok(exported(MBSDF.name, resolution, lost_spectrum(material), written, error))
 }
 
 fn what_of(material: &Material) -> &'static str {
@@ -97,7 +159,8 @@ fn lost_spectrum(material: &Material) -> Vec<String> {
         .collect()
 }
 
-/// Returns a one-line description of the origin of the values: axes and, if known, error.
+/// Returns a one-line description of a material for the header of an exported file: quantity, axes and, if known,
+/// compression error.
 fn description(material: &Material) -> String {
     let axes: Vec<String> = material.axes().iter().map(Axis::describe).collect();
     let error = material.summary().map_or_else(String::new, |summary| {
@@ -106,7 +169,7 @@ fn description(material: &Material) -> String {
     format!("wavelume: {} of {}{error}", material.quantity(), axes.join(", "))
 }
 
-/// Symmetrised function: the mean of the values on both sides of the plane of incidence.
+/// BRDF made symmetric about the plane of incidence: the mean of the values at azimuths φ and −φ from it.
 #[derive(Debug)]
 struct Symmetric<'a, 'b>(&'b Subject<'a>);
 
@@ -127,7 +190,7 @@ impl DirectionalFunction for Symmetric<'_, '_> {
     }
 }
 
-/// Reads the written file back and measures its error.
+/// Reads the written BRDF file back and measures its error against the material.
 fn compare(
     written: &Written,
     subject: &Subject<'_>,
@@ -163,7 +226,7 @@ fn compare(
 }
 
 fn exported(
-    format: ExportFormat,
+    format: &'static str,
     resolution: String,
     lost: Vec<String>,
     written: Written,

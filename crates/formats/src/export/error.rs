@@ -1,78 +1,77 @@
 //! Reasons why a material is not exported.
 
-use super::format::ExportFormat;
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::preview::PreviewError;
 
-/// Kinds of reasons why there is no file.
+/// Reasons why the export of a material produces no file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExportError {
-    /// The format does not hold what the material is.
+    /// The format cannot hold this kind of material.
     #[error(transparent)]
     Unfit(#[from] UnfitError),
-    /// An option is out of its range, does nothing for the format, or is missing.
+    /// An export option is out of its range, has no effect for the format, or is missing.
     #[error(transparent)]
     Setting(#[from] OptionError),
-    /// The file would exceed the size limit.
+    /// The exported file would exceed the size limit.
     #[error(
-        "a file of {}, expected at most {most}: {instead}",
+        "the exported file would have {}, expected at most {most} bytes: {instead}",
         found.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"))
     )]
     OverLimit {
-        /// Size of the file in bytes; `None` if it overflows `usize`.
+        /// Size that the exported file would have, in bytes; `None` if it overflows `usize`.
         found: Option<usize>,
-        /// The limit in bytes.
+        /// Upper bound on the size of an exported file, in bytes.
         most: usize,
-        /// Advice on how to make it smaller.
+        /// Advice on how to make the exported file smaller.
         instead: &'static str,
     },
     /// The material has values that the format cannot hold, or more of them than its limits allow.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The material could not be evaluated.
+    /// The material could not be evaluated for the export.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
-    /// The material has no colours.
+    /// The spectra of the material allow no colour, or no colour was computed.
     #[error(transparent)]
     Colour(#[from] PreviewError),
 }
 
-/// Materials that a format does not hold.
+/// Reasons why a format cannot hold a material.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnfitError {
     /// The material is of a kind that the format cannot hold.
     #[error(
-        "{format} holds {holds}, this is {found}: it can be written as {}",
-        fitting.iter().map(|format| format.name()).collect::<Vec<_>>().join(" or ")
+        "{format} holds {holds}, but the material is {found}: it can be written as {}",
+        fitting.join(" or ")
     )]
     Material {
-        /// The requested format.
-        format: ExportFormat,
+        /// Name of the requested format.
+        format: &'static str,
         /// Materials that the format holds, in words.
         holds: &'static str,
         /// Description of the material, in words.
         found: String,
-        /// Formats that can hold the material.
-        fitting: Vec<ExportFormat>,
+        /// Names of the formats that can hold the material.
+        fitting: Vec<&'static str>,
     },
-    /// The format has no writer for the angles of the source; it is only written resampled.
-    #[error("{format} is not written on the grid of its source, expected lm63, eulumdat or mbsdf")]
+    /// The format cannot be written at the angles of the source file, only at resampled angles.
+    #[error("{format} cannot be written at the angles of the source file, expected lm63, eulumdat or mbsdf")]
     NoGridWriter {
         /// Name of the format.
         format: String,
     },
-    /// The measurement is not on a grid of angles that the format can hold.
+    /// The measured angles do not form a grid that the requested format can hold.
     #[error(
-        "the angles of this material are not those of a {format} file, and {format} cannot hold others; export it by step instead"
+        "the format {format} cannot hold the angles of the material; export it at other angles with the option `step`"
     )]
     OffGrid {
-        /// The requested format.
-        format: ExportFormat,
+        /// Name of the requested format.
+        format: &'static str,
     },
     /// The material is not a luminaire.
-    #[error("this is no luminaire")]
+    #[error("the material is not a luminaire, expected one for a luminaire format")]
     NoLuminaire,
 }
 
@@ -80,62 +79,63 @@ pub enum UnfitError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {
-    /// The option has no effect for the format.
-    #[error("the option `{option}` does nothing for {format}")]
+    /// An export option has no effect for the requested format.
+    #[error("the option `{option}` does nothing for {format}; leave it out")]
     Unused {
-        /// Name of the option.
+        /// Name of the option that has no effect.
         option: &'static str,
-        /// Name of the format.
+        /// Name of the requested format.
         format: &'static str,
     },
-    /// An index was given for a format that holds every entry.
-    #[error("the option `index` does nothing for {format}, which holds every entry")]
+    /// The user chose one entry by an index, but the format always holds every entry of the index axes.
+    #[error("the option `index` does nothing for {format}, which holds every entry; leave it out")]
     UnusedIndex {
-        /// Name of the format.
+        /// Name of the requested format.
         format: &'static str,
     },
-    /// No index was given, but the format holds a single entry.
+    /// The user chose no entry by an index, but the format holds a single entry of the index axes.
     #[error(
-        "{} entries, expected an index: one entry to write as {format}",
+        "the material has {} entries, expected the option `index`: the one to write as {format}",
         shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
     )]
     MissingIndex {
-        /// Lengths of the index axes.
+        /// Number of entries on each index axis of the material.
         shape: Vec<usize>,
-        /// The requested format.
-        format: ExportFormat,
+        /// Name of the requested format.
+        format: &'static str,
     },
-    /// The angular step is out of range.
-    #[error("step: found {found} degrees, expected 0.1 to 45")]
+    /// The requested step between neighbouring angles in the exported file is out of range.
+    #[error("step: found {found} degrees between angles, expected 0.1 to 45")]
     Step {
-        /// The step in degrees.
+        /// Requested step in degrees between neighbouring directions in the exported file: the incident directions of a
+        /// BRDF or the directions of a luminaire.
         found: f64,
     },
-    /// The number of nodes along a side is out of range.
-    #[error("side: found {found} nodes along a side of the table, expected {low} to {high}")]
+    /// The requested number of nodes along a side of a table of directions is out of range.
+    #[error("side: found {found} nodes along a side of the exported table, expected {low} to {high}")]
     Side {
-        /// Requested number.
+        /// Requested number of nodes along a side of the square table of directions in the exported file.
         found: usize,
-        /// Smallest allowed number.
+        /// Smallest allowed number of nodes along a side of the square table of directions in the exported file.
         low: usize,
-        /// Largest allowed number.
+        /// Largest allowed number of nodes along a side of the square table of directions in the exported file.
         high: usize,
     },
-    /// The number of cosines of a phase function is out of range.
-    #[error("side: found {found} cosines, expected 2 to {most}")]
+    /// The number of scattering cosines requested for the exported table of a phase function is out of range.
+    #[error("side: found {found} scattering cosines of a phase function, expected 2 to {most}")]
     Cosines {
-        /// Requested number.
+        /// Number of scattering cosines (table entries) requested for the exported phase function.
         found: usize,
-        /// Largest allowed number.
+        /// Largest allowed number of scattering cosines (table entries) of an exported phase function.
         most: usize,
     },
-    /// A wavelength was given for a material without a wavelength axis.
-    #[error("a wavelength was asked for, this material has none")]
+    /// The user chose a wavelength for a material without a wavelength axis.
+    #[error("found the option `wavelength`, but the material has no wavelength axis; leave it out")]
     UnusedWavelength,
-    /// The wavelength is outside the measured range.
-    #[error("wavelength {found} nm, expected {first} to {last} nm")]
+    /// The requested wavelength is outside the measured range.
+    #[error("wavelength {found} nm is outside the measured range, expected {first} to {last} nm")]
     Wavelength {
-        /// The wavelength in nm.
+        /// Requested wavelength in nm.
         found: f64,
         /// The first measured wavelength in nm.
         first: f64,
@@ -143,14 +143,23 @@ pub enum OptionError {
         last: f64,
     },
     /// The format needs wavelengths and the material has none.
-    #[error("the material has no wavelengths, which this format needs")]
+    #[error("the material has no wavelengths, which the requested format needs")]
     NoWavelengths,
     /// The format takes decoded samples, not a material.
-    #[error("format npy takes decoded samples, not a material; decode the material first")]
-    Undecoded,
+    #[error("format {format} takes decoded samples, not a material; decode the material first")]
+    Undecoded {
+        /// Name of the format.
+        format: &'static str,
+    },
+    /// The format takes a material, not decoded samples.
+    #[error("format {format} takes a material, not decoded samples; open the material instead")]
+    Decoded {
+        /// Name of the format.
+        format: &'static str,
+    },
 }
 
-/// Refuses an option.
+/// Returns an invalid or missing export option as an error of the export.
 pub(super) fn setting<T>(error: OptionError) -> Result<T, ExportError> {
     Err(ExportError::Setting(error))
 }

@@ -1,61 +1,87 @@
-//! The formats that are written, with their names, extensions and media types.
+//! The formats that are written, made from the table of writers.
 
-use crate::domain::{UnknownName, named};
-
-/// Declares the formats that are written: each once, with its name, usual extension and media type.
-macro_rules! exports {
-    ($($(#[$doc:meta])+ $format:ident: $name:literal, $extension:literal, $media_type:literal;)+) => {
+/// Makes the formats that are written: a variant for each writer of the table.
+macro_rules! writers {
+    ($($format:ident = $writer:path,)+) => {
         /// The formats that are written.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u8)]
         pub enum ExportFormat {
-            $($(#[$doc])+ $format,)+
+            $(#[doc = concat!("Format `", stringify!($format), "`; see [`ExportFormat::description`].")] $format,)+
         }
-        named!(ExportFormat, "export format", { $($format = $name),+ });
 
         impl ExportFormat {
-            /// The usual file extension.
-            pub fn extension(self) -> &'static str {
-                match self { $(Self::$format => $extension),+ }
+            /// All formats that are written, in the order of the table.
+            pub const ALL: &'static [Self] = &[$(Self::$format),+];
+
+            fn writer(self) -> &'static writer::Writer {
+                match self { $(Self::$format => &$writer),+ }
             }
 
-            /// The media type of the bytes.
+            /// Returns the stable name used on the command line and over HTTP.
+            pub fn name(self) -> &'static str {
+                self.writer().name
+            }
+
+            /// Returns a description in one line.
+            pub fn description(self) -> &'static str {
+                self.writer().description
+            }
+
+            /// The usual file extension.
+            pub fn extension(self) -> &'static str {
+                self.writer().extension
+            }
+
+            /// Returns the media type of files in the export format.
             pub fn media_type(self) -> &'static str {
-                match self { $(Self::$format => $media_type),+ }
+                self.writer().media_type
+            }
+
+            /// Returns true if the format takes decoded samples ([`samples`]) instead of a material ([`export()`]).
+            pub fn takes_samples(self) -> bool {
+                matches!(self.writer().write, writer::Write::Samples(_))
+            }
+
+            /// Returns the format called `name`. Names of the table of formats and common luminaire extensions are
+            /// accepted, too.
+            pub fn of_name(name: &str) -> Result<Self, crate::domain::UnknownName> {
+                let other = Self::ALL.iter().find(|format| format.writer().other_names.contains(&name));
+                other.map_or_else(|| name.parse(), |format| Ok(*format))
+            }
+        }
+
+        impl std::fmt::Display for ExportFormat {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl std::str::FromStr for ExportFormat {
+            type Err = crate::domain::UnknownName;
+
+            fn from_str(name: &str) -> Result<Self, Self::Err> {
+                Self::ALL.iter().copied().find(|known| known.name() == name).ok_or_else(|| {
+                    crate::domain::UnknownName {
+                        what: "export format",
+                        found: name.to_owned(),
+                        expected: Self::ALL.iter().map(|known| known.name()).collect::<Vec<_>>().join(", "),
+                    }
+                })
+            }
+        }
+
+        impl serde::Serialize for ExportFormat {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.serialize_str(self.name())
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for ExportFormat {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let name = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
+                name.parse().map_err(serde::de::Error::custom)
             }
         }
     };
 }
-
-exports! {
-    /// RGL tensor file: a BRDF, spectral or RGB, isotropic or not.
-    Rgl: "rgl", "bsdf", "application/octet-stream";
-    /// MERL table: an isotropic BRDF in RGB.
-    Merl: "merl", "binary", "application/octet-stream";
-    /// MDL measured BSDF: isotropic, RGB or scalar.
-    Mbsdf: "mbsdf", "mbsdf", "application/octet-stream";
-    /// IES LM-63-2002: a luminaire.
-    Lm63: "lm63", "ies", "text/plain";
-    /// EULUMDAT: a luminaire in candela.
-    Eulumdat: "eulumdat", "ldt", "text/plain";
-    /// One spectrum in two columns.
-    Spd: "spd", "spd", "text/plain";
-    /// Spectra in columns.
-    Csv: "csv", "csv", "text/csv";
-    /// A phase function over the cosine.
-    Tabphase: "tabphase", "txt", "text/plain";
-    /// The samples as a `NumPy` array, beside a manifest of its axes.
-    Npy: "npy", "npy", "application/octet-stream";
-}
-
-impl ExportFormat {
-    /// Returns the format called `name`. Names of the table of formats and common luminaire extensions are accepted,
-    /// too.
-    pub fn of_name(name: &str) -> Result<Self, UnknownName> {
-        match name {
-            "lm-63" | "ies" => Ok(Self::Lm63),
-            "ldt" => Ok(Self::Eulumdat),
-            _ => name.parse(),
-        }
-    }
-}
+pub(super) use writers;

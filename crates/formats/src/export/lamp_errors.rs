@@ -3,25 +3,26 @@
 use crate::domain::{AzimuthExtent, Azimuths, DirectionGrid, Frame};
 use serde::Serialize;
 
-/// Fraction of the peak above which an intensity enters [`LampErrors::er_l2_bright`].
+/// Fraction of the largest intensity above which an intensity enters [`LampErrors::er_l2_bright`]. Raising it leaves
+/// out more weak intensities.
 const BRIGHT: f64 = 0.01;
 
-/// Errors of the intensities of a luminaire against the stated ones, as fractions (0.01 is 1 %).
+/// Errors of the intensities of a luminaire against the values in its source file, as fractions (0.01 is 1 %).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LampErrors {
-    /// Relative error of the largest intensity.
+    /// Relative error of the largest intensity, as a fraction.
     pub peak: f64,
-    /// Relative error of the flux: the zonal sum, linear in both angles.
+    /// Relative error of the zonal flux of a luminaire, with intensities linear in the polar angle and in the azimuth.
     pub flux: f64,
-    /// Root mean square error of all intensities, divided by the peak.
+    /// Root mean square error of all intensities, divided by the largest intensity.
     pub rms_of_peak: f64,
-    /// Root mean square of the relative errors of intensities above 1 % of the peak.
+    /// Root mean square of the relative errors of intensities above 1 % of the largest one.
     pub er_l2_bright: f64,
 }
 
 impl LampErrors {
-    /// Compares `found` with `stated`, both `[polar, azimuth]` on `directions`. Returns `None` if no stated intensity
-    /// is positive. Masked samples are skipped, and count as 0 in the flux.
+    /// Compares intensities `found` with the original ones, `stated`, both `[polar, azimuth]` on `directions`. Returns
+    /// `None` if no stated intensity is positive. Masked samples are skipped, and count as 0 in the flux.
     pub fn of(directions: &DirectionGrid, stated: &[f32], found: &[f32]) -> Option<Self> {
         let largest = |values: &[f32]| f64::from(values.iter().copied().fold(0.0, f32::max));
         let (peak, flux) = (largest(stated), zonal_flux(directions, stated));
@@ -48,7 +49,8 @@ impl LampErrors {
     }
 }
 
-/// Returns `∫ I dω` over the listed polar angles, linear in the polar angle and the azimuth. Symmetries are unfolded.
+/// Returns the flux of a luminaire, `∫ I dω` over the listed polar angles, linear in the polar angle and the azimuth.
+/// Symmetries are unfolded.
 pub(crate) fn zonal_flux(directions: &DirectionGrid, values: &[f32]) -> f64 {
     let weights = directions.azimuths().map_or_else(|| vec![360.0], azimuth_weights);
     let ring = |row: usize| -> f64 {

@@ -3,11 +3,11 @@
 
 use super::error::{ExportError, UnfitError};
 use super::exported::{Exported, Summary};
-use super::format::ExportFormat;
 use super::lamp_errors::LampErrors;
 use super::measure::{Draws, measure};
 use super::options::{ExportOptions, check_size};
 use super::subject::{Subject, entry, wavelengths};
+use super::writer::{Write, Writer};
 use super::{read_back, resolution};
 use crate::appearance::JOULES_PER_MICROMOLE;
 use crate::domain::colour::Tristimulus;
@@ -19,20 +19,46 @@ use crate::formats::{
 };
 use rayon::prelude::*;
 
+/// Writer of LM-63 files.
+pub(super) const LM63: Writer = Writer {
+    name: "lm63",
+    other_names: &["lm-63", "ies"],
+    description: "IES LM-63-2002: a luminaire",
+    extension: "ies",
+    media_type: "text/plain",
+    holds: "a luminaire (edf) of one value, or a density over wavelength, by direction",
+    fits: |material| Photometry::of(material).is_some(),
+    options: &[("step", "degrees between angles")],
+    write: Write::Entry(lm63),
+};
+
+/// Writer of EULUMDAT files.
+pub(super) const EULUMDAT: Writer = Writer {
+    name: "eulumdat",
+    other_names: &["ldt"],
+    description: "EULUMDAT: a luminaire in candela",
+    extension: "ldt",
+    media_type: "text/plain",
+    holds: "a luminaire (edf) in cd, cd/klm or visible watts by wavelength",
+    fits: |material| Photometry::of(material).is_some_and(|photometry| photometry.is_luminous()),
+    options: &[("step", "degrees between angles")],
+    write: Write::Entry(eulumdat),
+};
+
 /// Reduction of a spectrum to one intensity of a luminaire file.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Photometry {
+struct Photometry {
     /// Intensity = Σ weight · sample.
     weights: Vec<f64>,
     unit: Unit,
-    /// Description of the lost spectrum; `None` if the material has none.
+    /// Description of the spectrum that the luminaire file cannot hold; `None` if the material has no spectrum.
     lost: Option<String>,
 }
 
 impl Photometry {
     /// Returns `None` if the material is not a luminaire, or if its values are neither single numbers nor spectral
     /// densities.
-    pub(super) fn of(material: &Material) -> Option<Self> {
+    fn of(material: &Material) -> Option<Self> {
         let layout = material.layout();
         if material.quantity() != Quantity::Edf || layout.outgoing.is_none() {
             return None;
@@ -67,12 +93,12 @@ impl Photometry {
     }
 
     /// Returns true if the intensities are photometric: candela or candela per kilolumen.
-    pub(super) fn is_luminous(&self) -> bool {
+    fn is_luminous(&self) -> bool {
         matches!(self.unit, Unit::Candela | Unit::CandelaPerKilolumen)
     }
 }
 
-pub(super) fn lm63(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+fn lm63(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let (photometry, lamp) = sampled(material, options)?;
     let mut notes = vec![format!("values in {}, written by wavelume", photometry.unit)];
     notes.extend(photometry.lost.iter().map(|lost| format!("lost: {lost}")));
@@ -81,16 +107,16 @@ pub(super) fn lm63(material: &Material, options: &ExportOptions) -> Result<Expor
         notes.push(format!("the spectra went from {first} to {last} nm, samples in {}", material.unit()));
     }
     let bytes = write_lm63(&lamp.planes, photometry.unit, &notes)?;
-    lamp.exported(material, options, ExportFormat::Lm63, bytes, photometry)
+    lamp.exported(material, options, LM63.name, bytes, photometry)
 }
 
-pub(super) fn eulumdat(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+fn eulumdat(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let (photometry, lamp) = sampled(material, options)?;
     let bytes = write_eulumdat(&lamp.planes, photometry.unit, lamp.flux, "wavelume")?;
-    lamp.exported(material, options, ExportFormat::Eulumdat, bytes, photometry)
+    lamp.exported(material, options, EULUMDAT.name, bytes, photometry)
 }
 
-/// Intensities on C planes, with the flux of the material.
+/// Intensities of a luminaire on C planes (vertical half planes through the lamp axis), with the flux of the material.
 struct Lamp {
     planes: CPlanes,
     filled: usize,
@@ -143,7 +169,7 @@ fn sampled(material: &Material, options: &ExportOptions) -> Result<(Photometry, 
     Ok((photometry, lamp))
 }
 
-/// Returns the range of gamma in degrees that the outgoing axis covers.
+/// Returns the range of gamma (the angle from nadir) in degrees that the outgoing directions of a luminaire cover.
 fn gamma_range(material: &Material) -> (f64, f64) {
     match material.layout().outgoing.map(|axis| &material.axes()[axis]) {
         Some(Axis::Triangles(mesh)) if mesh.domain() == Domain::Lower => (0.0, 90.0),
@@ -153,12 +179,12 @@ fn gamma_range(material: &Material) -> (f64, f64) {
 }
 
 impl Lamp {
-    /// Reads the file back and measures its error, including that of its flux.
+    /// Reads the luminaire file back and measures its error, including that of its flux.
     fn exported(
         self,
         material: &Material,
         options: &ExportOptions,
-        format: ExportFormat,
+        format: &'static str,
         bytes: Vec<u8>,
         photometry: Photometry,
     ) -> Result<Exported, ExportError> {
@@ -186,10 +212,12 @@ impl Lamp {
     }
 }
 
-/// Steps in degrees between the gamma angles and between the C planes of the comparison grid.
+/// Steps in degrees between the gamma angles, and between the C planes, at which a luminaire file is compared with the
+/// material.
 const COMPARED: (f64, f64) = (1.0, 5.0);
 
-/// Returns the photometric errors of a file, on a grid finer than most measured ones.
+/// Returns the photometric errors of a luminaire file against the material, on a grid of angles finer than most
+/// measured ones.
 fn lamp_errors(subject: &Subject<'_>, file: &AngleGrid, (low, high): (f64, f64)) -> Option<LampErrors> {
     let list = |from: f64, to: f64, step: f64| -> Vec<f64> {
         (0..=((to - from) / step) as usize).map(|i| from + step * i as f64).collect()

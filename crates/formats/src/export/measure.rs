@@ -8,48 +8,56 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Number of direction pairs at which a file is compared.
+/// Number of random pairs of an incoming and an outgoing direction at which an exported file is compared with the
+/// material.
 pub const PAIRS: usize = 10_000;
 const SEED: u64 = 0x6578_706f_7274;
-/// Upper bounds on the pairs, and on the values, held in memory at a time.
+/// Upper bounds on the direction pairs, and on the values, that a comparison holds in memory at a time. Raising them
+/// uses more memory.
 const BLOCK: (usize, usize) = (512, 1 << 20);
 
-/// Error of an exported file against its material.
+/// Error of an exported file against the material from which it was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AddedError {
-    /// Description of the compared values.
+    /// Description of the values of file and material that are compared, in words.
     pub compared: &'static str,
-    /// Number of direction pairs; number of samples for data without directions.
+    /// Number of direction pairs at which file and material are compared; number of samples for data without
+    /// directions.
     pub pairs: usize,
-    /// Mean of |file − material| / material over samples > 0.
+    /// Mean of |f − m| / m over the compared samples with m > 0: f is the value that the exported file gives, and m the
+    /// value of the material from which it was written.
     pub er_l1: f64,
-    /// Root mean square of |file − material| / material over samples > 0.
+    /// Root mean square of |f − m| / m over the compared samples with m > 0: f is the value that the exported file
+    /// gives, and m the value of the material from which it was written.
     pub er_l2: f64,
-    /// Maximum of |file − material| / material over samples > 0.
+    /// Maximum of |f − m| / m over the compared samples with m > 0: f is the value that the exported file gives, and m
+    /// the value of the material from which it was written.
     pub max_relative_error: f64,
-    /// √(Σ (file − material)² / Σ material²) over all samples.
+    /// Relative root mean square error √(Σ (f − m)² / Σ m²) over all compared samples: f is the value that the exported
+    /// file gives, and m the value of the material from which it was written.
     pub relative_rmse: f64,
-    /// Number of samples that enter the relative errors.
+    /// Number of compared samples that enter the relative errors.
     pub scored_samples: u64,
-    /// Number of samples masked in only one of file and material.
+    /// Number of samples that are masked (without a value) in the file but not in the material, or the other way round.
     pub mask_mismatches: u64,
 }
 
-/// Distribution of the drawn directions.
+/// Distribution of the random directions at which a file is compared with its material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Draws {
-    /// `wi` above the surface; `wo` above, below, or on either side. Density proportional to |cos θ|.
+    /// `wi` is above the surface; `wo` is above, below, or on either side. The density is proportional to |cos θ|.
     Surface { above: bool, below: bool },
-    /// No `wi`; `wo` uniform on the sphere between the heights `z = low` and `z = high`.
+    /// There is no `wi`; `wo` is uniform on the part of the unit sphere between the heights `z = low` and `z = high`.
     Emission { low: i8, high: i8 },
-    /// `wi` and `wo` uniform on the sphere.
+    /// `wi` and `wo` are independent and uniform on the sphere.
     Sphere,
 }
 
-/// Function of `wi` and `wo`; `wi` is `None` for functions of one direction.
+/// Function of the directions `wi` and `wo` that writes one value per channel; `wi` is `None` for functions of one
+/// direction.
 pub(super) type Function<'a> = dyn Fn(Option<Direction>, Direction, &mut [f64]) + Sync + 'a;
 
-/// Compares `file` with `material`; both return `channels` values.
+/// Compares `file` with `material` at random directions; both functions write `channels` values.
 pub(super) fn measure(
     compared: &'static str,
     draws: Draws,
@@ -92,7 +100,8 @@ impl AddedError {
 }
 
 impl Draws {
-    /// Draws one pair. Each draw consumes five random numbers, so that the sequence is the same for every distribution.
+    /// Draws one random pair of directions. Each draw consumes five random numbers, so that the sequence is equal for
+    /// every distribution.
     fn draw(self, random: &mut Pcg64) -> (Option<Direction>, Direction) {
         let [a, b, c, d, side] = [(); 5].map(|()| open(random));
         match self {

@@ -35,6 +35,7 @@ mod error;
 mod exported;
 mod fits;
 mod format;
+mod help;
 mod lamp_errors;
 mod luminaire;
 mod measure;
@@ -46,12 +47,11 @@ mod spectra;
 mod subject;
 #[cfg(test)]
 mod tests;
+mod writer;
 
 pub use array::{array, check_whole};
 pub use error::{ExportError, OptionError, UnfitError};
 pub use exported::{Exported, Summary};
-pub use fits::fitting;
-pub use format::ExportFormat;
 pub use lamp_errors::LampErrors;
 pub(crate) use lamp_errors::zonal_flux;
 pub use measure::{AddedError, PAIRS};
@@ -59,23 +59,65 @@ pub use options::ExportOptions;
 
 #[cfg(doc)]
 use crate::domain::ErrorReport;
+use crate::domain::Measurement;
 #[cfg(doc)]
 use crate::evaluate::Interpolation;
 use crate::evaluate::Material;
 use error::setting;
+use writer::{Write, Writer};
 
-/// Writes `material` as `format`. `npy` holds the samples of a decoded material instead: see [`array()`].
+// A new format needs its module and a line here.
+format::writers! {
+    Rgl = brdf::RGL,
+    Merl = brdf::MERL,
+    Mbsdf = brdf::MBSDF,
+    Lm63 = luminaire::LM63,
+    Eulumdat = luminaire::EULUMDAT,
+    Spd = spectra::SPD,
+    Csv = spectra::CSV,
+    Tabphase = phase::TABPHASE,
+    Npy = array::NPY,
+}
+
+wavelume_core::schema_of_names!(ExportFormat, "export format");
+
+fn writers() -> impl Iterator<Item = &'static Writer> {
+    ExportFormat::ALL.iter().map(|format| format.writer())
+}
+
+/// The formats that `material` can be written as.
+pub fn fitting(material: &Material) -> Vec<ExportFormat> {
+    ExportFormat::ALL.iter().copied().filter(|format| (format.writer().fits)(material)).collect()
+}
+
+/// Returns the help text of the format: each name with its description.
+pub fn format_help() -> String {
+    help::of_formats(writers())
+}
+
+/// Returns the help text of an option that only some formats take: `side`, `step`, `rgb` or `wavelength`.
+pub fn option_help(option: &str) -> Option<String> {
+    help::of_option(option, writers())
+}
+
+/// Writes `material` as `format`. A format that takes decoded samples, such as `npy`, is refused: see [`samples`].
 pub fn export(material: &Material, format: ExportFormat, options: &ExportOptions) -> Result<Exported, ExportError> {
-    fits::check(material, format, options)?;
-    match format {
-        ExportFormat::Rgl => brdf::rgl(material, options),
-        ExportFormat::Merl => brdf::merl(material, options),
-        ExportFormat::Mbsdf => brdf::mbsdf(material, options),
-        ExportFormat::Lm63 => luminaire::lm63(material, options),
-        ExportFormat::Eulumdat => luminaire::eulumdat(material, options),
-        ExportFormat::Spd => spectra::spd(material, options),
-        ExportFormat::Csv => spectra::csv(material, options),
-        ExportFormat::Tabphase => phase::tabphase(material, options),
-        ExportFormat::Npy => setting(OptionError::Undecoded),
+    let writer = format.writer();
+    fits::check(material, writer, options, writers())?;
+    match writer.write {
+        Write::Entry(write) | Write::Entries(write) => write(material, options),
+        Write::Samples(_) => setting(OptionError::Undecoded { format: writer.name }),
+    }
+}
+
+/// Writes the samples of a decoded material in a format that takes them.
+pub fn samples(
+    measurement: &Measurement,
+    format: ExportFormat,
+    options: &ExportOptions,
+) -> Result<Exported, ExportError> {
+    match format.writer().write {
+        Write::Samples(write) => write(measurement, options),
+        Write::Entry(_) | Write::Entries(_) => setting(OptionError::Decoded { format: format.name() }),
     }
 }

@@ -2,22 +2,42 @@
 
 use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
-use super::format::ExportFormat;
+use super::fits::{incoming, is_on, outgoing};
 use super::measure::{Draws, measure};
 use super::options::{ExportOptions, check_size};
 use super::resolution::{self, cell_axes};
 use super::subject::{Subject, wavelengths};
+use super::writer::{Write, Writer};
 use crate::domain::vector::{Vector, add, cross, scale, unit};
-use crate::domain::{Axis, Direction};
+use crate::domain::{Axis, Direction, Domain, Quantity};
 use crate::evaluate::Material;
 use crate::formats::{TabulatedPhase, write_tabphase};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Number of incident directions, and of azimuths around each, that are averaged for one value.
+/// Number of incident directions, and of azimuths around each of them, that are averaged for the value at one
+/// scattering angle. Raising them costs time.
 const MEANS: (usize, usize) = (16, 8);
 
-pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+/// Writer of phase functions over the cosine.
+pub(super) const TABPHASE: Writer = Writer {
+    name: "tabphase",
+    other_names: &[],
+    description: "a phase function over the cosine",
+    extension: "txt",
+    media_type: "text/plain",
+    holds: "a phase function over the whole sphere",
+    fits: |material| {
+        material.quantity() == Quantity::Phase
+            && incoming(material).is_some()
+            && is_on(outgoing(material), &[Domain::Sphere])
+            && !matches!(material.axes().last(), Some(Axis::Rgb))
+    },
+    options: &[("side", "cosines"), ("wavelength", "wavelength in nm")],
+    write: Write::Entry(tabphase),
+};
+
+fn tabphase(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let count = resolution::cosines(material, options)?;
     check_size(count.checked_mul(16), options, "ask for a smaller side")?;
     let weights = weights(material, options)?;
@@ -50,7 +70,7 @@ pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<E
         });
     }
     let about = Summary {
-        format: ExportFormat::Tabphase,
+        format: TABPHASE.name,
         resolution: format!("{count} cosines"),
         unit: material.unit().to_string(),
         lost,
@@ -63,7 +83,8 @@ pub(super) fn tabphase(material: &Material, options: &ExportOptions) -> Result<E
     Ok(Exported { bytes, about })
 }
 
-/// Returns the weights that reduce a spectrum to one number: its mean, or its value at one wavelength.
+/// Returns the weights of wavelengths that reduce the spectrum of a phase function to one number: its mean, or its
+/// value at one wavelength.
 fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, ExportError> {
     let count = material.lambdas();
     match (wavelengths(material), options.wavelength) {
@@ -93,7 +114,7 @@ fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, Exp
     }
 }
 
-/// Returns incident directions spread over the incoming axis.
+/// Returns incident directions spread over the incoming axis of a phase function.
 fn incident(material: &Material) -> Vec<Direction> {
     let pick = |length: usize, at: &dyn Fn(usize) -> Direction| {
         let count = MEANS.0.min(length);
@@ -106,7 +127,8 @@ fn incident(material: &Material) -> Vec<Direction> {
     }
 }
 
-/// Returns the mean over incident directions and azimuths at one scattering angle; masked values are skipped.
+/// Returns the mean of a phase function over incident directions and azimuths at one scattering angle; masked values
+/// are skipped.
 fn mean(subject: &Subject<'_>, incident: &[Direction], cosine: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (mut sum, mut found) = (0.0, 0_usize);

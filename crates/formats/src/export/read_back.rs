@@ -4,13 +4,14 @@ use crate::domain::Direction;
 use crate::formats::{AngleGrid, Angles, AzimuthExtent, Outside};
 use crate::numeric::bracket::Bracket;
 
-/// The two neighbouring entries and their weights; an unused entry has weight 0.
+/// Indices of the two list entries around a value, with their weights of linear interpolation; an unused entry has
+/// weight 0.
 type Ends = [(usize, f64); 2];
 
 const ALL: Ends = [(0, 1.0), (0, 0.0)];
 
-/// Evaluates `grid` at a pair of directions; `wi` is needed if the grid has incoming angles. Outside the covered angles
-/// the values are 0 or NaN, as [`Outside`] states.
+/// Interpolates the grid of angles of an exported file at a pair of directions; `wi` is needed if the grid has incoming
+/// angles. Outside the covered angles the values are 0 or NaN, as [`Outside`] states.
 pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
     let outside = if grid.outside == Outside::Zero { 0.0 } else { f64::NAN };
     let (incoming, turn) = match (&grid.incoming, wi) {
@@ -40,12 +41,14 @@ pub(super) fn evaluate(grid: &AngleGrid, wi: Option<Direction>, wo: Direction, v
     }
 }
 
-/// Returns the entries around an angle and their weights, clamped at the ends.
+/// Returns the indices of the listed angles around `angle` with their weights of linear interpolation, clamped at the
+/// ends of the list.
 fn around(angles: &[f64], angle: f64) -> Ends {
     Bracket::held(angles, angle).weights()
 }
 
-/// Returns the columns around an azimuth with their weights, and the number of columns.
+/// Returns the indices of the listed azimuths around `phi` with their weights of linear interpolation, and the number
+/// of listed azimuths.
 fn azimuths(angles: &Angles, phi: f64) -> (Ends, usize) {
     let Some(azimuths) = &angles.phi else { return (ALL, 1) };
     let listed = &azimuths.phi;

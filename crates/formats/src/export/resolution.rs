@@ -5,32 +5,36 @@ use super::options::{ExportOptions, check_size};
 use crate::domain::Axis;
 use crate::evaluate::Material;
 
-/// Upper bound on the numbers in a file of default resolution. Raising it keeps fine resolutions and makes larger
-/// files.
+/// Upper bound on the count of numbers in an exported file of default resolution. Raising it keeps finer resolutions
+/// and makes larger files.
 const MOST_NUMBERS: usize = 1 << 26;
-/// Default upper bound on the gap between incident elevations, in degrees.
+/// Default upper bound on the gap between the incident elevations of an exported BRDF, in degrees. Raising it makes
+/// smaller files.
 const ELEVATIONS: f64 = 3.75;
-/// Default lower bound on the step between incident azimuths, in degrees.
+/// Default lower bound on the step between the incident azimuths of an exported BRDF, in degrees. Raising it makes
+/// smaller files.
 const AZIMUTHS: f64 = 5.0;
-/// Steps of incident elevations and azimuths, in degrees, up to which directions are thinned before nodes to meet the
-/// size limit.
+/// Steps of incident elevations and of incident azimuths, in degrees, to which incident directions are thinned before
+/// nodes of outgoing directions are, so that an export meets its size limit. Raising them keeps more nodes.
 const FEWEST: (f64, f64) = (7.5, 10.0);
-/// Upper bound on the incident azimuth step, in degrees, when azimuths are thinned again after the nodes.
+/// Upper bound on the step of incident azimuths, in degrees, to which it is widened once the nodes for outgoing
+/// directions are at their minimum. Raising it lets more exports meet the size limit.
 const WIDEST_AZIMUTHS: f64 = 22.5;
-/// Lower and upper bound on the default number of nodes along a side or of polar angles.
+/// Lower and upper bound on the default number of nodes along a side (RGL) or of polar angles (MBSDF) of an exported
+/// table.
 const SIDES: (usize, usize) = (32, 128);
-/// Allowed range of the requested number of nodes along a side or of polar angles.
+/// Allowed range of the requested number of nodes along a side (RGL) or of polar angles (MBSDF) of an exported table.
 const ASKED_SIDES: std::ops::RangeInclusive<usize> = 2..=1024;
-/// Upper bound on the cosines of a phase function: a table of 16 MiB.
+/// Upper bound on the number of scattering cosines of an exported phase function; at 1,048,576 the table has 16 MiB.
 const MOST_COSINES: usize = 1 << 20;
 
-/// Returns the axes of the material's cells. For samples on a grid of angles these are the axes of triangles of similar
-/// spacing.
+/// Returns the axes of the triangles over which a material is averaged. For samples on a grid of angles these are
+/// triangles of similar spacing.
 pub(super) fn cell_axes(material: &Material) -> &[Axis] {
     material.over_triangles().map_or_else(|_| material.axes(), Material::axes)
 }
 
-/// Returns the subdivision level of the outgoing triangles.
+/// Returns the subdivision level of the triangles of outgoing directions; each level halves the side of a triangle.
 pub(super) fn outgoing_level(material: &Material) -> u8 {
     match material.layout().outgoing.map(|axis| &cell_axes(material)[axis]) {
         Some(Axis::Triangles(mesh)) => mesh.level(),
@@ -38,12 +42,12 @@ pub(super) fn outgoing_level(material: &Material) -> u8 {
     }
 }
 
-/// Returns the width of an outgoing cell in degrees.
+/// Returns the width in degrees of a triangle of outgoing directions.
 pub(super) fn cell(material: &Material) -> f64 {
     90.0 / f64::from(1_u32 << outgoing_level(material))
 }
 
-/// Returns the number of nodes along a side, or of polar angles.
+/// Returns the number of nodes along a side (RGL) or of polar angles (MBSDF) of an exported table.
 pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
     match options.side {
         Some(side) if ASKED_SIDES.contains(&side) => Ok(side),
@@ -55,18 +59,18 @@ pub(super) fn side(material: &Material, options: &ExportOptions) -> Result<usize
     }
 }
 
-/// Sampling of an RGL file.
+/// Directions and resolution of an exported RGL file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Incident {
-    /// Elevations in degrees.
+    /// Polar angles of the incident directions in degrees.
     pub(super) theta: Vec<f64>,
-    /// Azimuths in degrees; empty if the material is isotropic.
+    /// Azimuths of the incident directions in degrees; empty if the material is isotropic.
     pub(super) phi: Vec<f64>,
-    /// Number of nodes along a side.
+    /// Number of nodes along a side of the square table of outgoing directions.
     pub(super) side: usize,
 }
 
-/// Returns the incident directions and the node count of a file with `channels` channels.
+/// Returns the incident directions and the node count of an exported RGL file with `channels` channels.
 pub(super) fn incident(material: &Material, options: &ExportOptions, channels: usize) -> Result<Incident, ExportError> {
     let axis = material.layout().incoming.map(|axis| &cell_axes(material)[axis]);
     let own = match axis {
@@ -109,8 +113,8 @@ pub(super) fn incident(material: &Material, options: &ExportOptions, channels: u
     }
 }
 
-/// Returns elevations from 0° to 90° at most `step` apart. Own elevations are kept unless they are closer than half a
-/// step; gaps are filled evenly.
+/// Returns elevations (polar angles) from 0° to 90° that are at most `step` apart. Elevations in `own` are kept unless
+/// they are closer than half a step; gaps are filled evenly.
 fn elevations(own: &[f64], step: f64) -> Vec<f64> {
     let mut kept = vec![0.0];
     for &theta in own.iter().filter(|theta| **theta < 90.0 - 0.5 * step) {
@@ -127,13 +131,13 @@ fn elevations(own: &[f64], step: f64) -> Vec<f64> {
     filled
 }
 
-/// Azimuths from −180° to 180°, at most `step` apart.
+/// Returns evenly spaced azimuths from −180° to 180°, at most `step` degrees apart.
 fn turn(step: f64) -> Vec<f64> {
     let parts = (libm::ceil(360.0 / step - 1e-9) as usize).max(2);
     (0..=parts).map(|i| if i == parts { 180.0 } else { 360.0 * i as f64 / parts as f64 - 180.0 }).collect()
 }
 
-/// Returns the steps between the gamma angles and between the C planes of a luminaire, in degrees.
+/// Returns the step between the gamma angles, and the step between the C planes, of an exported luminaire, in degrees.
 pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64) {
     let first =
         |steps: &[f64], most: f64| steps.iter().copied().find(|&step| step <= most).unwrap_or(steps[steps.len() - 1]);
@@ -144,7 +148,7 @@ pub(super) fn planes(material: &Material, options: &ExportOptions) -> (f64, f64)
     }
 }
 
-/// Returns the number of cosines of a phase function.
+/// Returns the number of scattering cosines at which a phase function is exported.
 pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<usize, ExportError> {
     match options.side {
         Some(count) if (2..=MOST_COSINES).contains(&count) => Ok(count),
@@ -156,8 +160,8 @@ pub(super) fn cosines(material: &Material, options: &ExportOptions) -> Result<us
     }
 }
 
-/// Returns the number of scattering angles if the material states them at evenly spaced cosines from -1 to 1, as
-/// tabphase files do.
+/// Returns the number of measured scattering angles if their cosines are evenly spaced from -1 to 1, as in tabphase
+/// files.
 fn own_cosines(material: &Material) -> Option<usize> {
     let Axis::Grid(grid) = &material.axes()[material.layout().outgoing?] else { return None };
     let polar = grid.polar();

@@ -2,15 +2,48 @@
 
 use super::error::{ExportError, OptionError, setting};
 use super::exported::{Exported, Summary};
-use super::format::ExportFormat;
+use super::fits::incoming;
 use super::measure::AddedError;
 use super::options::{ExportOptions, check_size};
 use super::subject::{entry, wavelengths};
+use super::writer::{Write, Writer};
 use crate::domain::{Axis, ErrorReport, Quantity, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, write_spd, write_spectra};
 
-pub(super) fn spd(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+/// Writer of one spectrum in two columns.
+pub(super) const SPD: Writer = Writer {
+    name: "spd",
+    other_names: &[],
+    description: "one spectrum in two columns",
+    extension: "spd",
+    media_type: "text/plain",
+    holds: "spectra without directions",
+    fits: is_table,
+    options: &[],
+    write: Write::Entry(spd),
+};
+
+/// Writer of spectra in columns.
+pub(super) const CSV: Writer = Writer {
+    name: "csv",
+    other_names: &[],
+    description: "spectra in columns",
+    extension: "csv",
+    media_type: "text/csv",
+    holds: SPD.holds,
+    fits: is_table,
+    options: &[],
+    write: Write::Entries(csv),
+};
+
+/// Returns true for spectra without directions.
+fn is_table(material: &Material) -> bool {
+    let is_spectral = matches!(material.quantity(), Quantity::Spectrum | Quantity::Reflectance);
+    is_spectral && incoming(material).is_none() && wavelengths(material).is_some()
+}
+
+fn spd(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let grid = grid(material)?;
     let index = entry(material, options);
     let samples = spectrum(material, &index)?;
@@ -24,10 +57,10 @@ pub(super) fn spd(material: &Material, options: &ExportOptions) -> Result<Export
     if entries > 1 {
         lost.push(format!("{} of {entries} spectra", entries - 1));
     }
-    finish(material, ExportFormat::Spd, bytes, &written, 1, lost)
+    finish(material, SPD.name, bytes, &written, 1, lost)
 }
 
-pub(super) fn csv(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
+fn csv(material: &Material, options: &ExportOptions) -> Result<Exported, ExportError> {
     let grid = grid(material)?;
     let axes = &material.axes()[..material.layout().indices];
     let entries: Vec<Vec<usize>> = match &options.index {
@@ -41,7 +74,7 @@ pub(super) fn csv(material: &Material, options: &ExportOptions) -> Result<Export
     let names: Vec<String> = entries.iter().map(|index| name(material, axes, index)).collect();
     check_size(samples.len().checked_mul(4), options, "name one entry by its index")?;
     let bytes = write_spectra(grid, &samples, &names)?;
-    finish(material, ExportFormat::Csv, bytes, &samples, entries.len(), Vec::new())
+    finish(material, CSV.name, bytes, &samples, entries.len(), Vec::new())
 }
 
 fn grid(material: &Material) -> Result<&WavelengthGrid, ExportError> {
@@ -54,7 +87,8 @@ fn spectrum(material: &Material, index: &[usize]) -> Result<Vec<f32>, ExportErro
     Ok(samples)
 }
 
-/// Returns the label of an entry, or its index numbers; the quantity for a single spectrum.
+/// Returns the column name of a spectrum in an exported table: its labels on the index axes or its index numbers. A
+/// single spectrum is named by its quantity.
 fn name(material: &Material, axes: &[Axis], index: &[usize]) -> String {
     let parts: Vec<String> = axes
         .iter()
@@ -67,10 +101,10 @@ fn name(material: &Material, axes: &[Axis], index: &[usize]) -> String {
     if parts.is_empty() { material.quantity().to_string() } else { parts.join(" ") }
 }
 
-/// Reads the file back and compares every sample.
+/// Reads the exported spectra back and compares every sample with the original.
 fn finish(
     material: &Material,
-    format: ExportFormat,
+    format: &'static str,
     bytes: Vec<u8>,
     samples: &[f32],
     spectra: usize,

@@ -8,7 +8,7 @@ use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::DirectionalFunction;
 use crate::preview::PreviewError;
 
-/// Reduction of a spectrum to the exported channels.
+/// Reduction of each spectrum of a material to the channels of an exported file.
 #[derive(Debug)]
 enum Made {
     Spectrum,
@@ -16,7 +16,7 @@ enum Made {
     Sum(Vec<f64>),
 }
 
-/// Function of directions with one value per channel.
+/// Function that an export samples: it gives one value per channel at a pair of directions.
 #[derive(Debug)]
 pub(super) struct Subject<'a> {
     material: &'a Material,
@@ -24,12 +24,12 @@ pub(super) struct Subject<'a> {
     made: Made,
 }
 
-/// Returns the weights of linear sRGB, if the wavelengths allow a colour.
+/// Returns the weights of wavelengths that give linear sRGB; `None` if the wavelengths allow no colour.
 pub(super) fn colours(material: &Material) -> Option<Channels> {
     Channels::of(material, &Viewing::default()).ok().filter(Channels::coloured)
 }
 
-/// Returns the index of the exported entry.
+/// Returns the index of the entry to export on the index axes; the first entry by default.
 pub(super) fn entry(material: &Material, options: &ExportOptions) -> Vec<usize> {
     options.index.clone().unwrap_or_else(|| vec![0; material.layout().indices])
 }
@@ -42,23 +42,23 @@ pub(super) fn wavelengths(material: &Material) -> Option<&WavelengthGrid> {
 }
 
 impl<'a> Subject<'a> {
-    /// Exports the spectra unchanged.
+    /// Creates a view of `material` that exports its spectra unchanged.
     pub(super) fn spectra(material: &'a Material, options: &ExportOptions) -> Self {
         Self { material, index: entry(material, options), made: Made::Spectrum }
     }
 
-    /// Exports three channels of linear sRGB.
+    /// Creates a view of `material` that exports its colours as three channels of linear sRGB.
     pub(super) fn rgb(material: &'a Material, options: &ExportOptions) -> Result<Self, ExportError> {
         let channels = Channels::of(material, &Viewing::default()).map_err(PreviewError::from)?;
         Ok(Self { material, index: entry(material, options), made: Made::Rgb(channels) })
     }
 
-    /// Exports one channel: Σ weight · sample.
+    /// Creates a view of `material` that exports one channel, a weighted sum over wavelengths: Σ weight · sample.
     pub(super) fn sum(material: &'a Material, options: &ExportOptions, weights: Vec<f64>) -> Self {
         Self { material, index: entry(material, options), made: Made::Sum(weights) }
     }
 
-    /// Returns the number of channels.
+    /// Returns the number of exported channels.
     pub(super) fn channels(&self) -> usize {
         match &self.made {
             Made::Spectrum => self.material.lambdas(),
@@ -67,8 +67,8 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Writes the values at a pair of directions. Masked values, and directions that the material does not accept, give
-    /// NaN.
+    /// Writes the values to export at a pair of directions. Masked values, and directions that the material does not
+    /// accept, give NaN.
     pub(super) fn at(&self, wi: Option<Direction>, wo: Direction, values: &mut [f64]) {
         let mut spectrum = vec![0.0_f32; self.material.lambdas()];
         let place = Place { index: &self.index, wi, wo: Some(wo) };

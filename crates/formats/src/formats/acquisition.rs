@@ -8,221 +8,230 @@ use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// One measurement as read from a file, before projection.
+/// One measurement as a parser read it from a file, before it is projected onto axes.
 #[derive(Clone, Debug)]
 pub struct Acquisition {
-    /// The format's name in the table of formats.
+    /// Name of the file's format in the table of formats.
     pub format: &'static str,
-    /// Revision and flavour, for people: `LM-63-2002, type C, no symmetry`.
+    /// Revision and flavour of the format, for people: `LM-63-2002, type C, no symmetry`.
     pub dialect: String,
-    /// The radiometric quantity.
+    /// Radiometric quantity of the measurement.
     pub quantity: Quantity,
-    /// The unit of a value, after the spectral factor.
+    /// Unit of a measured value. If the samples are joined with a spectrum, it is the unit of their product.
     pub unit: Unit,
-    /// The samples.
+    /// Measured samples in the form in which the file holds them.
     pub samples: Samples,
-    /// A spectrum joined with the samples: value(direction, λ) = sample(direction) · factor(λ).
+    /// Spectrum joined with the samples: value(direction, λ) = sample(direction) · factor(λ); `None` if there is none.
     pub spectral_factor: Option<SpectralFactor>,
-    /// Angles of the instrument below which nothing is resolved, where the file states them.
+    /// Angular resolution of the instrument, where the file states it; narrower features cannot be resolved.
     pub instrument: Instrument,
-    /// Everything the parser assumed, filled, skipped or found odd, and the file's own keywords.
+    /// Report on everything that the parser assumed, filled, skipped or found odd, with the file's own keywords.
     pub report: ParseReport,
 }
 
-/// Samples in the form the instrument took them.
+/// Samples of a measurement in the form in which the instrument took them.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant, reason = "there is one of it, and its data are on the heap")]
 pub enum Samples {
-    /// Already on their final axes.
+    /// Samples on axes that a compressed material can keep, such as wavelengths or triangles of directions. They change
+    /// only if the user asks for coarser triangles or other wavelengths.
     OnAxes {
-        /// The samples.
+        /// Samples with their axes.
         tensor: Tensor,
-        /// Meaning of a sample on a triangle axis.
+        /// Meaning of a sample at a triangle of directions: a point value or an average over the triangle.
         sampling: Sampling,
     },
-    /// On a grid of angles.
+    /// Samples on a grid that combines every angle of one direction with every angle of the other.
     Grid(AngleGrid),
-    /// At individual directions that form no grid.
+    /// Samples at individual directions that do not form a grid.
     Scattered(Scattered),
-    /// A function defined by the file's own model, which can be evaluated anywhere.
+    /// Function defined by the file's own model, which can be evaluated at any directions.
     Function(Modelled),
 }
 
-/// Samples at individual directions, `[theta, phi]` in degrees of the surface frame. Values are row-major
+/// Samples at individual directions, given as `[theta, phi]` in degrees of the surface frame. Values are row-major
 /// `[direction, spectral]`; NaN = missing.
 ///
 /// A direction (or pair of directions) may occur more than once; each occurrence is a separate sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
-    /// `wi` of each direction; empty where the quantity has none.
+    /// Incoming direction `wi` of each sample, `[theta, phi]` in degrees; empty where the quantity has none.
     pub incoming: Vec<[f64; 2]>,
-    /// `wo` of each direction; empty where the quantity has none.
+    /// Outgoing direction `wo` of each sample, `[theta, phi]` in degrees; empty where the quantity has none.
     pub outgoing: Vec<[f64; 2]>,
-    /// Isotropic: every `wi` has phi 0, and the phi of `wo` is relative to it.
+    /// True for isotropic samples: every `wi` has phi 0, and the phi of `wo` is relative to the azimuth of `wi`.
     pub isotropic: bool,
-    /// Wavelengths, if there are any.
+    /// Wavelengths or colour channels of each sample; `None` if each has a single value.
     pub spectral: Option<Axis>,
-    /// The values.
+    /// Measured values, row-major `[direction, spectral]`; NaN = missing.
     pub values: Vec<f32>,
-    /// Standard uncertainties of the values (k = 1), of the same shape and unit, if the file states them. NaN and
-    /// non-positive numbers mean not stated.
+    /// Standard uncertainties of the values (k = 1), of equal shape and unit, if the file states them. NaN and
+    /// non-positive numbers mean that the uncertainty is unknown.
     pub sigma: Option<Vec<f32>>,
 }
 
 impl Scattered {
-    /// Returns the number of directions, or of direction pairs.
+    /// Returns the number of samples: of directions, or of pairs of an incoming and an outgoing direction.
     pub fn directions(&self) -> usize {
         self.incoming.len().max(self.outgoing.len())
     }
 }
 
-/// A BRDF as the function that its file defines, with the directions and the count of the measured data.
+/// BRDF or phase function as the function that its file defines, with the directions and the number of the measured
+/// values.
 #[derive(Clone, Debug)]
 pub struct Modelled {
     /// Incoming angles at which the file holds data. Without azimuth the function is isotropic and is evaluated at
-    /// these elevations.
+    /// these polar angles.
     pub incoming: Angles,
-    /// Mean distance between neighbouring outgoing directions of the file, in degrees.
+    /// Mean distance between neighbouring outgoing directions in the file, in degrees.
     pub outgoing_spacing: f64,
-    /// Wavelengths or colour channels.
+    /// Wavelengths or colour channels of the function; `None` if it has a single value.
     pub spectral: Option<Axis>,
-    /// Number of values that the function interpolates.
+    /// Number of measured values, missing ones included, that the BRDF or phase function interpolates.
     pub numbers: usize,
-    /// Number of these values that are missing.
+    /// Number of missing values among the measured values that the BRDF or phase function interpolates.
     pub missing: usize,
-    /// Table of a phase function over the scattering angle, as the file states it. Light comes from `+z`, so that polar
-    /// angles are 180° minus the scattering angle. Elsewhere the function depends on the angle between the directions.
+    /// Table of a phase function over the scattering angle, as the file lists it; `None` for other functions. Light
+    /// comes from `+z`, so that polar angles are 180° minus the scattering angle.
     pub stated: Option<Box<StatedGrid>>,
-    /// The function.
+    /// Function of an incoming and an outgoing direction that can be evaluated anywhere.
     pub function: Arc<dyn DirectionalFunction>,
 }
 
-/// Function of two directions, above the surface unless the caller states otherwise.
+/// Function of an incoming and an outgoing direction, both above the surface unless the caller states otherwise.
 pub trait DirectionalFunction: Debug + Send + Sync {
-    /// Writes f(wi, wo) in the acquisition's unit, one value per channel of the spectral axis (one value without such
-    /// an axis). A BRDF excludes the cosine. NaN = missing.
+    /// Writes f(wi, wo) in the unit of the measurement, one value per wavelength or channel. The value of a BRDF
+    /// excludes the factor cos θo. NaN = missing.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]);
 }
 
 /// Bytes of a written file, with counts of the values that the format could not hold.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
-    /// The file.
+    /// Bytes of the written file.
     pub bytes: Vec<u8>,
-    /// Number of values written as 0 because the function is undefined there; the format has no mask that renderers
-    /// understand.
+    /// Number of values written as 0 because the function has no value at their directions. The file format has no mark
+    /// for missing values that renderers understand.
     pub filled: usize,
-    /// Number of values written as 0 because the function is negative there, which the format cannot hold.
+    /// Number of values written as 0 because the function is negative at their directions; the file format cannot hold
+    /// negative values.
     pub clipped: usize,
 }
 
-/// Cosine that replaces smaller ones near the horizon, where quotients by the cosine diverge.
+/// Lower bound on the cosine from the normal, near the horizon, where quotients by the cosine diverge. Raising it makes
+/// extreme angles less accurate.
 pub(super) const HORIZON: f64 = 1e-3;
 
-/// Returns the unit vector as a direction, raised to the horizon if it lies below.
+/// Returns a unit vector as a direction, raised to just above the horizon if it lies below.
 pub(super) fn lifted(direction: Vector) -> Direction {
     let [x, y, z] = direction;
     Direction::from_unit(if z >= HORIZON { direction } else { unit([x, y, HORIZON]) })
 }
 
-/// Full grid of angles. Values are row-major `[index…, theta_i, phi_i, theta_o, phi_o, spectral]` without absent axes;
-/// NaN = missing.
+/// Samples on a full grid of angles. Values are row-major `[index…, theta_i, phi_i, theta_o, phi_o, spectral]` without
+/// absent axes; NaN = missing.
 #[derive(Clone, Debug)]
 pub struct AngleGrid {
-    /// Leading index axes.
+    /// Leading axes that number the entries, for example several samples in one file.
     pub index: Vec<Axis>,
     /// Incoming angles; without azimuth the data are isotropic and `phi_o` is relative to the incoming azimuth.
     pub incoming: Option<Angles>,
     /// Outgoing angles; without azimuth the data are rotationally symmetric about `z`.
     pub outgoing: Option<Angles>,
-    /// Wavelength or colour channels.
+    /// Wavelengths or colour channels; `None` if each direction has a single value.
     pub spectral: Option<Axis>,
-    /// Value outside the covered angles.
+    /// Value at directions outside the covered angles.
     pub outside: Outside,
-    /// The values.
+    /// Measured values, row-major in the order of the axes; NaN = missing.
     pub values: Vec<f32>,
-    /// The grid as the file states it, if it differs from this one: see [`AngleGrid::as_stated`].
+    /// Grid of angles as the file lists it, if its angles were unfolded, merged or resampled on reading: see
+    /// [`AngleGrid::as_stated`].
     pub stated: Option<Box<StatedGrid>>,
-    /// Standard uncertainties of the values (k = 1) in the same unit and on the same grid, if the file states them. NaN
-    /// and non-positive numbers mean not stated.
+    /// Standard uncertainties of the values (k = 1) in the unit and on the grid of the values, if the file states them.
+    /// NaN and non-positive numbers mean that the uncertainty is unknown.
     pub sigma: Option<Box<AngleGrid>>,
 }
 
-/// The angles of one direction, in degrees of the surface frame (theta from `+z`; a luminaire's theta = 180° − gamma).
+/// Angles of the incoming or of the outgoing directions, in degrees of the surface frame (theta from `+z`; a
+/// luminaire's theta = 180° − gamma).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Angles {
-    /// Strictly increasing.
+    /// Polar angles theta in degrees, strictly increasing.
     pub theta: Vec<f64>,
-    /// Range of theta that the grid represents. The first and last values are constant out to its ends.
+    /// Range of theta in degrees that the grid represents. The values at the first and last theta hold out to its ends.
     pub covers: (f64, f64),
-    /// The azimuths, if there are any.
+    /// Azimuths phi in degrees; `None` for isotropic or rotationally symmetric data.
     pub phi: Option<Azimuths>,
 }
 
-/// Azimuths in degrees, strictly increasing.
+/// Measured azimuths with their extension to the full circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuths {
-    /// The azimuths measured.
+    /// Measured azimuths in degrees, strictly increasing.
     pub phi: Vec<f64>,
-    /// Extension to the full circle.
+    /// Rule that extends the measured azimuths to the full circle.
     pub extent: AzimuthExtent,
 }
 
-/// Extension of measured azimuths to the full circle.
+/// Rule that extends measured azimuths to the full circle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AzimuthExtent {
-    /// Full circle: the last azimuth connects to the first + 360° (360° itself is not listed).
+    /// The azimuths cover the full circle: the last one connects to the first + 360° (360° itself is not listed).
     Circle,
-    /// 0..=180 measured, mirrored to the other half: `phi` and `360 − phi` have equal values.
+    /// Azimuths from 0° to 180° are measured and mirrored to the other half: `phi` and `360 − phi` have equal values.
     Mirrored,
-    /// Only the sector from the first to the last was measured.
+    /// Only the sector from the first to the last azimuth was measured.
     Sector,
 }
 
-/// Value outside the samples of a grid.
+/// Value at directions outside the samples of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
-    /// 0, as the standard states (LM-63, EULUMDAT).
+    /// Value 0 at directions outside the grid, as the standards of luminaire files (LM-63, EULUMDAT) define it.
     Zero,
-    /// Unmeasured: masked.
+    /// No value at directions outside the grid: they are unmeasured and masked.
     Masked,
 }
 
-/// Spectrum that multiplies every sample, normalised by the parser that attached it.
+/// Spectrum of a lamp as a factor for each wavelength, by which every intensity of a luminaire is multiplied. The
+/// factors are scaled so that the product, integrated over wavelength, is the intensity (for candela with the weight
+/// 683 lm/W · V(λ)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralFactor {
-    /// Wavelengths of the factors.
+    /// Wavelengths at which the spectral factors are given.
     pub grid: WavelengthGrid,
-    /// One factor per wavelength, in nm⁻¹.
+    /// Factor by which the intensities are multiplied at each wavelength, in nm⁻¹; for candela in W·sr⁻¹·nm⁻¹ per cd.
     pub factors: Vec<f64>,
 }
 
-/// Report for the user: assumptions, fillings, skips, warnings, and the file's own keywords in order.
+/// Report of a parser for the user: assumptions, fillings, skips, warnings, and the file's own keywords in order.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct ParseReport {
-    /// Remarks in order of occurrence.
+    /// Notes of the parser in order of occurrence.
     pub notes: Vec<Note>,
-    /// Keywords and header fields of the file, in order.
+    /// Keywords and header fields of the file, in the order of the file.
     pub metadata: Vec<(String, String)>,
-    /// Indices of the notes that concern triangles only, not the file's own grid: seams merged, poles averaged, angles
-    /// resampled.
+    /// Indices of the notes that apply only if the grid is averaged over triangles, not to the file's own grid: seams
+    /// merged, poles averaged, angles resampled.
     #[serde(skip)]
     unfolding: Vec<usize>,
 }
 
 impl ParseReport {
-    /// Adds a remark.
+    /// Adds a note to the report of the parser.
     pub fn note(&mut self, note: impl Into<Note>) {
         self.notes.push(note.into());
     }
 
-    /// Adds a remark on a change that only the form for triangles needs.
+    /// Adds a note on a change that is needed only if the grid is averaged over triangles.
     pub(super) fn note_unfolding(&mut self, note: impl Into<Note>) {
         self.unfolding.push(self.notes.len());
         self.note(note);
     }
 
-    /// Returns the remarks that apply to a measurement; `on_grid` leaves out those that concern triangles only.
+    /// Returns the notes that apply to a measurement. `on_grid` leaves out the notes that apply only to averages over
+    /// triangles.
     pub fn notes_of(&self, on_grid: bool) -> impl Iterator<Item = &Note> {
         let holds = move |number: &usize| !on_grid || !self.unfolding.contains(number);
         self.notes.iter().enumerate().filter(move |(number, _)| holds(number)).map(|(_, note)| note)

@@ -4,17 +4,17 @@ use super::acquisition::{AzimuthExtent, Azimuths, ParseReport};
 use super::text::Brief;
 use crate::notes::ScatteringNote;
 
-/// Relation of the last listed azimuth to the first + 360°. Azimuths are in degrees, strictly increasing.
+/// Relation of the last listed azimuth to the first azimuth + 360°. Azimuths are in degrees, strictly increasing.
 pub(super) enum Closing {
-    /// The last equals the first + 360°: one direction is listed twice.
+    /// The last azimuth equals the first + 360°: one direction is listed twice.
     Repeated,
-    /// The step from the last to the first + 360° is like the steps between the others.
+    /// The step from the last azimuth to the first + 360° is like the other steps, so that the list covers the circle.
     Open,
-    /// A larger gap separates the last from the first + 360°.
+    /// A larger gap than the other steps separates the last azimuth from the first + 360°.
     Gap,
 }
 
-/// Classifies the step that closes the circle.
+/// Classifies the step from the last azimuth to the first + 360°, which closes the circle.
 pub(super) fn closing(phi: &[f64]) -> Closing {
     let &[first, .., last] = phi else { return Closing::Gap };
     if last - first == 360.0 {
@@ -24,8 +24,8 @@ pub(super) fn closing(phi: &[f64]) -> Closing {
     if phi.len() > 2 && first + 360.0 - last <= 1.5 * widest { Closing::Open } else { Closing::Gap }
 }
 
-/// Removes the column of the repeated azimuth from `values` (`[outer, phi, inner]`), after averaging it into the first
-/// column. Returns the largest difference between the two columns relative to the larger value.
+/// Removes the column of the azimuth that repeats the first one from `values` (`[outer, phi, inner]`), after averaging
+/// it into the first column. Returns the largest difference between the two columns relative to the larger value.
 pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: usize) -> f64 {
     let n = phi.len();
     phi.pop();
@@ -52,10 +52,10 @@ pub(super) fn merge_repeated(phi: &mut Vec<f64>, values: &mut Vec<f32>, inner: u
     largest
 }
 
-/// Returns the extent of listed azimuths (degrees, strictly increasing): `stated`, or else derived from their spacing.
-/// A repeated azimuth is averaged into the first one; `kept` receives the values before that. `mirror` marks isotropic
-/// data, in which half a circle mirrors the other half. `values` are `[outer, phi, inner]`; `what` names the azimuths
-/// in messages.
+/// Returns listed azimuths (degrees, strictly increasing) with their extent on the circle: `stated`, or else derived
+/// from their spacing. A repeated azimuth is averaged into the first one; `kept` receives the values before that.
+/// `mirror` marks isotropic data, in which half a circle mirrors the other half. `values` are `[outer, phi, inner]`;
+/// `what` names the azimuths in messages.
 pub(super) fn extended(
     what: &str,
     mut phi: Vec<f64>,
@@ -104,7 +104,7 @@ pub(super) fn extended(
     }
 }
 
-/// Returns azimuths that cover the full circle.
+/// Returns the azimuths `phi` in degrees as a list that covers the full circle.
 pub(super) fn circle(phi: Vec<f64>) -> Azimuths {
     Azimuths { phi, extent: AzimuthExtent::Circle }
 }

@@ -2,27 +2,27 @@
 
 use std::fmt;
 
-/// Refusal of a file: format, position, what was found and what was expected.
+/// Reason why a file is rejected: its format, the position, the content found there and the content expected.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub struct FormatError {
-    /// The kind of refusal.
+    /// Kind of the reason why a file is rejected.
     pub kind: FormatErrorKind,
-    /// The format's name in the table of formats; empty if no format was recognised.
+    /// Name of the format in the table of formats; empty if no format was recognised.
     pub format: &'static str,
-    /// Position in the file, if known.
+    /// Position in the file at which it was rejected, if known.
     pub position: Option<Position>,
-    /// Message with what was found and what was expected: one sentence without a full stop.
+    /// Message that says what was found and what was expected: one sentence without a full stop.
     pub message: String,
 }
 
-/// Kinds of refusal. Malformed, unsupported and over a limit are distinct.
+/// Kinds of reasons why a file is rejected. Malformed, unsupported and too large files are distinct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FormatErrorKind {
-    /// No format of the table recognises the bytes.
+    /// The bytes are in no format of the table of formats.
     Unrecognised,
-    /// The bytes break the rules of their format.
+    /// The bytes break the rules of their file format.
     Malformed,
-    /// Valid, but not supported by the reader.
+    /// The file is valid, but the reader does not support it.
     Unsupported,
     /// A size in the file is over a limit.
     OverLimit,
@@ -30,17 +30,17 @@ pub enum FormatErrorKind {
     NeedsOption,
 }
 
-/// Position in a file. Lines and columns count from 1, bytes from 0.
+/// Position in a file. Lines and columns count from 1, byte offsets from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Position {
-    /// In a text file.
+    /// Position in a text file, by line and column.
     Text {
-        /// The line.
+        /// Line of the text file, counted from 1.
         line: usize,
-        /// The column, in characters.
+        /// Column in the line, in characters counted from 1.
         column: usize,
     },
-    /// In a binary file.
+    /// Position in a binary file, as a byte offset counted from 0.
     Byte(usize),
 }
 
@@ -66,12 +66,12 @@ impl fmt::Display for FormatError {
 }
 
 impl FormatError {
-    /// A refusal without a place in the file.
+    /// Creates the error for a rejected file without a position in it.
     pub(super) fn new(kind: FormatErrorKind, format: &'static str, message: impl Into<String>) -> Self {
         Self { kind, format, position: None, message: message.into() }
     }
 
-    /// A refusal at a byte of a binary file.
+    /// Creates the error for a binary file that is rejected at a byte offset.
     pub(super) fn at_byte(
         kind: FormatErrorKind,
         format: &'static str,

@@ -20,23 +20,25 @@ pub struct Instrument {
     pub source_divergence: Option<f64>,
 }
 
-/// Keys of the angles in headers and manifests, in the order of [`Instrument::stated`].
+/// Names of the header fields and manifest fields for the detector aperture and the source divergence, in the order of
+/// [`Instrument::stated`].
 pub(super) const KEYS: [&str; 2] = ["detector_aperture", "source_divergence"];
-/// Description of allowed values, for refusals.
+/// Description of the allowed values of an instrument's angle, for error messages.
 pub(super) const EXPECTED: &str = "a full angle in degrees, from 0 to 180";
 
-/// Parses an angle of a header; `None` if it is invalid.
+/// Parses an instrument's angle in degrees from the text of a header; `None` if it is invalid.
 pub(super) fn angle(text: &str) -> Option<f64> {
     number(text).and_then(checked)
 }
 
-/// Returns `angle` if it is within 0 to 180 degrees.
+/// Returns `angle` if it is within 0 to 180 degrees, else `None`.
 pub(super) fn checked(angle: f64) -> Option<f64> {
     Some(angle).filter(|angle| (0.0..=180.0).contains(angle))
 }
 
 impl Instrument {
-    /// Builds an instrument from the angles under [`KEYS`].
+    /// Creates the angular resolution of an instrument from its detector aperture and its source divergence, in
+    /// degrees.
     pub(super) fn of([detector_aperture, source_divergence]: [Option<f64>; 2]) -> Self {
         Self { detector_aperture, source_divergence }
     }
@@ -46,7 +48,8 @@ impl Instrument {
         *self == Self::default()
     }
 
-    /// Returns the stated angles in degrees, each with its name for people: `the detector's aperture`.
+    /// Returns the angles of the instrument that the file states, in degrees, each with its name for people: `the
+    /// detector's aperture`.
     pub fn stated(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let named =
             [("the detector's aperture", self.detector_aperture), ("the source's divergence", self.source_divergence)];
@@ -54,8 +57,8 @@ impl Instrument {
     }
 }
 
-/// Returns a remark if a lobe looks no wider than one of the instrument's stated angles; otherwise `None`. `full_width`
-/// is the full width of the lobe at half its height, in degrees.
+/// Returns a note if a lobe looks no wider than the instrument's detector aperture or source divergence; otherwise
+/// `None`. `full_width` is the full width of the lobe at half its height, in degrees.
 pub fn not_wider(instrument: &Instrument, full_width: f64) -> Option<Note> {
     let at_least = |angle: Option<f64>| angle.filter(|angle| *angle > 0.0 && full_width <= *angle);
     let (detector, source) = (at_least(instrument.detector_aperture), at_least(instrument.source_divergence));

@@ -8,22 +8,22 @@ use super::turned::turned;
 use crate::domain::{Axis, DirectionGrid, Tensor};
 use crate::notes::LuminaireNote;
 
-/// Intensities and the numbers of the file: intensity = `factor` · number.
+/// Intensities of a luminaire and the numbers that its file lists: intensity = `factor` · number.
 pub(super) struct Intensities {
     values: Vec<f32>,
-    /// Numbers as written in the file; empty if the factor is 1.
+    /// Numbers as listed in the luminaire file; empty if the factor to intensities is 1.
     written: Vec<f32>,
     factor: f64,
 }
 
 impl Intensities {
-    /// Creates an empty list with capacity for `room` numbers.
+    /// Creates an empty list of intensities with capacity for `room` numbers.
     pub(super) fn new(factor: f64, room: usize) -> Self {
         let written = Vec::with_capacity(if factor == 1.0 { 0 } else { room });
         Self { values: Vec::with_capacity(room), written, factor }
     }
 
-    /// Adds a number and returns its intensity.
+    /// Appends a number of the luminaire file, converted to an intensity, and returns the intensity.
     #[inline]
     pub(super) fn push(&mut self, number: f64) -> f32 {
         let value = (number * self.factor) as f32;
@@ -34,12 +34,12 @@ impl Intensities {
         value
     }
 
-    /// Returns the intensities.
+    /// Returns all intensities of the luminaire, row by row of the table in which they are listed.
     pub(super) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// Reverses the order of the rows of a table with `width` columns.
+    /// Reverses the order of the rows of a table of intensities with `width` columns.
     pub(super) fn reversed(mut self, width: usize) -> Self {
         for table in [&mut self.values, &mut self.written] {
             *table = table.chunks_exact(width).rev().flatten().copied().collect();
@@ -47,32 +47,32 @@ impl Intensities {
         self
     }
 
-    /// Returns the numbers and the factor. If a number is too large for a float32, returns the intensities and 1
-    /// instead.
+    /// Returns the numbers listed in the file and their factor. If a number is too large for a float32, returns the
+    /// intensities and the factor 1 instead.
     fn stated(&self) -> (&[f32], f64) {
         let fits = !self.written.is_empty() && self.written.iter().all(|number| number.is_finite());
         if fits { (&self.written, self.factor) } else { (&self.values, 1.0) }
     }
 }
 
-/// Angles (degrees, with their byte offsets in the text) and intensities `[horizontal][vertical]`, as listed in the
-/// file.
+/// Angles of a luminaire file (degrees, with their byte offsets in the text) and intensities `[horizontal][vertical]`,
+/// in the order of the file.
 pub(super) struct Stated {
     pub(super) vertical: Vec<(f64, usize)>,
     pub(super) horizontal: Vec<(f64, usize)>,
     pub(super) intensities: Intensities,
 }
 
-/// Angles in strictly increasing order (degrees), and intensities `[horizontal][vertical]`.
+/// Angles of a luminaire file in strictly increasing order (degrees), and intensities `[horizontal][vertical]`.
 pub(super) struct Ordered {
     pub(super) vertical: Vec<f64>,
     pub(super) horizontal: Vec<f64>,
     pub(super) intensities: Intensities,
-    /// Spread of the intensities at angles that were listed twice.
+    /// Deviations between intensities that the file lists twice for one angle.
     repeated: Repeated,
 }
 
-/// Axis of a table `[horizontal][vertical]` that holds the polar angles.
+/// Axis of a table of intensities `[horizontal][vertical]` that holds the polar angles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Polar {
     Horizontal,
@@ -80,7 +80,8 @@ pub(super) enum Polar {
 }
 
 impl Ordered {
-    /// Returns the grid of the intensities on `directions`.
+    /// Returns the numbers that the luminaire file lists, on the grid `directions` with polar angles first. The result
+    /// includes the factor that converts them to intensities.
     pub(super) fn stated(&self, directions: DirectionGrid, polar: Polar) -> Result<StatedGrid, StatedGridError> {
         let (numbers, factor) = self.intensities.stated();
         let numbers = match polar {
@@ -92,8 +93,9 @@ impl Ordered {
     }
 }
 
-/// Makes both axes strictly increasing. A decreasing axis is reversed and a repeated angle is averaged; any other order
-/// is refused. Angles must lie in the given ranges.
+/// Makes the vertical and the horizontal angles of a luminaire strictly increasing. Decreasing angles are reversed and
+/// intensities at a repeated angle are averaged; any other order is refused. Angles must lie in the given ranges in
+/// degrees.
 pub(super) fn ordered(
     stated: Stated,
     vertical_range: (f64, f64),
@@ -116,7 +118,7 @@ pub(super) fn ordered(
     Ok(Ordered { vertical, horizontal, intensities, repeated })
 }
 
-/// Axis of a table `[outer, angles, inner]`.
+/// List of angles to bring into order, with its place in the table of intensities `[outer, angles, inner]`.
 struct Line {
     angles: Vec<(f64, usize)>,
     range: (f64, f64),

@@ -1,48 +1,141 @@
-//! Options that supply information missing from a file's bytes.
+//! Options of reading: information missing from a file's bytes, declared once with help text and values.
 
 use super::normalization::Normalization;
 use super::stated::StatedQuantity;
-use crate::domain::{Quantity, Unit};
+use crate::domain::{Declared, Quantity, Unit, Values, any_text};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "schema")]
+use std::borrow::Cow;
+use std::fmt::Display;
+#[cfg(feature = "schema")]
+use utoipa::openapi::{RefOr, schema::Schema};
+#[cfg(feature = "schema")]
+use utoipa::{PartialSchema, ToSchema};
 
-/// Interpretation of a file given by the user; every field is optional.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Interpretation {
-    /// Quantity, if the file does not state it or states it wrongly.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub quantity: Option<StatedQuantity>,
-    /// Unit of the values.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unit: Option<Unit>,
-    /// Unit of the wavelengths in a spectral table: `nm`, `um`, `angstrom` or `1/cm`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wavelength_unit: Option<String>,
-    /// Column of values of a spectral table, by name or by number from 1 (wavelengths are not counted).
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub column: Option<String>,
-    /// Integral of the values of a phase table over the sphere.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub normalization: Option<Normalization>,
-    /// Name of the archive member to read.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub member: Option<String>,
-    /// Axes of an array, in the form of the manifest that may accompany it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub axes: Option<serde_json::Value>,
-    /// Wavelengths of an array whose manifest states only `"lambda"`: `START:STOP:STEP` in nm.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wavelengths: Option<String>,
+/// Declares the options of reading: each once, with its name, help text, type and values. Fields `beside` them are
+/// options of something else.
+macro_rules! reading {
+    ($(#[$meta:meta])* pub struct Interpretation {
+        $($(#[doc = $help:literal])+ pub $name:ident: $type:ty => $values:expr,)+
+    } beside {
+        $($(#[doc = $beside_doc:literal])+ pub $beside:ident: $beside_type:ty,)+
+    }) => {
+        $(#[$meta])*
+        pub struct Interpretation {
+            $(
+                $(#[doc = $help])+
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $name: Option<$type>,
+            )+
+            $(
+                $(#[doc = $beside_doc])+
+                #[serde(skip_serializing_if = "Option::is_none")]
+                pub $beside: Option<$beside_type>,
+            )+
+        }
+
+        impl Interpretation {
+            /// Options of reading a file, in the order of the help text: the spectrum to join, then the fields.
+            pub const OPTIONS: &'static [Declared] = &[Self::SPECTRUM, $(
+                Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
+            )+];
+
+            /// Returns the names of the stated options, each with its value to be shown.
+            pub fn stated(&self) -> Vec<(&'static str, &dyn Display)> {
+                let mut stated: Vec<(&'static str, &dyn Display)> = Vec::new();
+                $(stated.extend(self.$name.as_ref().map(|value| (stringify!($name), value as &dyn Display)));)+
+                $(stated.extend(self.$beside.as_ref().map(|value| (stringify!($beside), value as &dyn Display)));)+
+                stated
+            }
+
+            /// Returns the schema of the values of each field: the name of the option, that of the schema, the schema.
+            #[cfg(feature = "schema")]
+            pub fn schemas() -> Vec<(&'static str, Cow<'static, str>, RefOr<Schema>)> {
+                vec![$((stringify!($name), <$type as ToSchema>::name(), <$type as PartialSchema>::schema())),+]
+            }
+        }
+    };
+}
+
+reading! {
+    /// Interpretation of a file given by the user; every field is optional.
+    ///
+    /// The help texts of the command line and the description of the HTTP interface are the documentation of these
+    /// fields.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Interpretation {
+        /// Quantity, if the file does not state it or states it wrongly: spectrum, reflectance, edf, brdf, btdf, bsdf,
+        /// phase, or reflectance-factor (BRF, HCRF), which is divided by π to give a BRDF in 1/sr.
+        pub quantity: StatedQuantity => Values::Name {
+            shown: "QUANTITY",
+            names: || StatedQuantity::ALL.iter().map(|known| known.name()).collect(),
+            default: None,
+        },
+        /// Unit of the values, e.g. 1/sr, cd, mW/sr.
+        pub unit: Unit => Values::Name {
+            shown: "UNIT",
+            names: || Unit::ALL.iter().map(|known| known.name()).collect(),
+            default: None,
+        },
+        /// Unit of the wavelengths in a spectral table: `nm`, `um`, `angstrom` or `1/cm`.
+        pub wavelength_unit: String => Values::Text { shown: "UNIT", default: None, check: any_text },
+        /// Column of values of a spectral table, by name or by number from 1 (wavelengths are not counted).
+        pub column: String => Values::Text { shown: "COLUMN", default: None, check: any_text },
+        /// Integral of the values of a phase table over the sphere: `1`, `4pi`, `vsf` (a volume scattering function) or
+        /// `relative`.
+        pub normalization: Normalization => Values::Name {
+            shown: "1|4pi|vsf|relative",
+            names: || Normalization::ALL.iter().map(|known| known.name()).collect(),
+            default: None,
+        },
+        /// File of a zip archive, by name; `inspect` lists them.
+        pub member: String => Values::Text { shown: "NAME", default: None, check: any_text },
+        /// Manifest of an array's axes; by default NAME.axes.json beside NAME.npy, in a directory or in an archive.
+        pub axes: serde_json::Value => Values::Document { shown: "MANIFEST" },
+    } beside {
+        /// Wavelengths of an array whose manifest states only `"lambda"`: `START:STOP:STEP` in nm.
+        pub wavelengths: String,
+    }
 }
 
 impl Interpretation {
+    /// Spectrum that is read beside the file.
+    pub const SPECTRUM: Declared = Declared {
+        name: "spectrum",
+        help: "Spectrum to join with a luminaire: its file, or over HTTP the id of the uploaded measurement.",
+        values: Values::File { shown: "SPD" },
+    };
+
     /// Returns the quantity of the measurement that the user requests.
     pub(super) fn quantity(&self) -> Option<Quantity> {
         self.quantity.map(StatedQuantity::quantity)
     }
 
-    /// Returns true if the user states that the values are reflectance factors.
+    /// Returns true if the user says that the values are reflectance factors (π times a BRDF).
     pub(super) fn is_factor(&self) -> bool {
         self.quantity.is_some_and(StatedQuantity::is_factor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn every_option_is_a_field_and_accepts_a_value() {
+        for declared in Interpretation::OPTIONS.iter().filter(|declared| declared.name != "spectrum") {
+            let value = match declared.values {
+                Values::Name { names, .. } => json!(names()[0]),
+                Values::Document { .. } => json!([]),
+                _ => json!("1"),
+            };
+            assert_eq!(declared.check(&value), Ok(()), "{}", declared.name);
+            let read: Interpretation = serde_json::from_value(json!({ declared.name: value })).unwrap();
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let stated: Vec<_> = read.stated().iter().map(|(name, value)| (*name, value.to_string())).collect();
+            assert_eq!(stated, [(declared.name, text)]);
+        }
     }
 }

@@ -34,25 +34,28 @@ pub(super) const READER: Reader = Reader {
 
 const HALF: usize = 90;
 const DIFFERENCE: usize = 90;
-/// Number of `phi_d` cells over half a turn; a whole turn has twice as many.
+/// Number of cells of a MERL table over the half turn of the azimuth `phi_d`; a table of a whole turn has twice as
+/// many.
 const AZIMUTHS: usize = 180;
 const HEAD: usize = 12;
-/// Scale of a stored value to sr⁻¹, by channel.
+/// Factor from a stored number of a MERL table to sr⁻¹, for red, green and blue.
 const SCALES: [f64; 3] = [1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0];
-/// Step in degrees between the incident elevations at which a projection evaluates the table. Raising it makes
-/// projections coarser.
+/// Step in degrees between the incident elevations at which a MERL table is evaluated for averages over triangles.
+/// Raising it makes the averages coarser.
 const ELEVATION_STEP: usize = 3;
-/// Spacing of neighbouring outgoing directions in degrees: a difference of 1° in the half vector is one of 2°.
+/// Spacing of neighbouring outgoing directions of a MERL table in degrees: 1° in the half vector is 2° in the outgoing
+/// direction.
 const SPACING: f64 = 2.0;
 
-/// Returns the first three words in either byte order, with a flag that is true for the swapped order.
+/// Returns the first three 32-bit numbers of a file in little-endian and in big-endian order, with a flag that is true
+/// for big-endian.
 fn dimensions(bytes: &[u8]) -> Option<[(bool, [i32; 3]); 2]> {
     let (words, _) = bytes.first_chunk::<HEAD>()?.as_chunks::<4>();
     let little = [0, 1, 2].map(|i| i32::from_le_bytes(words[i]));
     Some([(false, little), (true, little.map(i32::swap_bytes))])
 }
 
-/// Returns the number of `phi_d` cells, if these are the dimensions of a MERL table.
+/// Returns the number of cells along the azimuth `phi_d`; `None` if these are not the dimensions of a MERL table.
 fn azimuths([half, difference, azimuth]: [i32; 3]) -> Option<usize> {
     let azimuth = usize::try_from(azimuth).ok()?;
     let known = half == HALF as i32 && difference == DIFFERENCE as i32;
@@ -106,7 +109,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Values in sr⁻¹, `[theta_h, theta_d, phi_d, channel]`; NaN = missing.
+/// Values of a MERL table in sr⁻¹, `[theta_h, theta_d, phi_d, channel]` in half and difference angles; NaN = missing.
 #[derive(Debug)]
 struct Table {
     azimuths: usize,
@@ -171,7 +174,7 @@ impl Table {
         Ok(Self { azimuths, values })
     }
 
-    /// Returns the cell of two unit directions above the surface.
+    /// Returns the index of the MERL cell that contains a pair of unit directions above the surface.
     fn cell(&self, wi: Vector, wo: Vector) -> usize {
         let sum = add(wi, wo);
         let length = norm(sum);
@@ -193,7 +196,8 @@ impl Table {
 }
 
 impl DirectionalFunction for Table {
-    /// Writes f in sr⁻¹ without the cosine; 0 if a direction is below the surface.
+    /// Writes the BRDF in sr⁻¹ without the factor cos θo, one value for red, green and blue; 0 if a direction is below
+    /// the surface.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
         debug_assert_eq!(values.len(), 3, "one value a channel");
         let (wi, wo) = (wi.xyz(), wo.xyz());
@@ -208,8 +212,8 @@ impl DirectionalFunction for Table {
     }
 }
 
-/// Writes an isotropic function of three channels (linear sRGB) as 90 × 90 × 180 cells with the values at their
-/// centres.
+/// Writes an isotropic BRDF of three channels (linear sRGB) as a MERL table: 90 × 90 × 180 cells with the values at
+/// their centres.
 ///
 /// The format implies f(wi, wo) = f(wo, wi): a cell holds the mean of both. If one direction of a cell is below the
 /// horizon, it is raised to the horizon: some readers do not understand negative numbers.
@@ -233,7 +237,7 @@ pub fn write_merl(function: &dyn DirectionalFunction) -> Result<Written, FormatE
     Ok(Written { bytes, filled: sum(|row| row.filled), clipped: sum(|row| row.clipped) })
 }
 
-/// Cells of one `theta_h` and `theta_d`, `[channel, phi_d]`.
+/// Values of the MERL cells with one `theta_h` and one `theta_d`, `[channel, phi_d]`.
 struct Row {
     values: Vec<f64>,
     filled: usize,
@@ -278,7 +282,7 @@ mod tests {
     use super::super::Position;
     use super::*;
 
-    /// A file whose values are `value(i)`, in either byte order.
+    /// Returns a MERL file whose stored numbers are `value(i)`, in little-endian or big-endian order.
     fn file(azimuths: usize, swapped: bool, value: impl Fn(usize) -> f64) -> Vec<u8> {
         let words = [HALF, DIFFERENCE, azimuths].map(|n| n as i32);
         let mut bytes: Vec<u8> =

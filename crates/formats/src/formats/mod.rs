@@ -75,7 +75,7 @@ pub fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatErr
     if is_archive(bytes) { archive::read(bytes, how) } else { probing::read_file(bytes, how) }
 }
 
-/// Returns true if some format of the table recognises `bytes`; they may still be malformed.
+/// Returns true if the beginning of `bytes` matches some known format; the rest may be malformed.
 pub fn recognises(bytes: &[u8]) -> bool {
     is_archive(bytes) || probing::recognises_file(bytes)
 }

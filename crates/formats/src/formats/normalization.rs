@@ -6,13 +6,14 @@ use crate::domain::named;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Normalization {
-    /// Integral 1.
+    /// Values of the phase table integrate to 1 over the sphere.
     One,
-    /// Integral 4π.
+    /// Values of the phase table integrate to 4π over the sphere.
     FourPi,
-    /// Integral equal to the scattering coefficient: a volume scattering function.
+    /// Values of the table integrate to the scattering coefficient over the sphere: they are a volume scattering
+    /// function.
     Vsf,
-    /// Arbitrary integral: only ratios of the values are meaningful.
+    /// Values of the phase table have an arbitrary integral over the sphere: only their ratios are meaningful.
     Relative,
 }
 named!(Normalization, "normalization", { One = "1", FourPi = "4pi", Vsf = "vsf", Relative = "relative" });

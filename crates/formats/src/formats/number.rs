@@ -1,17 +1,17 @@
 //! Exact parser of decimal numbers at a position in a byte string, without a separate search for their end.
 
-/// Powers of ten that are exact in f64.
+/// Powers of ten, from 10⁰ to 10²², that are exact in f64.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
-/// Number of decimal digits that always fit a u64.
+/// Number of decimal digits that fit a u64 whatever the digits are.
 const DIGITS: usize = 19;
-/// Largest whole number below which all whole numbers are exact in f64.
+/// Power of two up to which every whole number is exact in f64.
 const EXACT: u64 = 1 << 53;
 
-/// Parses the number at `start` and returns it with the offset of its end; `None` if no finite decimal number starts
-/// there.
+/// Parses the decimal number that starts at byte `start` and returns it with the offset of its end; `None` if no finite
+/// decimal number starts there.
 ///
 /// The value is the f64 nearest to the text. A mantissa and a power of ten that are exact in f64 give one correctly
 /// rounded product or quotient (W. D. Clinger, "How to Read Floating Point Numbers Accurately", PLDI 1990). Everything
@@ -51,8 +51,8 @@ pub(super) fn decimal(bytes: &[u8], start: usize) -> Option<(f64, usize)> {
     value.is_finite().then_some((value, at))
 }
 
-/// Appends the digits from `at` on to `mantissa` (modulo 2^64) and returns the offset of their end. Processes eight
-/// bytes at a time, because the number of digits is unpredictable and a branch per digit would be slow.
+/// Appends the decimal digits from byte `at` on to `mantissa` (modulo 2^64) and returns the offset of their end.
+/// Processes eight bytes at a time, because the number of digits is unpredictable and a branch per digit would be slow.
 #[inline]
 fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
     while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk::<8>()) {
@@ -76,10 +76,11 @@ fn digits(bytes: &[u8], mut at: usize, mantissa: &mut u64) -> usize {
     at
 }
 
-/// Powers of ten for up to eight digits, the number in one word.
+/// Powers of ten, from 10⁰ to 10⁸, by which a number is multiplied before up to eight digits are appended.
 const TENS: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
 
-/// Returns the number of eight digits, the first in the lowest byte, by combining pairs, then fours, then all.
+/// Returns the integer that is written with eight decimal digits. The first digit, as a value from 0 to 9, is in the
+/// lowest byte of `digits`. Neighbours are combined to numbers of two, then four, then eight digits.
 #[inline]
 fn eight_digits(digits: u64) -> u64 {
     let pairs = digits.wrapping_mul(2561) >> 8;
@@ -87,7 +88,8 @@ fn eight_digits(digits: u64) -> u64 {
     (fours & 0x0000_FFFF_0000_FFFF).wrapping_mul(42_949_672_960_001) >> 32
 }
 
-/// Parses the exponent at `at` and returns it with the offset of its end. An exponent out of range saturates.
+/// Parses the decimal exponent at byte `at` and returns it with the offset of its end. An exponent out of range
+/// saturates.
 fn exponent_of(bytes: &[u8], mut at: usize) -> Option<(i32, usize)> {
     let negative = bytes.get(at) == Some(&b'-');
     if negative || bytes.get(at) == Some(&b'+') {

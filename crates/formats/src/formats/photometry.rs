@@ -11,7 +11,7 @@ use crate::numeric::bracket::polyline;
 /// Luminous efficacy of monochromatic radiation at the maximum of V(λ), lm/W (CIE 018:2019, 683 lm/W at 540 THz).
 const LUMENS_PER_WATT: f64 = 683.002;
 
-/// Attaches `spectrum` (one column of wavelengths and values) to the luminaire in `acquisition`.
+/// Joins a luminaire with the spectrum of its lamp: `spectrum` has one column of wavelengths and values.
 ///
 /// A radiometric or relative intensity is distributed over the spectrum S: factor = S(λ) / ∫S dλ, in nm⁻¹. Candela are
 /// converted through V(λ): factor = S(λ) / (683.002 · ∫S·V dλ), in W·sr⁻¹·nm⁻¹ per cd. Integrals are trapezoidal; the
@@ -89,7 +89,7 @@ fn refused(spectrum: &Acquisition, message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::NeedsOption, spectrum.format, message)
 }
 
-/// Refuses acquisitions other than an emission distribution without a spectral axis.
+/// Refuses measurements other than a luminaire without a spectral axis, which cannot be joined with a spectrum.
 fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
     let spectral = acquisition.spectral_factor.is_some()
         || match &acquisition.samples {
@@ -108,7 +108,7 @@ fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
     Err(FormatError::new(FormatErrorKind::NeedsOption, acquisition.format, reason))
 }
 
-/// Returns the wavelengths and values of a file with one spectrum.
+/// Returns the wavelengths and values of a file with the spectrum of a lamp; refuses files with several spectra.
 fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatError> {
     if spectrum.quantity != Quantity::Spectrum {
         return Err(refused(spectrum, format!("quantity {}, expected the spectrum of a lamp", spectrum.quantity)));
@@ -132,13 +132,13 @@ fn column(spectrum: &Acquisition) -> Result<(&WavelengthGrid, &[f32]), FormatErr
     }
 }
 
-/// Returns `∫ S dλ` by the trapezoidal rule, exact for the polyline through the values.
+/// Returns the integral of a spectrum, `∫ S dλ`, by the trapezoidal rule, exact for straight lines between the values.
 fn integral(lambda: &[f64], values: &[f64]) -> f64 {
     lambda.array_windows().zip(values.array_windows()).map(|([a, b], [s, t])| 0.5 * (b - a) * (s + t)).sum()
 }
 
-/// Returns `∫ S·V dλ` by the trapezoidal rule on the union of both grids, so that no narrow line and no part of V is
-/// missed.
+/// Returns the luminous integral of a spectrum, `∫ S·V dλ`, by the trapezoidal rule. The rule uses the wavelengths of
+/// both S and V, so that no narrow line and no part of V is missed.
 fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
     let (v_lambda, v) = luminous_efficiency();
     let (first, last) = (lambda[0], lambda[lambda.len() - 1]);
@@ -150,7 +150,8 @@ fn luminous_integral(lambda: &[f64], values: &[f64]) -> f64 {
     integral(&union, &product)
 }
 
-/// Returns V(λ), the second colour-matching function of the CIE 1931 observer, as wavelengths in nm and values.
+/// Returns the luminous efficiency V(λ), the second colour matching function of the CIE 1931 observer, as wavelengths
+/// in nm and values.
 fn luminous_efficiency() -> (&'static [f64], &'static [f64]) {
     let v = &Observer::cie_1931().y;
     (v.lambdas(), v.values())

@@ -4,20 +4,20 @@ use super::error::{FormatError, FormatErrorKind};
 use super::text::Brief;
 use crate::domain::limits::MAX_ENTRIES;
 
-/// Intensities of a luminaire on C planes.
+/// Intensities of a luminaire on C planes (vertical half planes through the lamp axis).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CPlanes {
-    /// Gamma in degrees from nadir, strictly increasing: 0–90, 90–180 or 0–180.
+    /// Angles gamma from nadir in degrees, strictly increasing: 0 to 90, 90 to 180 or 0 to 180.
     pub gamma: Vec<f64>,
-    /// C in degrees, strictly increasing from 0 to below 360, covering the full circle. A single plane represents all
-    /// azimuths.
+    /// Azimuths C of the planes in degrees, strictly increasing from 0 to below 360, covering the full circle. A single
+    /// plane represents all azimuths.
     pub c: Vec<f64>,
-    /// Intensities `[c, gamma]`, finite, 0 or more.
+    /// Intensities, row-major `[c, gamma]`, finite, 0 or more.
     pub values: Vec<f64>,
 }
 
 impl CPlanes {
-    /// Refuses angles and values that no luminaire format can hold.
+    /// Refuses C planes whose angles or intensities no luminaire format can hold.
     pub(super) fn check(&self, format: &'static str) -> Result<(), FormatError> {
         let refuse = |message: String| Err(FormatError::new(FormatErrorKind::NeedsOption, format, message));
         let increasing = |angles: &[f64]| angles.array_windows().all(|[a, b]| a < b);
@@ -43,13 +43,13 @@ impl CPlanes {
         }
     }
 
-    /// Returns the largest intensity.
+    /// Returns the largest intensity of the luminaire.
     pub(super) fn peak(&self) -> f64 {
         self.values.iter().copied().fold(0.0, f64::max)
     }
 }
 
-/// Formats with seven significant digits, without an exponent, with at most twelve decimals.
+/// Formats a number with seven significant digits, without an exponent, with at most twelve decimals.
 pub(super) fn plain(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -59,7 +59,8 @@ pub(super) fn plain(value: f64) -> String {
     if decimals == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').to_owned() }
 }
 
-/// Returns at most `longest` characters of `text` in printable ASCII, which every reader accepts; others become `?`.
+/// Returns at most `longest` characters of `text` in printable ASCII, which readers of any luminaire file accept; other
+/// characters become `?`.
 pub(super) fn ascii(text: &str, longest: usize) -> String {
     text.chars().take(longest).map(|c| if c.is_ascii_graphic() || c == ' ' { c } else { '?' }).collect()
 }

@@ -7,7 +7,8 @@ use super::interpretation::Interpretation;
 use super::reader::{Format, HEAD_BYTES, Reader, Sample, refuse_idle_options};
 use super::{foreign, tabphase, text};
 
-/// Readers of single files, in the order of probing. A new format needs its module and a line here.
+/// Readers of files that are no archives, in the order in which they are tried. A new format needs its module and a
+/// line here.
 const TABLE: &[Reader] = &[
     super::npy::READER,
     super::mbsdf::READER,
@@ -24,23 +25,25 @@ const TABLE: &[Reader] = &[
     super::spectral_table::READER,
 ];
 
-/// Confidence at which a probe takes precedence over the signatures of formats that are not read.
+/// Confidence (0 to 100) from which a reader takes precedence over the signatures of known formats that cannot be read.
+/// Raising it refuses more files as such formats.
 const SURE: u8 = 50;
 
-/// Formats that are written but not read.
+/// Formats that can be written but not read.
 const WRITTEN: &[Format] = &[tabphase::ABOUT];
 
-/// Returns every known format: first those that are read, in probing order, then those that are only written.
+/// Returns every known format: first those that can be read, in the order in which they are tried, then those that can
+/// only be written.
 pub fn formats() -> Vec<Format> {
     readable().chain(WRITTEN.iter().copied()).collect()
 }
 
-/// Returns the formats that are read: archives, which are probed first, then those of the table.
+/// Returns the formats that can be read: archives, which are tried first, then the formats of single files.
 fn readable() -> impl Iterator<Item = Format> {
     std::iter::once(ARCHIVES).chain(TABLE.iter().map(|reader| reader.about))
 }
 
-/// Reads a measurement in any format from `bytes` that are not an archive.
+/// Reads a measurement in any known format from `bytes` that are not an archive.
 pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     let unrecognised = |message: String| FormatError::new(FormatErrorKind::Unrecognised, "", message);
     if bytes.is_empty() {
@@ -59,8 +62,8 @@ pub(super) fn read_file(bytes: &[u8], how: &Interpretation) -> Result<Acquisitio
     (reader.read)(bytes, how)
 }
 
-/// Returns the reader with the highest confidence for a sample, if any. The error describes a known format that is not
-/// read.
+/// Returns the reader with the highest confidence for the beginning of a file, if any. The error describes a known
+/// format that cannot be read.
 fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
     let mut best: Option<(u8, &'static Reader)> = None;
     for reader in TABLE {
@@ -77,7 +80,7 @@ fn probed(sample: &Sample<'_>) -> Result<Option<&'static Reader>, String> {
     Ok(best.map(|(_, reader)| reader))
 }
 
-/// Returns true if the first bytes match some format of the table. The rest may be malformed.
+/// Returns true if the beginning of a file matches some known format. The rest may be malformed.
 pub(super) fn recognises_file(bytes: &[u8]) -> bool {
     let sample = Sample { bytes, head: text::head(bytes, HEAD_BYTES), quantity: None };
     matches!(probed(&sample), Ok(Some(_)))

@@ -6,58 +6,54 @@ use super::interpretation::Interpretation;
 use crate::domain::Quantity;
 use serde::Serialize;
 
-/// Entry in a reader's list of options that means it accepts reflectance factors.
+/// Marker in a reader's list of accepted options: the reader accepts reflectance factors.
 pub(super) const FACTOR: &str = "quantity reflectance-factor";
+/// Options that every reader accepts, or that a request for axes states.
+const ANYWHERE: [&str; 3] = ["quantity", "unit", "wavelengths"];
 /// Number of bytes at the start of a file that a probe sees as text.
 pub(super) const HEAD_BYTES: usize = 1 << 16;
 
-/// File format in the table of formats.
+/// Description of a file format for the list of known formats.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Format {
-    /// Stable name.
+    /// Stable name of the format, for options and reports.
     pub name: &'static str,
-    /// Description for people.
+    /// Description of the format for people.
     pub description: &'static str,
-    /// Usual file extensions, without the dot; a hint only.
+    /// Usual file extensions of the format, without the dot; files are recognised by content, not by extension.
     pub extensions: &'static [&'static str],
-    /// True if the format can be read.
+    /// True if files in the format can be read.
     pub reads: bool,
-    /// True if the format can be written.
+    /// True if files in the format can be written.
     pub writes: bool,
 }
 
-/// Reader of a format: its description, a probe and a parsing function.
+/// Reader of a file format: its description, a function that recognises files, and a parser.
 pub(super) struct Reader {
     pub(super) about: Format,
-    /// Accepted options besides quantity and unit.
+    /// Names of the options that the reader accepts besides quantity and unit.
     pub(super) options: &'static [&'static str],
-    /// Confidence that the content has this format, from 0 (no) to 100 (a unique signature).
+    /// Returns the confidence that a file has this format, from 0 (no) to 100 (a unique signature).
     pub(super) probe: fn(&Sample<'_>) -> u8,
     pub(super) read: fn(&[u8], &Interpretation) -> Result<Acquisition, FormatError>,
 }
 
-/// Input of a probe.
+/// Beginning of a file, from which readers recognise their format.
 pub(super) struct Sample<'a> {
     pub(super) bytes: &'a [u8],
-    /// Beginning of the file, decoded as text in any case.
+    /// Beginning of the file, decoded as text even if the file is binary.
     pub(super) head: String,
-    /// Quantity given by the user.
+    /// Radiometric quantity given by the user, if any.
     pub(super) quantity: Option<Quantity>,
 }
 
-/// Refuses options that have no effect for the format, because they indicate a misunderstanding.
+/// Refuses options of the user that have no effect for the format, because they indicate a misunderstanding.
 pub(super) fn refuse_idle_options(about: &Format, options: &[&str], how: &Interpretation) -> Result<(), FormatError> {
-    let given = [
-        ("wavelength_unit", how.wavelength_unit.is_some()),
-        ("column", how.column.is_some()),
-        ("axes", how.axes.is_some()),
-        ("normalization", how.normalization.is_some()),
-        ("member", how.member.is_some()),
-        (FACTOR, how.is_factor()),
-    ];
-    match given.iter().find(|(name, given)| *given && !options.contains(name)) {
+    let stated = how.stated().into_iter().map(|(name, _)| name).filter(|name| !ANYWHERE.contains(name));
+    let idle = stated.chain(how.is_factor().then_some(FACTOR)).find(|name| !options.contains(name));
+    match idle {
         None => Ok(()),
-        Some((name, _)) => Err(FormatError::new(
+        Some(name) => Err(FormatError::new(
             FormatErrorKind::NeedsOption,
             about.name,
             format!("the option `{name}` was given, which does not apply to this file: {}", about.description),

@@ -3,51 +3,51 @@
 use super::error::{FormatError, FormatErrorKind};
 use crate::domain::{DirectionGrid, Unit};
 
-/// Number of digits of the values in a text file.
+/// Rule for the number of digits with which values are written to a text file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Digits {
-    /// Shortest text that reads back as the same float32.
+    /// Each value has the shortest text that reads back as an equal float32.
     Shortest,
-    /// Shortest text within this relative error.
+    /// Each value has the shortest text whose number differs from it by at most this fraction (0.01 is 1 %).
     Within(f64),
 }
 
-/// Samples on the grid of a source file, with the metadata that its reader kept.
+/// Samples to write at the angles of their source file, with the metadata that its reader kept.
 #[derive(Clone, Copy, Debug)]
 pub struct Restatement<'a> {
-    /// Directions of the outgoing axis.
+    /// Directions of the samples: the outgoing axis of the measurement.
     pub directions: &'a DirectionGrid,
-    /// Values in `unit`, `[polar, azimuth]`; NaN = masked, written as 0.
+    /// Samples in `unit`, row-major `[polar, azimuth]`; NaN = masked, written as 0.
     pub values: &'a [f32],
-    /// Numbers as in the source file with their factor: value = factor · number. `None` if unknown.
+    /// Numbers as listed in the source file, with their factor: sample = factor · number. `None` if unknown.
     pub numbers: Option<(&'a [f32], f64)>,
-    /// Unit of the values.
+    /// Unit of the samples.
     pub unit: Unit,
     /// Revision and flavour of the source file, as named by its reader.
     pub dialect: &'a str,
     /// Keywords and header fields of the source file, as kept by its reader, in order.
     pub metadata: &'a [(String, String)],
-    /// Digits of the values.
+    /// Rule for the number of digits of the samples.
     pub digits: Digits,
 }
 
-/// Range of magnitudes written without an exponent.
+/// Range of magnitudes in which a number is written to a text file without an exponent.
 const PLAIN: std::ops::Range<f64> = 1e-6..1e15;
-/// Number of significant digits that identify any float32.
+/// Number of significant decimal digits that suffice to identify any float32.
 const MOST_DIGITS: usize = 9;
 
 impl Restatement<'_> {
-    /// Returns the text that the reader kept under `key`.
+    /// Returns the text of the header field `key`, as the reader of the source file kept it.
     pub(super) fn kept(&self, key: &str) -> Option<&str> {
         self.metadata.iter().find(|(found, _)| found == key).map(|(_, text)| text.as_str())
     }
 
-    /// Returns the number at the start of the text under `key`.
+    /// Returns the number at the start of the text of the header field `key`.
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         self.kept(key)?.split_whitespace().next()?.parse().ok()
     }
 
-    /// Returns the text of the number for an entry: the entry's value divided by `factor`.
+    /// Returns the text of the number to write for sample number `entry`: the sample divided by `factor`.
     pub(super) fn spelled(&self, entry: usize, factor: f64) -> String {
         if let Some((numbers, own)) = self.numbers
             && own == factor
@@ -62,7 +62,7 @@ impl Restatement<'_> {
 }
 
 impl Digits {
-    /// Returns the text of the number for `value`: `value` divided by `factor`.
+    /// Returns the text of the number to write for a sample: `value` divided by `factor`.
     fn spelled(self, value: f32, factor: f64) -> String {
         let quotient = f64::from(value) / factor;
         let number = if factor != 0.0 && quotient.is_finite() { quotient } else { 0.0 };
@@ -73,8 +73,8 @@ impl Digits {
     }
 }
 
-/// Returns the shortest text of `number` or one of its neighbours that satisfies `is_right`; the text of `number` if
-/// none does.
+/// Returns the shortest text among `number` and the float32 numbers next to it for which `is_right` is true; the text
+/// of `number` if there is none.
 fn shortest(number: f32, is_right: impl Fn(f32) -> bool) -> String {
     let near = [number, number.next_down(), number.next_up()];
     let right = near.into_iter().filter(|&number| number.is_finite() && is_right(number)).map(plain_f32);
@@ -105,7 +105,7 @@ fn fewest(number: f64, part: f64) -> String {
     if PLAIN.contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
 }
 
-/// Refuses data that the format cannot hold.
+/// Returns the error for data that a file format cannot hold.
 pub(super) fn unfit<T>(format: &'static str, message: impl Into<String>) -> Result<T, FormatError> {
     Err(FormatError::new(FormatErrorKind::NeedsOption, format, message))
 }

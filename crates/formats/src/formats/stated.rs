@@ -4,25 +4,27 @@
 use crate::domain::{Quantity, named};
 use std::f64::consts::PI;
 
-/// Quantity accepted by the option `quantity`. The command line, the service and the manifests share this list.
+/// Quantity of a measurement as the user names it in the option `quantity`. The command line, the service and the
+/// manifests share this list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StatedQuantity {
-    /// See [`Quantity::Spectrum`].
+    /// Spectrum of a lamp or of emitted light: see [`Quantity::Spectrum`].
     Spectrum,
-    /// See [`Quantity::Reflectance`].
+    /// Reflectance or transmittance, without or with an incoming direction: see [`Quantity::Reflectance`].
     Reflectance,
-    /// See [`Quantity::Edf`].
+    /// Emission distribution of a luminaire: see [`Quantity::Edf`].
     Edf,
-    /// See [`Quantity::Brdf`].
+    /// Bidirectional reflectance distribution function: see [`Quantity::Brdf`].
     Brdf,
-    /// See [`Quantity::Btdf`].
+    /// Bidirectional transmittance distribution function: see [`Quantity::Btdf`].
     Btdf,
-    /// See [`Quantity::Bsdf`].
+    /// Reflection and transmission in one function: see [`Quantity::Bsdf`].
     Bsdf,
-    /// See [`Quantity::Phase`].
+    /// Phase function of volume scattering: see [`Quantity::Phase`].
     Phase,
-    /// Reflected radiance relative to that of an ideal diffuser in the same geometry (BRF, HCRF): π times the BRDF.
+    /// Reflectance factor: reflected radiance relative to that of an ideal diffuser in equal geometry (BRF, HCRF); π
+    /// times the BRDF.
     ReflectanceFactor,
 }
 named!(StatedQuantity, "quantity", {
@@ -37,7 +39,7 @@ named!(StatedQuantity, "quantity", {
 });
 
 impl StatedQuantity {
-    /// Returns the quantity of the resulting measurement.
+    /// Returns the quantity of the measurement after reading; reflectance factors become a BRDF.
     pub fn quantity(self) -> Quantity {
         match self {
             Self::Spectrum => Quantity::Spectrum,
@@ -55,8 +57,8 @@ impl StatedQuantity {
         self == Self::ReflectanceFactor
     }
 
-    /// Returns the quantity that a file names: a name of the option, `emission`, `transmittance`, or a name or acronym
-    /// of reflectance factors.
+    /// Returns the quantity that a word in a file names: a name of the option `quantity`, `emission`, `transmittance`,
+    /// or a name or acronym of reflectance factors.
     pub(super) fn in_file(name: &str) -> Option<Self> {
         match name.to_lowercase().replace('_', "-").as_str() {
             "emission" => Some(Self::Edf),
@@ -67,7 +69,7 @@ impl StatedQuantity {
         }
     }
 
-    /// Returns the names accepted by the option, for messages.
+    /// Returns the names that the option `quantity` accepts, for messages.
     pub(super) fn names() -> String {
         Self::ALL.iter().map(|stated| stated.name()).collect::<Vec<_>>().join(", ")
     }
@@ -89,10 +91,11 @@ impl From<Quantity> for StatedQuantity {
 
 /// Acronyms of reflectance factors with one direction (or cone) of incidence and one of view.
 const ACRONYMS: [&str; 5] = ["brf", "hcrf", "hdrf", "bcrf", "ccrf"];
-/// Endings of these names in full: bidirectional, hemispherical-directional, biconical, hemispherical-conical.
+/// Endings of the full names of reflectance factors: bidirectional, hemispherical-directional, biconical,
+/// hemispherical-conical.
 const NAMES: [&str; 2] = ["directional reflectance factor", "conical reflectance factor"];
 
-/// Returns true if text names a reflectance factor of one viewing direction, which is π times a BRDF.
+/// Returns true if a text names a reflectance factor of one viewing direction, which is π times a BRDF.
 pub(super) fn names_factor(text: &str) -> bool {
     let text = text.to_lowercase().replace(['_', '-'], " ");
     NAMES.iter().any(|name| text.contains(name))

@@ -19,7 +19,8 @@ pub(super) const ABOUT: Format = Format {
     writes: true,
 };
 
-/// Writes values in sr⁻¹ at cosines uniform from −1 to 1: at least 2, finite, 0 or more.
+/// Writes a phase function as a line of values in sr⁻¹ at scattering cosines evenly spaced from −1 to 1. There must be
+/// at least 2 values, finite, 0 or more.
 pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     let refuse = |kind, message: String| Err(FormatError::new(kind, NAME, message));
     if values.len() > MAX_ENTRIES {
@@ -37,14 +38,14 @@ pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     Ok(format!("{}\n", list.join(", ")).into_bytes())
 }
 
-/// Phase function as a renderer reads it from such a line.
+/// Phase function as a renderer reads it from a tabphase line: normalised to integral 1, linear in the cosine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TabulatedPhase {
     values: Vec<f64>,
 }
 
 impl TabulatedPhase {
-    /// Reads a line of values.
+    /// Reads a phase function from a line of values at evenly spaced cosines, and normalises it.
     pub fn read(bytes: &[u8]) -> Result<Self, FormatError> {
         let malformed = |message: &str| FormatError::new(FormatErrorKind::Malformed, NAME, message);
         let text = std::str::from_utf8(bytes).map_err(|_| malformed("bytes that are no text, expected numbers"))?;
@@ -64,7 +65,7 @@ impl TabulatedPhase {
         Ok(Self { values })
     }
 
-    /// Returns the value in sr⁻¹ at a cosine of the scattering angle, +1 forward.
+    /// Returns the phase function in sr⁻¹ at a cosine of the scattering angle; +1 is forward.
     pub fn at(&self, cosine: f64) -> f64 {
         let last = self.values.len() - 1;
         let x = (0.5 * (cosine.clamp(-1.0, 1.0) + 1.0)) * last as f64;

@@ -2,23 +2,24 @@
 
 use serde::Serialize;
 
-/// Template of a file for the user to fill in.
+/// Template of a measurement file for the user to fill in.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Template {
-    /// Stable name: that of its format, followed by its form if there are several.
+    /// Stable name of the template of a measurement file: that of its format, followed by its form if the format has
+    /// several.
     pub name: &'static str,
-    /// Description for people.
+    /// Description for people of the file that results when a user fills in a template with measurements.
     pub description: &'static str,
-    /// Media type of the text.
+    /// Media type of a template of a measurement file, such as `text/csv; charset=utf-8`.
     pub media_type: &'static str,
-    /// Contents of the file.
+    /// Text of a template of a measurement file, which is a valid file as it is.
     #[serde(skip)]
     pub text: &'static str,
 }
 
 const CSV: &str = "text/csv; charset=utf-8";
 
-/// All templates.
+/// Templates of the files that users may write themselves, by hand or with a script.
 pub const TEMPLATES: &[Template] = &[
     Template {
         name: "radiometric-csv-long",

@@ -8,26 +8,26 @@ use crate::notes::Quoted;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-/// Decoded text of a file, with the format named in its errors.
+/// Decoded text of a file, with the name of the format that its error messages give.
 pub(super) struct Source {
     format: &'static str,
     text: String,
     encoding: &'static str,
 }
 
-/// Piece of a line without separators, with its position in the text.
+/// Piece of a line between separators, with its position in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Token<'a> {
-    /// Characters of the token; empty between two commas without content.
+    /// Characters of the piece between separators; empty between two commas without content.
     pub(super) text: &'a str,
-    /// Byte offset in the decoded text.
+    /// Byte offset, in the decoded text of the file, at which the piece between separators starts.
     pub(super) offset: usize,
 }
 
 impl Source {
-    /// Decodes a file. A byte order mark selects UTF-8 or UTF-16; UTF-16 is also detected without one. Other bytes are
-    /// UTF-8 if valid, else Windows-1252. NUL, with which instruments pad fields, becomes a blank; a DOS end-of-file
-    /// mark is removed.
+    /// Decodes the bytes of a file as text. A byte order mark selects UTF-8 or UTF-16; UTF-16 is also detected without
+    /// one. Other bytes are UTF-8 if valid, else Windows-1252. NUL, with which instruments pad fields, becomes a blank;
+    /// a DOS end-of-file mark is removed.
     pub(super) fn decode(bytes: &[u8], format: &'static str) -> Self {
         let (text, encoding) = decode(bytes);
         let mut text =
@@ -39,22 +39,22 @@ impl Source {
         Self { format, text, encoding }
     }
 
-    /// Returns the text.
+    /// Returns the decoded text.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
 
-    /// Returns the encoding if it is not plain UTF-8, for a note.
+    /// Returns the name of the text's encoding, for a note; `None` for plain UTF-8.
     pub(super) fn odd_encoding(&self) -> Option<&'static str> {
         (self.encoding != "UTF-8").then_some(self.encoding)
     }
 
-    /// Returns the lines with their offsets; they end with CR LF, LF or a lone CR.
+    /// Returns the lines of the text with their byte offsets; lines end with CR LF, LF or a lone CR.
     pub(super) fn lines(&self) -> Lines<'_> {
         Lines { text: &self.text, at: 0 }
     }
 
-    /// Returns the line and column of a byte offset.
+    /// Returns the line and column of a byte offset in the text.
     pub(super) fn position(&self, offset: usize) -> Position {
         let before = self.text.get(..offset).unwrap_or(&self.text).as_bytes();
         let mut line = 1;
@@ -71,24 +71,24 @@ impl Source {
         Position::Text { line, column }
     }
 
-    /// Returns a refusal at `offset`.
+    /// Returns an error that rejects the file at byte `offset` of the text.
     pub(super) fn error(&self, kind: FormatErrorKind, offset: usize, message: impl Into<String>) -> FormatError {
         FormatError { kind, format: self.format, position: Some(self.position(offset)), message: message.into() }
     }
 
-    /// Returns a refusal of malformed text at `offset`.
+    /// Returns an error that rejects the file as malformed at byte `offset` of the text.
     pub(super) fn malformed(&self, offset: usize, message: impl Into<String>) -> FormatError {
         self.error(FormatErrorKind::Malformed, offset, message)
     }
 
-    /// Parses `token` as a number; the refusal names what was expected.
+    /// Parses `token` as a number; the error names what was expected.
     pub(super) fn number(&self, token: Token<'_>, expected: &str) -> Result<f64, FormatError> {
         number(token.text)
             .ok_or_else(|| self.malformed(token.offset, format!("found {}, expected {expected}", snippet(token.text))))
     }
 }
 
-/// Iterator over lines with their offsets.
+/// Iterator over the lines of a text with their byte offsets.
 #[derive(Clone)]
 pub(super) struct Lines<'a> {
     text: &'a str,
@@ -96,12 +96,12 @@ pub(super) struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// Returns the byte offset of the next line.
+    /// Returns the byte offset in the text at which the line starts that the iterator yields next.
     pub(super) fn offset(&self) -> usize {
         self.at
     }
 
-    /// Continues with the line that starts at `offset`.
+    /// Continues the iteration with the line that starts at byte `offset`.
     pub(super) fn skip_to(&mut self, offset: usize) {
         self.at = offset;
     }
@@ -128,7 +128,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Iterator over tokens between blanks, line ends and single commas; a comma with blanks around it is one separator.
+/// Iterator over the words and numbers of a text, which blanks, line ends and single commas separate; a comma with
+/// blanks around it is one separator.
 #[derive(Clone)]
 pub(super) struct Tokens<'a> {
     text: &'a str,
@@ -136,17 +137,18 @@ pub(super) struct Tokens<'a> {
 }
 
 impl<'a> Tokens<'a> {
-    /// Creates an iterator over the tokens of `text` from byte `at` on.
+    /// Creates an iterator over the words and numbers of `text` from byte `at` on; blanks and commas separate them.
     pub(super) fn new(text: &'a str, at: usize) -> Self {
         Self { text, at }
     }
 
-    /// Returns the byte offset of the next separator or token.
+    /// Returns the byte offset in the text behind the last word or number read, where the next one is looked for.
     pub(super) fn offset(&self) -> usize {
         self.at
     }
 
-    /// Returns the next token and its offset if it is a plain number after at most one comma; else nothing is consumed.
+    /// Returns the next number of the text and its byte offset, if a plain number follows after at most one comma; else
+    /// consumes nothing.
     #[inline]
     pub(super) fn plain_number(&mut self) -> Option<(f64, usize)> {
         let bytes = self.text.as_bytes();
@@ -170,7 +172,7 @@ impl<'a> Tokens<'a> {
         Some((value, at))
     }
 
-    /// Returns the length of the blank at a character boundary, 0 if there is none.
+    /// Returns the length in bytes of the blank character at byte `at`, 0 if there is none.
     #[inline]
     fn blank(&self, at: usize) -> usize {
         match KINDS[usize::from(self.text.as_bytes()[at])] {
@@ -181,7 +183,8 @@ impl<'a> Tokens<'a> {
         }
     }
 
-    /// Returns the end of the token that continues at `at`.
+    /// Returns the byte offset at which the word that contains byte `at` ends: at a blank, a comma or the end of the
+    /// text.
     #[inline]
     fn end(&self, mut at: usize) -> usize {
         let bytes = self.text.as_bytes();
@@ -196,13 +199,13 @@ impl<'a> Tokens<'a> {
     }
 }
 
-/// Role of a byte in a token.
+/// Role of a byte of text: part of a word, blank or comma.
 #[derive(Clone, Copy)]
 enum Kind {
     Part,
     Blank,
     Comma,
-    /// First byte of a character that has to be decoded.
+    /// First byte of a non-ASCII character, which has to be decoded to know its role.
     Unknown,
 }
 
@@ -259,13 +262,13 @@ pub(super) fn number(text: &str) -> Option<f64> {
     decimal(text.as_bytes(), 0).filter(|&(_, end)| end == text.len()).map(|(value, _)| value)
 }
 
-/// Returns a short quotation of the file for a message: at most 40 characters, without control characters that could
+/// Returns a short quotation of a file for a message: at most 40 characters, without control characters that could
 /// affect a terminal.
 pub(super) fn snippet(text: &str) -> String {
     Quoted::of(text).to_string()
 }
 
-/// Formats numbers for metadata; a long list is shortened.
+/// Formats a list of numbers for metadata; a long list is shortened.
 pub(super) fn listed(values: &[f64]) -> String {
     const LONGEST: usize = 4096;
     let mut list = String::new();
@@ -279,7 +282,7 @@ pub(super) fn listed(values: &[f64]) -> String {
     list
 }
 
-/// Returns the beginning of a file as text, for probing.
+/// Returns the beginning of a file as text of at most `longest` bytes, from which its format is recognised.
 pub(super) fn head(bytes: &[u8], longest: usize) -> String {
     let cut = &bytes[..bytes.len().min(longest)];
     let whole_characters = match std::str::from_utf8(cut) {
@@ -289,12 +292,14 @@ pub(super) fn head(bytes: &[u8], longest: usize) -> String {
     decode(whole_characters).0.into_owned()
 }
 
-/// Returns true for text, with or without NUL padding: no control characters other than line and page breaks.
+/// Returns true if the beginning of a file is text, with or without NUL padding: it has no control characters other
+/// than line and page breaks.
 pub(super) fn is_text(head: &str) -> bool {
     head.bytes().all(|byte| byte >= b' ' || matches!(byte, 0 | b'\t'..=b'\r' | 0x1a))
 }
 
-/// Returns the encoding of UTF-16 text without a byte order mark: printable ASCII in which every other byte is NUL.
+/// Returns the encoding of UTF-16 text without a byte order mark, recognised as printable ASCII in which every other
+/// byte is NUL.
 pub(super) fn unmarked_utf16(bytes: &[u8]) -> Option<&'static encoding_rs::Encoding> {
     const LOOKED_AT: usize = 512;
     const FEWEST: usize = 8;

@@ -34,11 +34,12 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Prefix of the root element's local name; two digits of the revision follow.
+/// Prefix of the root element's name in a TM-27 file; two digits of the revision follow.
 const ROOT: &str = "IESTM27";
-/// Upper bound on the nesting depth of elements; the format has three.
+/// Upper bound on the nesting depth of XML elements; TM-27 files have three. Raising it accepts deeper files.
 const MAX_DEPTH: usize = 16;
-/// Upper bounds on the bytes of text in an element, and on the header elements.
+/// Upper bounds on the bytes of text in an XML element, and on the number of header elements. Raising them keeps more
+/// and uses more memory.
 const MAX_TEXT: usize = 4096;
 const MAX_FIELDS: usize = 1000;
 
@@ -83,7 +84,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Returns the quantity and unit for `SpectralQuantity`; all are densities per nm except ratios.
+/// Returns the quantity and unit of a TM-27 file from the text of its element `SpectralQuantity`; all units are
+/// densities per nm except ratios.
 fn meaning(
     stated: Option<&str>,
     how: &Interpretation,
@@ -119,14 +121,14 @@ fn meaning(
     }
 }
 
-/// Wavelength and value, with their byte offset.
+/// Wavelength in nm and value of a spectrum, with their byte offset.
 struct Point {
     wavelength: f64,
     value: f32,
     offset: usize,
 }
 
-/// Sorts the points by increasing wavelength.
+/// Sorts the points of a spectrum by increasing wavelength and refuses repeated wavelengths.
 fn ordered(
     mut points: Vec<Point>,
     source: &Source,
@@ -143,29 +145,29 @@ fn ordered(
     Ok(points.into_iter().map(|point| (point.wavelength, point.value)).unzip())
 }
 
-/// Parser state: the parts of a document read so far.
+/// Parser state of a TM-27 document: the parts that were read so far.
 struct Document<'a> {
     source: &'a Source,
-    /// Open elements by local name, each with its text so far.
+    /// XML elements that are open at the parser's position, by local name, each with its text so far.
     stack: Vec<Open>,
     quantity: Option<String>,
     points: Vec<Point>,
     fields: Vec<(String, String)>,
     distributions: usize,
     rooted: bool,
-    /// Reusable string buffer.
+    /// String buffer that is reused for the text of XML elements.
     spare: String,
 }
 
-/// Name of the element of one value.
+/// Name of the XML element that holds one value of the spectrum.
 const DATA: &str = "SpectralData";
 
-/// Element that is not closed yet.
+/// XML element that is not closed yet.
 struct Open {
-    /// Local name; empty if `wavelength` is set, because the name is known then.
+    /// Name of the XML element without prefix; empty if `wavelength` is set, because the name is known then.
     name: String,
     text: String,
-    /// Wavelength in nm of a `SpectralData` element.
+    /// Wavelength in nm of the value in a `SpectralData` element; `None` for other elements.
     wavelength: Option<f64>,
     offset: usize,
 }

@@ -1,8 +1,9 @@
 //! Transposition of tables in panels that fit the cache.
 
-/// Side of a block in entries: one cache line of float32.
+/// Number of rows and of columns of a block that is transposed at once: one cache line of float32.
 const SIDE: usize = 16;
-/// Size of a panel in entries: 128 KiB.
+/// Number of float32 numbers in the part of a table that is transposed at once, so that it fits the cache: 32,768,
+/// which take 128 KiB. Raising it beyond the cache makes transposition slower.
 const PANEL: usize = 1 << 15;
 
 /// Returns the transpose `[rows, columns]` of a table `[columns, rows]`, both contiguous.
@@ -14,8 +15,8 @@ pub(super) fn turned(source: &[f32], rows: usize, columns: usize) -> Vec<f32> {
     target
 }
 
-/// Fills `target[row * stride + column]` of a table `[rows, columns]`. `read(column, row, piece)` writes the part of a
-/// column that starts at a row.
+/// Fills a table by columns: `target[row * stride + column]`. `read(column, row, piece)` writes the part of a column
+/// that starts at a row.
 pub(super) fn turn(
     (target, stride): (&mut [f32], usize),
     rows: usize,
@@ -40,7 +41,7 @@ pub(super) fn turn(
     }
 }
 
-/// Transposes a panel: `target[row * to + column] = panel[column * from + row]`.
+/// Transposes a part of a table that fits the cache: `target[row * to + column] = panel[column * from + row]`.
 fn turn_panel((panel, from): (&[f32], usize), (target, to): (&mut [f32], usize), rows: usize, columns: usize) {
     for first_row in (0..rows).step_by(SIDE) {
         let together = SIDE.min(rows - first_row);

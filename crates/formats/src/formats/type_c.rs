@@ -10,20 +10,20 @@ use super::text::{Brief, Source};
 use crate::domain::{self, DirectionGrid, Frame};
 use crate::notes::LuminaireNote;
 
-/// Number of grid rows filled at a time, for cache locality.
+/// Number of rows of a grid that are filled at a time, for cache locality.
 const ROWS: usize = 16;
 
-/// Meaning of the stated planes on the circle.
+/// Rule that tells which azimuths the listed C planes of a luminaire represent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Planes {
-    /// The symmetry follows from the first and last angle (LM-63).
+    /// The symmetry of the luminaire follows from the first and last angle C (LM-63).
     ByAngles,
-    /// The planes cover the full circle; the first follows the last.
+    /// The C planes cover the full circle; the first plane follows the last one.
     Circle,
 }
 
-/// Builds a type C grid: gamma from nadir, C planes about the vertical axis (LM-63-2002 section 5.11, symmetry by the
-/// last angle).
+/// Builds the grid of a luminaire in type C coordinates: gamma from nadir, C planes about the vertical axis (LM-63-2002
+/// section 5.11, symmetry by the last angle).
 pub(super) fn type_c(
     stated: Stated,
     stand_for: Planes,
@@ -67,14 +67,14 @@ pub(super) fn type_c(
     Ok((grid, planes.symmetry))
 }
 
-/// Returns the planes as the file lists them.
+/// Returns the C planes as the file lists them, before symmetries are unfolded.
 fn stated_planes(table: &Ordered, extent: Option<domain::AzimuthExtent>) -> Result<StatedGrid, StatedGridError> {
     let azimuths = extent.map(|extent| domain::Azimuths { angles: table.horizontal.clone(), extent });
     let directions = DirectionGrid::new(Frame::TypeC, table.vertical.clone(), azimuths)?;
     table.stated(directions.with_outside(domain::Outside::Dark), Polar::Vertical)
 }
 
-/// Returns a grid of intensities in the luminaire frame, 0 outside.
+/// Returns a grid of luminaire intensities in the surface frame, 0 outside the covered angles.
 pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuths>, values: Vec<f32>) -> AngleGrid {
     AngleGrid {
         index: Vec::new(),
@@ -88,7 +88,7 @@ pub(super) fn luminaire(theta: Vec<f64>, covers: (f64, f64), phi: Option<Azimuth
     }
 }
 
-/// Averages the intensities at nadir and zenith, where every plane shows the same direction.
+/// Averages the intensities at nadir and at zenith, where all C planes meet in one direction.
 fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &mut ParseReport) {
     let n = vertical.len();
     for (v, name) in [(0, "nadir"), (n - 1, "zenith")] {
@@ -108,11 +108,11 @@ fn average_poles(vertical: &[f64], planes: usize, values: &mut [f32], report: &m
     }
 }
 
-/// Azimuths, each with the stored plane that provides its intensities.
+/// Azimuths after symmetries are unfolded, each with the stored C plane that provides its intensities.
 struct Unfolded {
     columns: Vec<(f64, usize)>,
     extent: Option<AzimuthExtent>,
-    /// Extent of the stored planes; `None` for a single plane C0 that represents all azimuths.
+    /// Extent of the stored C planes; `None` for a single plane C0 that represents all azimuths.
     stated: Option<domain::AzimuthExtent>,
     symmetry: &'static str,
 }

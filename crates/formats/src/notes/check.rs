@@ -1,7 +1,7 @@
 //! Notes on checks of a file against physics.
 
 wavelume_core::declare_notes! {
-    /// Notes on checks of a file against physics.
+    /// Notes on checks of a measurement against physics: energy conservation, reciprocity and negative values.
     CheckNote {
         Checked AlbedoAboveOne {
             albedo: f64, above: usize, summed: usize, all: usize, theta_i_degrees: f64, phi_i_degrees: Option<f64>,

@@ -3,7 +3,7 @@
 use crate::domain::{NoteValue, ToNoteValue};
 use std::fmt;
 
-/// Number formatted for a message, in scientific notation if it would be long otherwise.
+/// Wrapper that displays a number in a message, in scientific notation if it would be long otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Brief(pub(crate) f64);
 
@@ -20,12 +20,13 @@ impl ToNoteValue for Brief {
     }
 }
 
-/// Short quotation of a file: at most 40 characters, without control characters that could affect a terminal.
+/// Short quotation of a file in a message: at most 40 characters, without control characters that could affect a
+/// terminal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Quoted(String);
 
 impl Quoted {
-    /// Quotes `text`; the end of a longer one becomes an ellipsis.
+    /// Quotes `text` for a message; a long text ends with an ellipsis after 40 characters.
     pub(crate) fn of(text: &str) -> Self {
         const LONGEST: usize = 40;
         let mut characters = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c });

@@ -1,7 +1,7 @@
 //! Notes on narrow lobes.
 
 wavelume_core::declare_notes! {
-    /// Notes on narrow lobes.
+    /// Notes on narrow lobes of a measurement.
     LobeNote {
         Chosen Carried { lobe: String, samples: u64, reduced_percent: Option<f64>, unseen_bands: usize } =>
             "a lobe narrower than the cells is carried beside them: {lobe}; {samples} {lie} within half its \
@@ -34,14 +34,15 @@ wavelume_core::declare_notes! {
     }
 }
 
-/// Names the angles of an instrument.
+/// Returns a list in words of the stated resolution angles of an instrument: detector aperture and source divergence in
+/// degrees.
 fn limits(detector_aperture: Option<f64>, source_divergence: Option<f64>) -> String {
     let named = [("the detector's aperture", detector_aperture), ("the source's divergence", source_divergence)];
     let stated = named.iter().filter_map(|(name, angle)| Some(format!("{name} of {}°", (*angle)?)));
     stated.collect::<Vec<_>>().join(" and ")
 }
 
-/// Describes the albedos that a lobe may have.
+/// Returns the range of albedos that a suspected, unresolved lobe may have, in words; empty if `largest` is `None`.
 fn range(largest: Option<f64>) -> String {
     largest.map_or_else(String::new, |largest| format!(": any albedo of it between 0 and {largest} fits them"))
 }

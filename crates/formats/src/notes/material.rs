@@ -1,7 +1,7 @@
 //! Notes on a compressed material: its light and its errors at the samples.
 
 wavelume_core::declare_notes! {
-    /// Notes on a compressed material: its light and its errors at the samples.
+    /// Notes on a compressed material: its directional albedo or flux, and its errors at the samples.
     MaterialNote {
         Warning LightOff { largest_percent: f64, bound: f64 } =>
             "the light of some direction (directional albedo, flux) is {largest_percent:.1} % off, though the samples keep \
@@ -56,7 +56,8 @@ wavelume_core::declare_notes! {
     }
 }
 
-/// Names wavelengths in nm, or channels, from the first to the last.
+/// Returns a range in words, from its first to its last wavelength in nm or, without wavelengths, from its first to its
+/// last channel.
 fn bands(wavelengths: Option<(f64, f64)>, channels: Option<(usize, usize)>) -> String {
     let wavelengths = wavelengths.map(|(first, last)| (format!("{first:.0}"), format!("{last:.0}")));
     match (wavelengths, channels) {
@@ -68,8 +69,8 @@ fn bands(wavelengths: Option<(f64, f64)>, channels: Option<(usize, usize)>) -> S
     }
 }
 
-/// Returns the likely reason for a material that is too dark. `reduced` is the percentage by which its narrow lobe was
-/// reduced.
+/// Returns the likely reason, in words, why a material has less light than its samples. `reduced` is the percentage by
+/// which the light of its narrow lobe was reduced.
 fn advice_for_less(reduced: Option<f64>) -> String {
     match reduced {
         Some(part) => format!(

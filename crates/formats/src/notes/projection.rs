@@ -3,7 +3,8 @@
 use crate::domain::Domain;
 
 wavelume_core::declare_notes! {
-    /// Notes on the axes of a projection and the cells that represent samples.
+    /// Notes on the projection of a measurement: its axes and the cells (triangles of directions) that represent
+    /// samples.
     ProjectionNote {
         Chosen AsInFile => "the axes and samples of the file";
         Chosen AxisAsStated { role: &'static str, axis: String } => "{role}: {axis}, as the file states it";
@@ -58,7 +59,8 @@ wavelume_core::declare_notes! {
     }
 }
 
-/// Returns the reason for a level, where `natural` is the one that fits the spacing of the samples.
+/// Returns the reason, in words, for a subdivision level of the triangles of directions. `natural` is the level that
+/// fits the spacing of the samples.
 fn level_reason(level: u8, natural: u8, is_requested: bool) -> String {
     if is_requested {
         "as requested".to_owned()

@@ -4,7 +4,7 @@ use super::Brief;
 use crate::domain::Unit;
 
 wavelume_core::declare_notes! {
-    /// Notes on numbers, units and quantities of any format.
+    /// Notes on numbers, units and quantities in files of any format.
     ValueNote {
         Warning Negative { values: usize, lowest: f32 } =>
             "{values} values are negative, down to {lowest}; kept as they are";
@@ -43,7 +43,8 @@ wavelume_core::declare_notes! {
     }
 }
 
-/// Lists the percentages that are known, each with its name.
+/// Returns a list in words of the deviations between values that a file states for one direction: the place (such as
+/// the poles) and percent of each. Deviations that are `None` are left out.
 fn parts(percentages: &[(&str, Option<f64>)]) -> String {
     let known = percentages.iter().filter_map(|(name, percent)| Some(format!("{name} {:.2} %", (*percent)?)));
     known.collect::<Vec<_>>().join(", ")

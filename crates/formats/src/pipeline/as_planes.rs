@@ -3,12 +3,13 @@
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Measurement, Outside, Quantity, Tensor};
 use crate::export::ExportFormat;
 
-/// Reciprocal of the rounding step of polar angles, in 1/degree: 1e9 rounds to 1e-9°. Raising it keeps more
-/// floating-point noise of `180 − theta`.
+/// Number of rounding steps of polar angles in one degree: 1e9 rounds to 1e-9°. Raising it keeps more floating-point
+/// noise of `180 − theta`.
 const PARTS: f64 = 1e9;
 
-/// Converts a luminaire on a grid of theta and phi to gamma = 180° − theta and C = phi, from nadir up. The samples are
-/// unchanged. Returns `None` for anything else, and for azimuths that `format` has no planes for.
+/// Converts a luminaire from a grid of theta and phi to the luminaire angles gamma = 180° − theta and C = phi, in order
+/// of increasing gamma. The samples are unchanged. Returns `None` for other measurements, and for azimuths that
+/// `format` cannot hold.
 pub(super) fn as_planes(measurement: &Measurement, format: ExportFormat) -> Option<Measurement> {
     let [Axis::Grid(own)] = measurement.tensor.axes() else { return None };
     let is_luminaire = matches!(format, ExportFormat::Lm63 | ExportFormat::Eulumdat);

@@ -6,34 +6,34 @@ use crate::domain::{Measurement, named};
 use crate::formats::Acquisition;
 use serde::{Deserialize, Serialize};
 
-/// Error bound that the target `auto` chose.
+/// Origin of the error bound at which a compression with the target `auto` stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StoppedAt {
-    /// Noise estimated from the samples.
+    /// The error bound of the compression is the noise that was estimated from the samples.
     Noise,
-    /// Uncertainty stated in the file.
+    /// The error bound of the compression is the measurement uncertainty stated in the file.
     Uncertainty,
 }
 named!(StoppedAt, "bound of auto", { Noise = "noise", Uncertainty = "uncertainty" });
 
-/// Outcome of the target `auto`. All numbers are relative: 0.01 is 1 %.
+/// Error bound chosen by the compression target `auto`, and the numbers behind it. All numbers are relative: 0.01 is 1
+/// %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct AutoReport {
-    /// The bound chosen: the larger of `uncertainty` and `noise`.
+    /// Origin of the chosen error bound: the larger of `uncertainty` and `noise`.
     pub stopped_at: StoppedAt,
-    /// Root mean square of the stated relative standard uncertainties, over values larger than their own uncertainty.
-    /// `None` if the file states none.
+    /// Root mean square of the relative standard uncertainties in the file, over values larger than their own
+    /// uncertainty. `None` if the file states no uncertainty.
     pub uncertainty: Option<f64>,
-    /// Estimated noise of the samples; `None` if it cannot be estimated.
+    /// Estimated relative noise of the samples; `None` if it cannot be estimated.
     pub noise: Option<f64>,
 }
 
 impl AutoReport {
-    /// Returns the outcome for the projected `measurement`. `scattered` is the noise of samples at scattered
-    /// directions, if known. `floor` is a fraction of the largest sample. Returns `None` unless the target is `auto`
-    /// and the policy `rd`.
+    /// Returns the error bound that the target `auto` chooses for `measurement`. `scattered` is the noise of samples at
+    /// scattered directions, if known. Returns `None` for other targets, and for policies other than `rd`.
     pub(super) fn of(
         settings: &Settings,
         acquisition: &Acquisition,
@@ -54,7 +54,7 @@ impl AutoReport {
         Self { stopped_at, uncertainty, noise }
     }
 
-    /// Returns the compression target that stops at the chosen bound.
+    /// Returns the compression target that reaches the chosen error bound.
     pub(super) fn target(&self) -> Target {
         match (self.stopped_at, self.uncertainty) {
             (StoppedAt::Uncertainty, Some(uncertainty)) => Target::ErL2(uncertainty),

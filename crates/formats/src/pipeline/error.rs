@@ -6,7 +6,7 @@ use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::projection::ProjectionError;
 
-/// Reasons why a request failed.
+/// Reasons why reading or compressing a measurement failed.
 ///
 /// ```
 /// use wavelume_formats::pipeline::{PipelineError, Request};
@@ -21,11 +21,11 @@ pub enum PipelineError {
     /// The measurement file was rejected.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// The spectrum to join was rejected.
-    #[error("spectrum: {0}")]
+    /// The file with the spectrum to join with a luminaire was rejected.
+    #[error("cannot multiply the samples by the given spectrum: {0}")]
     Spectrum(FormatError),
-    /// The requested wavelengths are invalid.
-    #[error("wavelengths: {0}")]
+    /// The wavelengths to resample to are invalid.
+    #[error("cannot resample to the requested wavelengths: {0}")]
     Wavelengths(#[from] WavelengthError),
     /// The measurement cannot be projected onto the requested axes.
     #[error(transparent)]
@@ -36,8 +36,8 @@ pub enum PipelineError {
     /// The compressed file cannot be opened for evaluation.
     #[error(transparent)]
     Opened(EvaluateError),
-    /// A warning that the option `strict` turns into an error. The material adds too much error to the noise of
-    /// scattered samples, differs from them in total light, or has a lobe that they do not resolve.
-    #[error("strict: {0}")]
+    /// Warning that the option `strict` turns into an error. The material adds too much error to the noise of scattered
+    /// samples, differs from them in total light, or misses a narrow lobe that the samples do not resolve.
+    #[error("refused by the option `strict`: {0}")]
     Strict(String),
 }

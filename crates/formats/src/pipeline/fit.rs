@@ -9,61 +9,71 @@ use crate::formats::{Acquisition, with_digits};
 use crate::projection::{Projected, Rejected, ScatterReport, ScatteredSamples, scattered_samples};
 use serde::{Deserialize, Serialize};
 
-/// Number of values compared at a time. Raising it uses more memory: two arrays of float32.
+/// Number of values of the samples and of the material that are compared at a time. Raising it uses more memory: two
+/// arrays of float32.
 const PIECE: usize = 1 << 20;
-/// Promised relative error assumed for targets that set none: 0.01 is 1 %.
+/// Relative error assumed for a compression target that promises none: 0.01 is 1 %. Raising it allows materials a
+/// larger error at scattered samples.
 const PROMISED: f64 = 0.01;
 
-/// Errors of a material at scattered samples. All numbers are relative: 0.01 is 1 %.
+/// Errors of a compressed material at samples of scattered directions. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct FitReport {
-    /// Root mean square noise of the samples, estimated from differences between neighbouring samples. It does not
-    /// depend on the cells. `None` if there are too few samples.
+    /// Relative root mean square noise of the samples, estimated from differences between neighbouring samples. It does
+    /// not depend on the resolution of the material. `None` if there are too few samples.
     pub noise: Option<f64>,
-    /// er(L2) of the evaluated material at all samples that were not rejected.
+    /// Root mean square relative error, er(L2), of the evaluated material at all samples that were not rejected as
+    /// outliers.
     pub fit: f64,
-    /// er(L2) at all samples, rejected ones included; `None` in files of earlier versions.
+    /// Root mean square relative error, er(L2), of the evaluated material at all samples, rejected outliers included;
+    /// `None` in files of earlier versions.
     #[serde(default)]
     pub fit_all: Option<f64>,
-    /// Error that the material adds to the noise: √(fit² − noise²), or 0 if that is negative.
+    /// Error that the material adds to the noise of the samples: √(e² − noise²), where e is its root mean square
+    /// relative error at the samples; 0 if e is below the noise.
     pub added: f64,
-    /// Upper bound on `added`: twice the promised error or half the noise, whichever is larger.
+    /// Upper bound on the error that the material may add to the noise of the samples: twice the promised error or half
+    /// the noise, whichever is larger.
     pub allowed: f64,
-    /// Samples left out as outliers.
+    /// Number and share of the sample values that were left out of the fit as outliers.
     pub rejected: Rejected,
-    /// Rejected samples without rejected samples near them; `None` in files of earlier versions.
+    /// Number and share of the sample values rejected as outliers that have no other outlier near them; `None` in files
+    /// of earlier versions.
     #[serde(default)]
     pub isolated: Option<Rejected>,
-    /// Number of values that differ strongly from their neighbours but belong to a narrow lobe. They are not rejected.
+    /// Number of sample values that differ strongly from their neighbours but belong to a narrow lobe. They are not
+    /// rejected as outliers.
     #[serde(default)]
     pub lobe: u64,
-    /// Largest differences between the light of the material and that of the samples, over incidences and groups of
-    /// bands. `None` in files of earlier versions.
+    /// Largest differences between the directional albedo or flux of the material and that of the samples, over
+    /// incident directions and wavelength bands. `None` in files of earlier versions.
     #[serde(default)]
     pub light: Option<SampleLight>,
-    /// Fraction (0 to 1) of the values with a stated standard uncertainty u that the evaluated material matches within
-    /// 2u. Rejected values count. `None` if the file states no uncertainty, and in files of earlier versions.
+    /// Fraction (0 to 1) of the values with a standard uncertainty u in the file from which the evaluated material
+    /// differs by at most 2u. The total includes values rejected as outliers. `None` if the file states no uncertainty,
+    /// and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
 }
 
-/// Errors of a material at scattered samples, and its light compared with theirs.
+/// Errors of a material at samples of scattered directions, and its light compared with that of the samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct AtSamples {
-    /// Errors at the samples that were not rejected.
+    /// Errors of the material at the samples that were not rejected as outliers.
     pub(super) errors: ErrorReport,
-    /// er(L2) at all samples, rejected ones included.
+    /// Root mean square relative error, er(L2), at all samples, rejected outliers included.
     pub(super) all: f64,
-    /// Light by incidence and group of bands; empty if not requested.
+    /// Comparison of the material's values with the sample values, each summed over outgoing directions, for each
+    /// incident direction and group of wavelength bands; empty if not requested.
     pub(super) light: Vec<IncidenceLight>,
-    /// Count of values within twice their stated uncertainty.
+    /// Number of sample values that the material matches within twice their uncertainty.
     pub(super) within: Within,
 }
 
 impl FitReport {
-    /// Creates the report from the errors `found` at the samples. `promised` is the relative error of the material
-    /// against its cells.
+    /// Creates the report on a material at scattered samples, from the errors `found` there. `promised` is the relative
+    /// error that the compression of the averages over triangles promises.
     pub(super) fn new(scatter: &ScatterReport, found: &AtSamples, promised: f64) -> Self {
         let ScatterReport { noise, rejected, isolated, lobe, .. } = *scatter;
         let (fit, sigma) = (found.errors.er_l2, noise.unwrap_or(0.0));
@@ -84,12 +94,12 @@ impl FitReport {
         }
     }
 
-    /// Returns true if the added error is within its bound.
+    /// Returns true if the error that a material adds to the noise of its samples is within its bound.
     pub fn is_kept(&self) -> bool {
         self.added <= self.allowed
     }
 
-    /// Returns the report rounded to four significant digits, as files store it.
+    /// Returns the report with numbers rounded to four significant digits, as they are stored in files.
     pub(super) fn stated(&self) -> Self {
         let rounded = |value: f64| with_digits(value, 4);
         let shares = |Rejected { values, samples, light }: Rejected| {
@@ -115,8 +125,8 @@ impl FitReport {
     }
 }
 
-/// Returns the relative error that `target` promises. For targets without one, it is the `reached` error, but at least
-/// 1 %.
+/// Returns the relative error that a compression `target` promises. For targets without a relative error, it is the
+/// `reached` error, but at least 1 %.
 pub(super) fn promised(target: Target, reached: f64) -> f64 {
     match target {
         Target::ErL1(error) | Target::ErL2(error) | Target::MaxRelativeError(error) => error,
@@ -124,13 +134,15 @@ pub(super) fn promised(target: Target, reached: f64) -> f64 {
     }
 }
 
-/// Returns the noise and outlier report of scattered samples; empty for other samples.
+/// Returns the report on noise and outliers of scattered samples; an empty report for other samples.
 pub(super) fn scatter_of(projected: &Projected) -> ScatterReport {
     projected.coverage.scatter.as_deref().cloned().unwrap_or_default()
 }
 
-/// Compares `material`, evaluated with its default interpolation, with the scattered samples of `acquisition`. Also
-/// sums its light if `light` holds sums and the noise of the samples.
+/// Compares `material`, evaluated with its default interpolation, with the scattered samples of `acquisition`.
+///
+/// `light`, if given, has the sums over directions to which the values of both are added, and the relative noise of the
+/// samples.
 pub(super) fn at_samples(
     acquisition: &Acquisition,
     samples: &ScatteredSamples,

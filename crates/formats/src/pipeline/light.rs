@@ -4,16 +4,16 @@ use crate::compress::{self, CompressError, Compressed, LightReport, Numbers, Pol
 use crate::domain::{Axis, Measurement, Note, Progress};
 use crate::notes::MaterialNote;
 
-/// Largest relative error of the light of an incoming direction without correction or warning: 0.03 is 3 %. Raising it
-/// tolerates larger errors.
+/// Largest relative error of the directional albedo or flux at one incoming direction without correction or warning:
+/// 0.03 is 3 %. Raising it tolerates larger errors.
 const LIGHT: f64 = 0.03;
-/// Largest relative growth of the file at which light is corrected without being requested: 0.02 is 2 %. Raising it
-/// corrects more files.
+/// Largest relative growth of the file at which the directional albedo or flux is corrected without being requested:
+/// 0.02 is 2 %. Raising it corrects more files.
 const COST: f64 = 0.02;
 
-/// Compresses a measurement; `stated` are the numbers of its file and their factor. If the light of an angle grid is
-/// off by more than [`LIGHT`], compresses again with light corrections. Keeps these if they add at most [`COST`] to
-/// the size.
+/// Compresses a measurement; `stated` are the numbers of its file and the factor that makes them samples. If the albedo
+/// or flux of an angle grid is off by more than [`LIGHT`], compresses again with corrections of it. Keeps these if they
+/// add at most [`COST`] to the size.
 pub(super) fn compress(
     measurement: &Measurement,
     stated: Option<Numbers<'_>>,
@@ -37,7 +37,7 @@ pub(super) fn compress(
     }
 }
 
-/// Returns a warning if the light on an angle grid is off by more than [`LIGHT`].
+/// Returns a warning if the directional albedo or flux on a grid of angles is off by more than [`LIGHT`].
 pub(super) fn warning(axes: &[Axis], light: Option<&LightReport>) -> Option<Note> {
     let largest = light.filter(|light| is_on_grid(axes) && light.largest > LIGHT)?.largest;
     Some(MaterialNote::LightOff { largest_percent: 100.0 * largest, bound: LIGHT }.into())

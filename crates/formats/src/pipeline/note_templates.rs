@@ -7,7 +7,7 @@ use crate::notes::{
 };
 use crate::{compress, evaluate};
 
-/// Notes by subject.
+/// Declarations of all notes, grouped by subject.
 const SUBJECTS: &[(&str, &[NoteTemplate])] = &[
     ("Text, lines and columns", TextNote::TEMPLATES),
     ("Numbers, units and quantities", ValueNote::TEMPLATES),

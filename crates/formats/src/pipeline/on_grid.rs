@@ -9,23 +9,24 @@ use crate::export::{AddedError, ExportError, ExportFormat, ExportOptions, Export
 use crate::formats::{Digits, FormatErrorKind};
 use serde_json::Value;
 
-/// Outcome of an export on the grid of the source.
+/// Result of an export at the angles of the source file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum OnGrid {
-    /// The exported file, at the angles of the source.
+    /// Exported file at the angles of the source file.
     File(Box<Exported>),
-    /// The material must be resampled, because the format cannot hold the grid or the options set a resolution. Holds
-    /// the reason if the user did not request it.
+    /// The material must be resampled, because the format cannot hold the source's angles or the options set a
+    /// resolution. Holds the reason if the user did not request resampling.
     Resample(Option<String>),
 }
 
-/// Rounding errors to try, as fractions of the promised error of each value, the largest first. Smaller fractions give
-/// more digits and larger files.
+/// Rounding errors to try for the numbers of an exported file, as fractions of the promised error, the largest first.
+/// Smaller fractions give more digits and larger files.
 const ROUNDINGS: [f64; 6] = [0.1, 0.05, 0.025, 0.0125, 0.006, 0.003];
-/// Number of standard deviations by which rounding is assumed to add to the error instead of averaging out. Raising it
-/// writes more digits.
+/// Number of standard deviations by which the rounding of exported numbers is assumed to add to the error instead of
+/// averaging out. Raising it writes more digits.
 const CHANCE: f64 = 2.0;
-/// Lower bound on the bytes of one number in a text file.
+/// Lower bound on the size in bytes of one number in an exported text file, used to refuse too large files early.
+/// Raising it refuses more files.
 const LEAST_BYTES: usize = 2;
 
 /// Writes the material in `bytes` as `format`, at the angles and with the keywords of its source file.
@@ -66,7 +67,7 @@ pub fn export_on_grid(bytes: &[u8], format: ExportFormat, options: &ExportOption
     }
 }
 
-/// Writes the file with the fewest digits that keep the promised error.
+/// Writes the exported file with the fewest digits that keep the promised error.
 fn written(decoded: &Decoded, numbers: Option<Numbers<'_>>, format: ExportFormat) -> Result<Restated, ExportError> {
     let (measurement, summary) = (&decoded.measurement, &decoded.summary);
     let document = summary.metadata.as_deref().and_then(|text| serde_json::from_str::<Value>(text).ok());
@@ -93,19 +94,19 @@ fn written(decoded: &Decoded, numbers: Option<Numbers<'_>>, format: ExportFormat
     Ok(file)
 }
 
-/// Returns the pairs of keyword and text in the order of the source.
+/// Returns the keywords of the source file with their texts, in the order of that file.
 fn fields(metadata: &Value) -> Vec<(String, String)> {
     let pair = |pair: &Value| Some((pair[0].as_str()?.to_owned(), pair[1].as_str()?.to_owned()));
     metadata.as_array().map(|pairs| pairs.iter().filter_map(pair).collect()).unwrap_or_default()
 }
 
-/// Combines the file with a summary for the user.
+/// Combines the exported file with a summary for the user.
 fn exported(file: Restated, decoded: &Decoded) -> Exported {
     let Restated { bytes, format, filled, errors, lamp, lost } = file;
     let tensor = &decoded.measurement.tensor;
     let axes: Vec<String> = tensor.axes().iter().filter(|axis| !axis.is_spectral()).map(Axis::describe).collect();
     let about = Summary {
-        format,
+        format: format.name(),
         resolution: format!("{}, as in the source", axes.join(", ")),
         unit: decoded.measurement.unit.to_string(),
         lost,

@@ -19,7 +19,7 @@ use crate::formats::{Acquisition, Note, Samples, not_wider};
 use crate::notes::ProjectionNote;
 use crate::projection::{self, CarriedLobe, Projected, ScatterReport};
 
-/// A compressed material and its report.
+/// Result of a compression: the compressed material and its report.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -39,13 +39,14 @@ pub struct Outcome {
     pub report: Report,
 }
 
-/// Projects a measurement onto the axes of `request`. If no level is given, scattered samples get triangles so fine
-/// that the cells add little error to their noise.
+/// Projects a measurement onto the axes of `request`. If no subdivision level is given, scattered samples get triangles
+/// fine enough that the error of the fit is small against the noise.
 pub fn project(acquisition: &Acquisition, request: &Request) -> Result<Projected, PipelineError> {
     with_reciprocity(refined(acquisition, request)?.projected, request)
 }
 
-/// Makes the projected measurement reciprocal if `request` demands it.
+/// Averages each value of the projected measurement with that of the exchanged pair of directions, if `request` demands
+/// a reciprocal BRDF.
 fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Projected, PipelineError> {
     if request.reciprocal {
         let made = projection::reciprocal(&projected.measurement)?;
@@ -57,7 +58,7 @@ fn with_reciprocity(mut projected: Projected, request: &Request) -> Result<Proje
     Ok(projected)
 }
 
-/// Projects and compresses a measurement that was read.
+/// Projects a measurement onto the axes of `request` and compresses it.
 pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> Result<Outcome, PipelineError> {
     let acquisition = &source.acquisition;
     let mut next = refined(acquisition, request)?;
@@ -73,7 +74,8 @@ pub fn compress(source: &Source, request: &Request, progress: &dyn Progress) -> 
     }
 }
 
-/// Adds the warnings about scattered samples to the report. With the option `strict` they are errors instead.
+/// Adds the warnings about scattered samples to the report of a compression. With the option `strict` they are errors
+/// instead.
 fn judged(Judged { mut outcome, warnings }: Judged, request: &Request) -> Result<Outcome, PipelineError> {
     if request.strict && !warnings.is_empty() {
         return Err(PipelineError::Strict(sentences(&warnings).join("; ")));
@@ -88,8 +90,8 @@ fn sentences(notes: &[Note]) -> Vec<&str> {
     notes.iter().map(|note| note.message.as_str()).collect()
 }
 
-/// Returns warnings if the material adds too much error to the noise of scattered samples, differs from them in total
-/// light, or has an unresolved lobe.
+/// Returns warnings about a material of scattered samples: it adds too much error to their noise, differs from them in
+/// total light, or has an unresolved lobe.
 fn warnings_of(
     summary: &Summary,
     (fit, found): (&FitReport, &AtSamples),
@@ -113,7 +115,8 @@ struct Judged {
     warnings: Vec<Note>,
 }
 
-/// Compresses a projected measurement. Measures the errors of the file at the samples if these are scattered.
+/// Compresses a projected measurement. If the samples are at scattered directions, measures the errors of the decoded
+/// file at these samples.
 fn compressed(
     source: &Source,
     request: &Request,
@@ -195,8 +198,8 @@ fn compressed(
 }
 
 impl Source {
-    /// Projects the measurement onto the requested axes and compresses it to the promised error. The errors in the
-    /// report are measured on the decoded file.
+    /// Projects the measurement onto the requested axes and compresses it to the error bound of the request. The errors
+    /// in the report are measured on the decoded file.
     pub fn compress(&self, request: &Request) -> Result<Outcome, PipelineError> {
         compress(self, request, &Silent)
     }

@@ -5,8 +5,8 @@ use super::request::Request;
 use super::source::Source;
 use crate::formats::Note;
 
-/// Returns run lengths of cells, alternating between not filled and filled. The first run is not filled and may be 0.
-/// A last run of unfilled cells is omitted.
+/// Returns the lengths of runs of cells (positions in the tensor), alternating between cells not filled and cells
+/// filled by a rule without samples. The first run is not filled and may be 0. A last run of unfilled cells is omitted.
 pub fn runs(filled: &[bool]) -> Vec<usize> {
     let (mut runs, mut now, mut start) = (Vec::new(), false, 0);
     for (i, &is) in filled.iter().enumerate() {
@@ -21,7 +21,8 @@ pub fn runs(filled: &[bool]) -> Vec<usize> {
     runs
 }
 
-/// Returns a note as provenance holds it: kind and sentence. Codes and values are not part of hashed bytes.
+/// Returns the parts of a note that provenance stores: its kind and its sentence. Codes and values of notes are not
+/// part of hashed bytes.
 fn stated(note: &Note) -> serde_json::Value {
     serde_json::json!({ "kind": note.kind, "message": note.message })
 }

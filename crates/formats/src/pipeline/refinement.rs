@@ -9,29 +9,31 @@ use crate::formats::Acquisition;
 use crate::notes::MaterialNote;
 use crate::projection::{self, Projected};
 
-/// Largest ratio of the added errors of a finer and a coarser level at which the finer one is used. Raising it accepts
-/// levels that gain less.
+/// Ratio of the error added at a finer subdivision level of triangles to that at the coarser level, below which the
+/// finer level is used. Raising it accepts levels that gain less.
 const GAIN: f64 = 0.95;
 
-/// A projection, and the levels tried for it.
+/// A measurement projected onto triangles, with the subdivision level that was tried for it.
 pub(super) struct Refined {
     pub(super) projected: Projected,
     pub(super) tried: Tried,
 }
 
-/// Axes that were tried, and the errors of their cells at scattered samples.
+/// Tensor axes onto which a measurement was projected on trial, and the errors of the values on the triangles of
+/// directions at the scattered samples.
 pub(super) struct Tried {
     axes: Vec<Axis>,
-    /// Errors of the cells at the samples before compression; `None` if the samples are not scattered.
+    /// Report on the deviations of the samples from the values on the triangles before compression; `None` if the
+    /// samples are not scattered.
     fit: Option<FitReport>,
-    /// Number of levels beyond the one that fits the spacing of the samples.
+    /// Number of subdivision levels beyond the one that fits the spacing of the samples.
     finer: u8,
-    /// True if no finer level is left to try.
+    /// True if no finer subdivision level of the triangles is left to try.
     is_last: bool,
 }
 
-/// Projects a measurement onto the axes of `request`. Scattered samples get the coarsest triangles that leave room for
-/// the promised error, or the best tried.
+/// Projects a measurement onto the axes of `request`. Scattered samples get the coarsest triangles whose error leaves
+/// room for the promised error, or the best triangles tried.
 pub(super) fn refined(acquisition: &Acquisition, request: &Request) -> Result<Refined, PipelineError> {
     let mut best = at(acquisition, request, 0)?;
     loop {
@@ -67,8 +69,8 @@ fn at(acquisition: &Acquisition, request: &Request, finer: u8) -> Result<Refined
 }
 
 impl Tried {
-    /// Projects the samples onto the next finer level. Returns `None` if no level is left or the finer one is not
-    /// clearly better.
+    /// Projects the samples onto triangles of the next finer subdivision level. Returns `None` if no level is left or
+    /// the finer one is not clearly better.
     pub(super) fn finer(&self, acquisition: &Acquisition, request: &Request) -> Result<Option<Refined>, PipelineError> {
         let Some(fit) = self.fit.filter(|_| !self.is_last) else { return Ok(None) };
         let next = at(acquisition, request, self.finer + 1)?;
@@ -77,8 +79,8 @@ impl Tried {
     }
 }
 
-/// Returns a warning if a material on `axes` adds more error than allowed. `is_named` is true if the user gave the
-/// level.
+/// Returns a warning if a material on `axes` adds more error to the noise of its samples than allowed. `is_named` is
+/// true if the user gave the subdivision level.
 pub(super) fn warning(fit: &FitReport, axes: &[Axis], is_named: bool) -> Option<Note> {
     if fit.is_kept() {
         return None;

@@ -4,24 +4,26 @@ use super::origin::Origin;
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, Frame, Measurement, Quantity, Tensor, Unit};
 use crate::export::{ExportFormat, zonal_flux};
 
-/// A measurement converted to the conventions of another format.
+/// A luminaire converted to the header fields and the C planes of another file format.
 #[derive(Debug)]
 pub(super) struct Relabelled {
-    /// The samples, on the planes that the format lists.
+    /// Samples of the luminaire on the C planes of the format to which it is converted.
     pub(super) measurement: Measurement,
-    /// Header fields, under the names that the parser of the format uses.
+    /// Header fields of the luminaire, under the names that the parser of the format to which it is converted uses.
     pub(super) metadata: Vec<(String, String)>,
-    /// Contents of the measurement that the format cannot hold.
+    /// Contents of the luminaire that the format to which it is converted cannot hold, one phrase each.
     pub(super) lost: Vec<String>,
 }
 
-/// Longest text of a header field, in characters. Old EULUMDAT readers accept no more.
+/// Upper bound on the text of a header field, in characters, because old EULUMDAT readers accept no more. Raising it
+/// keeps longer texts.
 const LONGEST: usize = 78;
-/// Largest difference of angular steps that count as equal, in degrees.
+/// Largest difference between steps of angles that count as evenly spaced, in degrees. Raising it accepts less even
+/// angles.
 const STEP: f64 = 1e-9;
 
-/// Converts the measurement to the header and planes of `format`, if its source has another format. Returns `None` if
-/// it is not on C planes, or if `format` lacks its unit.
+/// Converts a luminaire to the header and C planes of `format`, if its source has another format. Returns `None` if it
+/// is not on C planes, or if `format` cannot hold its unit.
 pub(super) fn relabelled(measurement: &Measurement, origin: &Origin<'_>, format: ExportFormat) -> Option<Relabelled> {
     let [Axis::Grid(directions)] = measurement.tensor.axes() else { return None };
     if measurement.quantity != Quantity::Edf || directions.frame() != Frame::TypeC {
@@ -37,12 +39,12 @@ pub(super) fn relabelled(measurement: &Measurement, origin: &Origin<'_>, format:
     }
 }
 
-/// Returns one line of printable text, cut to the longest allowed.
+/// Returns a header text as one line of printable characters, cut to the longest allowed.
 fn line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(LONGEST).collect()
 }
 
-/// Header fields of the source.
+/// Header fields of the source file of a luminaire.
 struct Fields<'a>(&'a Origin<'a>);
 
 impl Fields<'_> {
@@ -56,7 +58,7 @@ impl Fields<'_> {
     }
 }
 
-/// Returns the total flux, and the fraction of it below the horizon (0 to 1).
+/// Returns the total flux of a luminaire, and the fraction of it below the horizon (0 to 1).
 fn flux(directions: &DirectionGrid, values: &[f32]) -> (f64, f64) {
     let all = zonal_flux(directions, values);
     let rows = directions.polar().partition_point(|&gamma| gamma <= 90.0);
@@ -71,7 +73,7 @@ fn step(angles: &[f64]) -> f64 {
     if angles.array_windows().all(|[a, b]| (b - a - first).abs() < STEP) { first } else { 0.0 }
 }
 
-/// Puts the measurement on the planes `azimuths`. `column` gives the old column of each new one.
+/// Puts a luminaire on the C planes `azimuths`. `column` gives the index of the old plane for that of each new plane.
 fn on_planes(
     measurement: &Measurement,
     directions: &DirectionGrid,
@@ -214,7 +216,7 @@ fn lm63(measurement: &Measurement, directions: &DirectionGrid, origin: &Origin<'
     Some(Relabelled { measurement, metadata, lost: Vec::new() })
 }
 
-/// Rounds to 6 significant digits.
+/// Returns the number rounded to 6 significant digits.
 fn rounded(number: f64) -> f64 {
     format!("{number:.5e}").parse().unwrap_or(number)
 }

@@ -32,105 +32,110 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Report {
-    /// `b3-` and the BLAKE3 digest of the file.
+    /// `b3-` and the BLAKE3 digest of the compressed file in hex.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub digest: String,
-    /// `b3-` and the BLAKE3 digest of the file without the metadata chunk.
+    /// `b3-` and the BLAKE3 digest, in hex, of the compressed file without its metadata chunk.
     pub payload_digest: String,
-    /// Format of the input.
+    /// Name of the format of the input file.
     pub format: String,
-    /// Revision and flavour of the input format.
+    /// Revision and flavour of the format of the input file.
     pub dialect: String,
-    /// Measured quantity.
+    /// Radiometric quantity that was measured.
     pub quantity: Quantity,
     /// Unit of a sample.
     pub unit: Unit,
-    /// Compression policy.
+    /// Compression policy: the method that selects and codes the coefficients.
     pub policy: Policy,
-    /// Spectral basis.
+    /// Name of the basis that transforms the wavelength axis.
     pub basis: String,
     /// Bases that competed for the wavelength axis, best first.
     #[serde(default)]
     pub basis_ranking: Vec<Ranked>,
-    /// Human-readable descriptions of the axes.
+    /// Human-readable descriptions of the axes of the compressed tensor.
     #[serde(default)]
     pub axes: Vec<String>,
-    /// Size of the file in bytes.
+    /// Size of the compressed file in bytes.
     pub bytes: u64,
-    /// Number of nonzero coefficients; `None` if the policy keeps no coefficients.
+    /// Number of nonzero transform coefficients in the file; `None` if the policy keeps no coefficients.
     pub kept_coefficients: Option<u64>,
-    /// Samples per kept coefficient.
+    /// Number of samples divided by the number of kept coefficients; `None` if the policy keeps no coefficients.
     pub ratio_coefficients: Option<f64>,
-    /// Quantiser step of the coefficients, in natural-log units or in the unit of a sample; `None` for policies other
-    /// than `rd`.
+    /// Quantiser step of the transform coefficients, in natural-log units or in the unit of a sample; `None` for
+    /// policies other than `rd`.
     pub step: Option<f64>,
-    /// Compression ratio: bytes of the float32 tensor divided by bytes of the file.
+    /// Compression ratio: bytes of the samples as float32 divided by bytes of the compressed file.
     pub ratio_bytes: f64,
-    /// Errors of the decoded file at the samples that the measurement states. For scattered samples, errors of the
-    /// evaluated material at all samples that were not rejected.
+    /// Errors of the decoded file at the samples of the measurement. For scattered samples, errors of the evaluated
+    /// material at all samples that were not rejected as outliers.
     #[serde(flatten)]
     pub errors: ErrorReport,
-    /// Values at which errors are measured, if these are not the numbers of the input file. Either values resampled to
-    /// other wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
+    /// Description of the values at which errors are measured, if these are not the numbers of the input file. Either
+    /// values resampled to other wavelengths, or all pairs of a direction and a wavelength of a joined spectrum.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors_at: Option<String>,
-    /// Errors of the decoded file against the compressed cells, if samples were averaged over cells.
+    /// Errors of the decoded file against the values before compression, if these are averages of samples over
+    /// triangles of directions.
     #[serde(flatten)]
     pub cells: Option<CellErrors>,
-    /// Error of the light (directional albedo, flux) of the decoded file, over all directions and wavelengths.
+    /// Relative errors of the directional albedo or flux of the decoded file, over all directions and wavelengths.
     pub light: Option<LightReport>,
-    /// Interpolation between incidences and its leave-one-out errors. `None` if no incidence lies between others, or
-    /// if there are more than 131,072 pairs of incoming and outgoing cells.
+    /// Method and leave-one-out errors of the interpolation between incident directions. `None` if no incident
+    /// direction lies between others, or if there are more than 131,072 pairs of stored incoming and outgoing
+    /// directions.
     pub incidences: Option<IncidenceReport>,
-    /// Colour differences between the decoded file and the tensor, if the target bounds them.
+    /// Colour differences between the decoded file and the values before compression, if the target bounds them.
     pub delta_e: Option<ColourReport>,
-    /// Noise, fit and outliers of scattered samples.
+    /// Noise, fit errors and outliers of samples at scattered directions; `None` for other samples.
     #[serde(rename = "scattered", skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitReport>,
-    /// Narrow lobe stored beside the cells; `None` if there is none.
+    /// Narrow lobe that is stored as a formula beside the tensor; `None` if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lobe: Option<CarriedLobe>,
-    /// Light of the material compared with that of scattered samples, by incidence and group of bands; empty for other
-    /// measurements.
+    /// Directional albedo or flux of the material compared with that of scattered samples, for each incident direction
+    /// and group of wavelength bands; empty for other measurements.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub light_at_samples: Vec<IncidenceLight>,
-    /// Fraction (0 to 1) of the values with a stated standard uncertainty u that the decoded file matches within 2u.
-    /// `None` if the file states none, or if its grid was averaged over triangles.
+    /// Fraction (0 to 1) of the values with a standard uncertainty u in the file from which the decoded values differ
+    /// by at most 2u. `None` if the file states no uncertainty, or if its grid was averaged over triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_2u: Option<f64>,
-    /// Bound at which the target `auto` stopped; `None` for other targets.
+    /// Error bound at which the target `auto` stopped; `None` for other targets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub auto: Option<AutoReport>,
-    /// Noise of the compressed tensor. `None` if it cannot be estimated, and for cells fitted to scattered samples.
+    /// Estimated noise of the compressed values. `None` if it cannot be estimated, and for triangles fitted to
+    /// scattered samples.
     pub noise: Option<Noise>,
-    /// Counts of measured, interpolated, filled and empty cells, and notes on the axes.
+    /// Counts of measured, interpolated, filled and empty direction cells (triangles, grid directions, or pairs of
+    /// them), and notes on the axes.
     pub coverage: Coverage,
-    /// Assumptions, fills and omissions of the parser, and warnings. Warnings concern a missed ratio, a target below
-    /// the noise, or incoming directions too sparse for the lobe.
+    /// Notes on assumptions, fillings and omissions of the parser, and warnings. Warnings concern a missed compression
+    /// ratio, a target below the noise, or incoming directions too sparse for the lobe.
     #[serde(default)]
     pub notes: Vec<Note>,
-    /// Resolution levels that a prefix of the file decodes to, coarse first; at least the finest.
+    /// Resolution levels that can be decoded from a beginning of the file, coarse first; at least the finest.
     #[serde(default)]
     pub levels: Vec<LevelInfo>,
 }
 
-/// Errors of decoded cells against the compressed cells; see [`ErrorReport`].
+/// Errors of the decoded file against the values before compression, which are averages over triangles; see
+/// [`ErrorReport`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct CellErrors {
-    /// Number of compared values: cells times wavelengths.
+    /// Number of compared values: triangles (or pairs of them) times wavelengths.
     #[serde(rename = "samples_cells")]
     pub samples: u64,
-    /// Mean relative error.
+    /// Mean relative error of the decoded values: 0.01 is 1 %.
     #[serde(rename = "er_l1_cells")]
     pub er_l1: f64,
-    /// Root mean square of the relative error.
+    /// Root mean square of the relative error of the decoded values: 0.01 is 1 %.
     #[serde(rename = "er_l2_cells")]
     pub er_l2: f64,
-    /// Largest relative error.
+    /// Largest relative error of a decoded value: 0.01 is 1 %.
     #[serde(rename = "max_relative_error_cells")]
     pub max_relative_error: f64,
-    /// Relative root mean square error, `√(Σ(s'−s)² / Σs²)`.
+    /// Relative root mean square error of the decoded values s', `√(Σ(s'−s)² / Σs²)`: 0.01 is 1 %.
     #[serde(rename = "relative_rmse_cells")]
     pub relative_rmse: f64,
 }
@@ -142,13 +147,13 @@ impl CellErrors {
     }
 }
 
-/// Measurements on a decoded file.
+/// Results of evaluating a decoded file, for its report.
 pub(super) struct Measured<'a> {
-    /// Errors at scattered samples; `None` for other samples.
+    /// Errors of the decoded file at scattered samples; `None` for other samples.
     pub(super) fit: Option<(FitReport, AtSamples)>,
-    /// Errors at the samples of a grid that was averaged over cells; `None` for other samples.
+    /// Errors of the decoded file at the samples of a grid that was averaged over triangles; `None` for other samples.
     pub(super) at_cells: Option<ErrorReport>,
-    /// The material; `None` if nothing is asked of it.
+    /// Decoded material to evaluate; `None` if the report needs no evaluation.
     pub(super) material: Option<&'a Material>,
 }
 
@@ -213,8 +218,8 @@ pub(super) fn report(
     })
 }
 
-/// Describes the values at which errors of a material on `axes` are measured. Returns `None` if these are the numbers
-/// of `acquisition`.
+/// Describes the values at which the errors of a material on `axes` are measured. Returns `None` if these are the
+/// samples that were read.
 fn errors_at(acquisition: &Acquisition, axes: &[Axis]) -> Option<String> {
     let Some(Axis::Wavelength(grid)) = axes.last() else { return None };
     let is_same = |own: &WavelengthGrid| own.len() == grid.len() && (0..grid.len()).all(|i| own.at(i) == grid.at(i));

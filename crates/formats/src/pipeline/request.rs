@@ -7,7 +7,7 @@ use crate::projection::{AxesRequest, DirectionDomain};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Interpolation between the stated directions of a grid of angles.
+/// Interpolation method between the listed directions of a grid of angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Curve {
@@ -27,7 +27,8 @@ impl Curve {
 
 named!(Curve, "interpolation", { Cubic = "cubic", Linear = "linear" });
 
-/// Declares the options of a request: each once, with its name, help text, JSON form, default and values.
+/// Declares the options of a compression request: each once, with its name, help text, JSON form, default and allowed
+/// values.
 macro_rules! options {
     ($(#[$meta:meta])* pub struct Request {
         $(#[doc = $target:literal])+
@@ -50,14 +51,14 @@ macro_rules! options {
         }
 
         impl Request {
-            /// Options besides the target, in the order of the help text.
+            /// Options of a compression request besides the target, in the order of the help text.
             pub const OPTIONS: &'static [Declared] = &[$(
                 Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
             )+];
-            /// Help text of the target.
+            /// Help text of the compression target.
             pub const TARGET_HELP: &'static str = concat!($($target),+);
 
-            /// Creates a request for `target` with defaults for all other fields.
+            /// Creates a compression request for `target` with defaults for all other options.
             pub fn to(target: Target) -> Self {
                 Self { target, $($name: $default,)+ }
             }
@@ -65,11 +66,11 @@ macro_rules! options {
     };
 }
 
-/// Values of the options that take a subdivision level.
+/// Allowed values of the options that take a subdivision level of the triangles of directions.
 const LEVEL: Values = Values::Whole { shown: "N", least: 0, most: MAX_LEVEL as u64 };
 
 options! {
-    /// Compression request. Every field except `target` has a default.
+    /// Options of a compression. Every field except `target` has a default.
     ///
     /// The help texts of the command line and the description of the HTTP interface are the documentation of these
     /// fields.
@@ -86,31 +87,32 @@ options! {
     pub struct Request {
         /// Promised error bound, size or ratio. For a measurement on a grid of angles, errors are those at the samples
         /// of the file. If samples were averaged over triangles first, the bound holds against these averages, and the
-        /// errors at the samples are stated beside it.
+        /// report also gives the errors at the samples.
         pub target: Target,
-        /// Directions of the tensor. `grid` keeps the grid of angles that the file states; it is the default if there
-        /// is one and no level is given. `triangles` averages samples over triangles, as a subdivision level also does.
+        /// Directions at which values are stored. `grid` keeps the grid of angles of the file; it is the default if
+        /// there is one and no subdivision level is given. `triangles` averages samples over triangles, as a
+        /// subdivision level also does.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub domain: Option<DirectionDomain> = None => Values::Name {
             shown: "grid|triangles",
             names: || DirectionDomain::ALL.iter().map(|known| known.name()).collect(),
             default: None,
         },
-        /// Replaces each value of a BRDF on its own grid by its mean with the value of the exchanged pair of
-        /// directions. Errors are then measured against these means.
+        /// Makes a BRDF on its own grid of angles reciprocal: replaces each value by its mean with the value for
+        /// exchanged incoming and outgoing directions. Errors are then measured against these means.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub reciprocal: bool = false => Values::Switch,
-        /// Subdivision level of the triangles of incoming directions.
+        /// Subdivision level of the triangles of incoming directions; each level halves the side of a triangle.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub incoming_level: Option<u8> = None => LEVEL,
-        /// Subdivision level of the triangles of outgoing directions.
+        /// Subdivision level of the triangles of outgoing directions; each level halves the side of a triangle.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub outgoing_level: Option<u8> = None => LEVEL,
         /// Wavelengths to resample to: `START:STOP:STEP` in nm, both ends included.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub wavelengths: Option<String> = None =>
             Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
-        /// Selection and coding of the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
+        /// Method that selects and codes the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
         /// conventional (one threshold), generic (one threshold for each space) or adaptive.
         #[serde(default)]
         pub policy: Policy = Policy::Rd => Values::Name {
@@ -118,58 +120,60 @@ options! {
             names: || Policy::ALL.iter().map(|known| known.name()).collect(),
             default: Some("rd"),
         },
-        /// Spectral basis: auto, klt (the data's own), identity, or a name that `wavelume bases` lists.
+        /// Basis that transforms the wavelength axis: auto, klt (computed from the data), identity, or a name that
+        /// `wavelume bases` lists.
         #[serde(default = "auto")]
         pub basis: String = auto() => Values::Text { shown: "BASIS", default: Some("auto"), check: basis },
-        /// Relative floor, as a fraction of the largest sample: smaller samples leave the relative errors, and their
-        /// absolute error is at most the floor.
+        /// Floor of the relative errors, as a fraction of the largest sample: smaller samples do not count in the
+        /// relative errors, and their absolute error is at most the floor.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub floor: Option<f64> = None => Values::Number { shown: "F", limits: FLOOR },
-        /// Upper bound on the relative error of the light (directional albedo, flux) of every direction and wavelength;
-        /// needs policy rd.
+        /// Upper bound on the relative error of the directional albedo or flux of every incoming direction and
+        /// wavelength; needs policy rd.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub albedo_error: Option<f64> = None =>
             Values::Number { shown: "E", limits: ALBEDO_ERROR },
-        /// Makes each incoming direction decodable without the others; needs policy rd. The material then has no
-        /// coarser levels.
+        /// Makes each incoming direction decodable without the other ones; needs policy rd. The material then has no
+        /// coarser resolution levels.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub random_access: bool = false => Values::Switch,
         /// Interpolation between the directions of a grid of angles, written into the file. `cubic` interpolates
-        /// logarithms, blended with enough straight lines to keep a luminaire's flux within 0.3 % of the zonal flux of
-        /// its samples; `linear` draws straight lines.
+        /// logarithms, blended with enough linear interpolation to keep a luminaire's flux within 0.3 % of the zonal
+        /// flux of its samples; `linear` interpolates linearly.
         #[serde(default, skip_serializing_if = "Curve::is_default")]
         pub interpolation: Curve = Curve::Cubic => Values::Name {
             shown: "cubic|linear",
             names: || Curve::ALL.iter().map(|known| known.name()).collect(),
             default: Some("cubic"),
         },
-        /// Fails if the material adds more to the noise of scattered samples than twice the promised error or half of
-        /// the noise, or if its light differs from theirs; otherwise these are warnings.
+        /// Fails if the material adds an error to the noise of scattered samples that exceeds both twice the promised
+        /// error and half the noise. Also fails if its total light differs from that of the samples. Otherwise these
+        /// are warnings.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub strict: bool = false => Values::Switch,
-        /// Provenance in the file: source, options and program. It is written unless this is switched off.
+        /// Stores the provenance in the file: source, options and program. This is the default; it can be switched off.
         #[serde(default = "yes")]
         pub metadata: bool = true => Values::SwitchOff,
     }
 }
 
-/// Checks the name of a spectral basis; the error lists the names.
+/// Refuses an unknown name of a spectral basis; the error lists the names.
 fn basis(name: &str) -> Result<(), String> {
     check_basis(name).map_err(|error| error.to_string())
 }
 
-/// Checks wavelengths to resample to; the error says what was expected.
+/// Refuses invalid wavelengths to resample to; the error says what was expected.
 fn wavelengths(text: &str) -> Result<(), String> {
     WavelengthGrid::parse_range(text).map(|_| ()).map_err(|error| error.to_string())
 }
 
-/// An option of a request with a value that it does not accept.
+/// Error for an option of a compression request that has a value out of its allowed values.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{option}: {reason}")]
+#[error("option {option}: {reason}")]
 pub struct OptionError {
-    /// Name of the option.
+    /// Name of the option that has the wrong value.
     pub option: &'static str,
-    /// Value found and values expected, in words.
+    /// Found value and allowed values of the option, in words.
     pub reason: String,
 }
 
@@ -182,12 +186,12 @@ fn yes() -> bool {
 }
 
 impl Request {
-    /// Creates a request for a relative error, er(L2), of at most `error`: 0.01 is 1 %.
+    /// Creates a compression request for a root mean square relative error, er(L2), of at most `error`: 0.01 is 1 %.
     pub fn er_l2(error: f64) -> Self {
         Self::to(Target::ErL2(error))
     }
 
-    /// Checks every option against its declaration, before any measurement is read.
+    /// Checks every option of a compression request against its declaration, before any measurement is read.
     pub fn check(&self) -> Result<(), OptionError> {
         self.target.check().map_err(|error| OptionError { option: "target", reason: error.to_string() })?;
         let Ok(Value::Object(stated)) = serde_json::to_value(self) else { return Ok(()) };
@@ -202,7 +206,7 @@ impl Request {
         Ok(())
     }
 
-    /// Returns the requested axes.
+    /// Returns the requested axes for the projection of the measurement.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
             domain: self.domain,

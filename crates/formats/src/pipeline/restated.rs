@@ -12,24 +12,24 @@ use crate::formats::{
 };
 use crate::projection::{self, AxesRequest, DirectionDomain};
 
-/// A file on the grid of its source.
+/// A file written from a measurement at the angles of its source file.
 #[derive(Clone, Debug)]
 pub struct Restated {
-    /// Bytes of the file.
+    /// Bytes of the written file.
     pub bytes: Vec<u8>,
-    /// Format of the file.
+    /// Format of the written file.
     pub format: ExportFormat,
     /// Number of masked samples, written as 0 because the format has no mask.
     pub filled: usize,
-    /// Errors of the file, read back, at every sample of the measurement.
+    /// Errors of the written file, read back, at every sample of the measurement.
     pub errors: ErrorReport,
-    /// Errors in photometric terms; `None` unless the measurement is a luminaire.
+    /// Photometric errors of the written file; `None` unless the measurement is a luminaire.
     pub lamp: Option<LampErrors>,
-    /// Contents of the measurement that the file cannot hold.
+    /// Contents of the measurement that the written file cannot hold, one phrase each.
     pub lost: Vec<String>,
 }
 
-/// Writes `measurement` in its source format, reads the file back, and compares angles and samples.
+/// Writes `measurement` in the format of its source file, reads the file back, and compares angles and samples.
 ///
 /// Refuses measurements whose axes are not those of the source, and formats without such a writer. Use
 /// [`crate::export::export`] to resample instead.
@@ -41,7 +41,8 @@ pub fn restate(measurement: &Measurement, origin: &Origin<'_>, digits: Digits) -
     restate_as(measurement, None, origin, format, digits)
 }
 
-/// Like [`restate`], but in the given format. `numbers` are the numbers of the source file, before its factor.
+/// Writes `measurement` at the angles of its source file, but in the given format. `numbers` are the numbers of the
+/// source file before multiplication by their common factor.
 pub(super) fn restate_as(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,
@@ -65,7 +66,7 @@ pub(super) fn restate_as(
     }
 }
 
-/// Writes a measurement whose header has the keywords of `format`.
+/// Writes a measurement whose header fields have the names of `format`.
 fn restate_own(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,
@@ -73,7 +74,7 @@ fn restate_own(
     format: ExportFormat,
     digits: Digits,
 ) -> Result<Restated, ExportError> {
-    let off_grid = || ExportError::from(UnfitError::OffGrid { format });
+    let off_grid = || ExportError::from(UnfitError::OffGrid { format: format.name() });
     let is_luminaire = measurement.quantity == Quantity::Edf;
     let bytes = match (format, measurement.tensor.axes()) {
         (ExportFormat::Mbsdf, _) if measurement.unit == Unit::PerSteradian => {
@@ -112,7 +113,8 @@ fn restate_own(
     Ok(Restated { bytes, format, filled, errors: errors.finish(), lamp, lost: Vec::new() })
 }
 
-/// Returns true if the axes have equal angles. Values outside the grid are defined by the format and not compared.
+/// Returns true if both lists of axes have equal angles. Values outside the grid are defined by the format and not
+/// compared.
 fn are_same(axes: &[Axis], others: &[Axis]) -> bool {
     let is_same = |(axis, other): (&Axis, &Axis)| match (axis, other) {
         (Axis::Grid(a), Axis::Grid(b)) => {
@@ -124,10 +126,10 @@ fn are_same(axes: &[Axis], others: &[Axis]) -> bool {
     axes.len() == others.len() && axes.iter().zip(others).all(is_same)
 }
 
-/// Formats that can be written on the grid of their source.
+/// Formats that can be written at the angles of the source file.
 pub(super) const FORMATS: [ExportFormat; 3] = [ExportFormat::Lm63, ExportFormat::Eulumdat, ExportFormat::Mbsdf];
 
-/// Reads the file back, with the unit and quantity of the measurement if the parser accepts them.
+/// Reads the written file back, with the unit and quantity of the measurement if the parser accepts them.
 fn read_again(bytes: &[u8], measurement: &Measurement, format: ExportFormat) -> Result<Acquisition, FormatError> {
     let how = Interpretation {
         unit: (format == ExportFormat::Eulumdat).then_some(measurement.unit),

@@ -10,65 +10,80 @@ use crate::notes::{LobeNote, MaterialNote};
 use crate::projection::{Incidence, ScatterReport, ScatteredSamples, UnresolvedLobe};
 use serde::{Deserialize, Serialize};
 
-/// Largest number of groups of bands that are summed separately.
+/// Largest number of groups of wavelength bands in which a material and its samples are compared. Raising it localises
+/// differences better.
 const GROUPS: usize = 8;
-/// Relative difference of the light that raises a warning, if it also exceeds [`STANDARD_ERRORS`] of the noise.
-/// Raising either warns less often.
+/// Relative difference between material and samples, each summed over directions, that raises a warning, if it also
+/// exceeds [`STANDARD_ERRORS`] of the noise. Raising either warns less often.
 const LIGHT: f64 = 0.03;
 const STANDARD_ERRORS: f64 = 4.0;
-/// Largest excess of an albedo over 1 without a warning: sums over sample areas are this inaccurate.
+/// Largest excess of a directional albedo over 1 without a warning, because sums over sample areas are this inaccurate.
+/// Raising it warns less often.
 const ALBEDO: f64 = 0.02;
-/// Marks samples that belong to no incidence.
+/// Marker in place of the number of the incident direction, for samples that belong to none.
 const NONE: u32 = u32::MAX;
 
-/// Difference between the light of the material and that of the samples, relative to the latter. It is given for one
-/// incidence and one group of bands: −0.2 if the material has a fifth less. Differences are `None` if there is no
-/// sample or the samples have no light.
+/// Relative difference between material and samples, each summed over directions, for one incident direction and one
+/// group of wavelength bands: −0.2 if the material has a fifth less light. Differences are `None` if there is no sample
+/// or the samples have no light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct IncidenceLight {
-    /// Polar angle of the incidence in degrees; `None` for the sum over all incidences, or without incidences.
+    /// Polar angle in degrees of the incident direction under which material and samples are compared; `None` if all
+    /// incident directions are compared together, or if the data have none.
     pub theta_i: Option<f64>,
-    /// Azimuth of the incidence in degrees; `None` for isotropic data.
+    /// Azimuth of the incident direction in degrees; `None` for isotropic data.
     pub phi_i: Option<f64>,
-    /// First and last wavelength in nm; `None` without wavelengths.
+    /// First and last wavelength of a group of bands in nm; `None` for data without wavelengths.
     pub wavelengths: Option<[f64; 2]>,
-    /// First and last channel of the group, from 0.
+    /// First and last channel of a group of bands, counted from 0.
     pub channels: [usize; 2],
-    /// Number of compared values, rejected ones included.
+    /// Number of compared sample values, rejected outliers included.
     pub values: u64,
-    /// Weighted sum of the samples without isolated rejected ones, averaged over the channels.
+    /// Weighted sum of the samples under one incident direction, averaged over the channels of a group. Isolated
+    /// outliers are left out.
     pub light: f64,
-    /// Largest fraction of `light` that a single sample contributes. Where it is large, the sum is uncertain: a sample
-    /// on the peak of a narrow lobe represents more area than the lobe has.
+    /// Largest fraction of `light`, the weighted sum of samples, that a single sample contributes. Where it is large,
+    /// the sum is uncertain: a sample on the peak of a narrow lobe represents more area than the lobe has.
     #[serde(default)]
     pub largest_share: f64,
-    /// True if samples are weighted by the areas they represent. Over a whole hemisphere `light` is then the
-    /// directional albedo or the flux. False in a plane of incidence, and if each sample has its own incidence.
+    /// True if each sample is weighted in sums by the area (solid angle) it represents. Over a whole hemisphere the sum
+    /// is then the directional albedo or the flux. False in a plane of incidence, and if each sample has its own
+    /// incident direction.
     pub by_area: bool,
-    /// Difference at the samples that were not rejected.
+    /// Relative difference between the material's values and the sample values, each summed over directions with the
+    /// same weights. Samples rejected as outliers are left out.
     pub kept: Option<f64>,
-    /// Difference including rejected samples that lie close together.
+    /// Relative difference between the material's values and the sample values, each summed over directions with the
+    /// same weights. Rejected outliers that lie close together are included, others left out.
     pub together: Option<f64>,
-    /// Difference including all rejected samples.
+    /// Relative difference between the material's values and the sample values, each summed over directions with the
+    /// same weights. All rejected outliers are included.
     pub all: Option<f64>,
-    /// Standard error of `together` from the noise of the samples; 0 if the noise is unknown.
+    /// Standard error, due to the noise of the samples, of the relative difference between material and samples in
+    /// their sums over directions; 0 if the noise is unknown. Isolated outliers are left out.
     pub noise: f64,
 }
 
-/// Largest differences of the light by magnitude, over all incidences and groups of bands; see [`IncidenceLight`].
+/// Largest relative differences, by magnitude, between material and samples, each summed over directions; over all
+/// incident directions and groups of wavelength bands. See [`IncidenceLight`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct SampleLight {
-    /// Difference at the samples that were not rejected.
+    /// Largest relative difference, over incident directions and wavelength bands, between the material's values and
+    /// the sample values, each summed over directions. Samples rejected as outliers are left out.
     pub kept: Option<f64>,
-    /// Difference including rejected samples that lie close together.
+    /// Largest relative difference, over incident directions and wavelength bands, between the material's values and
+    /// the sample values, each summed over directions. Rejected outliers that lie close together are included, others
+    /// left out.
     pub together: Option<f64>,
-    /// Difference including all rejected samples.
+    /// Largest relative difference, over incident directions and wavelength bands, between the material's values and
+    /// the sample values, each summed over directions. All rejected outliers are included.
     pub all: Option<f64>,
 }
 
-/// Weighted sums over the values of the material and of the samples.
+/// Sum of the material's values and sum of the sample values over the same outgoing directions and bands, with the same
+/// weights (solid angle, where known, times |cos θ|); and the number of values.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     found: f64,
@@ -88,7 +103,8 @@ impl Pair {
     }
 }
 
-/// Classification of a value in the sums.
+/// Class of a sample value: not an outlier, an outlier close to other outliers, or an isolated outlier. Each class has
+/// its own sum over directions when material and samples are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     Kept,
@@ -99,15 +115,17 @@ enum Class {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     classes: [Pair; 3],
-    /// Variance of the sample sum, without isolated values, for a relative noise of 1.
+    /// Variance that the weighted sum of the samples has if each sample has a relative noise of 1. Isolated outliers
+    /// are not in this sum.
     variance: f64,
-    /// Largest magnitude that one sample contributes to that sum.
+    /// Largest magnitude that one sample contributes to the weighted sum of samples; isolated outliers are left out.
     largest: f64,
 }
 
-/// Running sums for samples that arrive in order, in pieces.
+/// Running sums over outgoing directions of the sample values, and of the material's values at the same samples. The
+/// samples are passed in file order, some at a time.
 pub(super) struct LightSums {
-    /// Incidence and weight of each sample.
+    /// Number of the incident direction, and weight in the sum over directions, of each sample.
     places: Vec<(u32, f64)>,
     sums: Vec<Sum>,
     width: usize,
@@ -133,8 +151,9 @@ impl LightSums {
         Self { places, sums: vec![Sum::default(); angles.len() * groups], width, groups, angles, by_area }
     }
 
-    /// Adds the values `[sample, wavelength]` of the samples from `from` on. `rejected` yields the positions of
-    /// rejected values in increasing order, with true for those that lie close together.
+    /// Adds values of samples and of the material, `[sample, wavelength]`, to the sums of light; `from` is the number
+    /// of the first sample. `rejected` yields the positions of rejected values in increasing order, with true for those
+    /// that lie close together.
     pub(super) fn add(
         &mut self,
         from: usize,
@@ -175,12 +194,13 @@ impl LightSums {
         }
     }
 
-    /// Returns the channels of a group; all groups have about equal size.
+    /// Returns the range of channels in a group of wavelength bands; all groups have about equal size.
     fn channels(&self, group: usize) -> std::ops::Range<usize> {
         group * self.width / self.groups..(group + 1) * self.width / self.groups
     }
 
-    /// Returns the differences, for samples with this relative noise. `spectral` is the axis of the channels.
+    /// Returns the differences between material and samples, each summed over directions, per incident direction and
+    /// group of bands. `noise` is the relative noise of the samples, and `spectral` the axis of their bands.
     pub(super) fn finish(&self, noise: Option<f64>, spectral: Option<&Axis>) -> Vec<IncidenceLight> {
         let grid = spectral.and_then(|axis| if let Axis::Wavelength(grid) = axis { Some(grid) } else { None });
         let grid = grid.filter(|grid| grid.len() == self.width);
@@ -214,7 +234,9 @@ impl LightSums {
 }
 
 impl SampleLight {
-    /// Returns the largest differences among `lights`.
+    /// Returns the relative differences, largest in magnitude, between the material's values and the sample values,
+    /// each summed over outgoing directions. They are sought among the incident directions and groups of wavelength
+    /// bands in `lights`, and keep their signs.
     pub(super) fn of(lights: &[IncidenceLight]) -> Self {
         let largest = |of: fn(&IncidenceLight) -> Option<f64>| {
             lights.iter().filter_map(of).reduce(|most, next| if next.abs() > most.abs() { next } else { most })
@@ -223,28 +245,33 @@ impl SampleLight {
     }
 }
 
-/// Returns true if the difference is large and exceeds the noise.
+/// Returns true if material and samples, each summed over directions, differ by more than 3 % and by more than the
+/// noise explains.
 fn is_off(light: &IncidenceLight) -> bool {
     light.together.is_some_and(|off| off.abs() > LIGHT && off.abs() > STANDARD_ERRORS * light.noise)
 }
 
-/// Lobe whose light the samples do not tell, and that the material does not carry.
+/// Narrow lobe whose light cannot be determined from the samples, and that the material does not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Untold {
-    /// Number of values of a lobe that could not be fitted.
+    /// Number of sample values that belong to a lobe that could not be fitted.
     Together(u64),
-    /// Outliers about a likely centre.
+    /// Outliers of the samples that lie around a likely centre of a lobe, such as the mirror direction.
     Centred(UnresolvedLobe),
 }
 
 impl Untold {
-    /// Returns the lobe that a report on scattered samples suggests.
+    /// Returns the narrow lobe that scattered samples suggest but that could not be fitted to them; `None` if they
+    /// suggest none.
     pub(super) fn of(scatter: &ScatterReport) -> Option<Self> {
         let together = (scatter.lobe > 0).then_some(Self::Together(scatter.lobe));
         together.or_else(|| scatter.unresolved.map(Self::Centred))
     }
 
-    /// Returns a warning for samples of `quantity` that have these `lights`.
+    /// Returns the warning that samples of `quantity` suggest a narrow lobe that could not be fitted.
+    ///
+    /// For surfaces it states the largest albedo that the lobe can have: 1 minus the mean albedo of the samples in
+    /// `lights`.
     fn warning(self, quantity: Quantity, lights: &[IncidenceLight]) -> Note {
         let areas = || lights.iter().filter(|light| light.by_area);
         let albedo = areas().map(|light| light.light).sum::<f64>() / areas().count() as f64;
@@ -267,26 +294,28 @@ impl Untold {
     }
 }
 
-/// Properties of a scan and of its lobe that decide what a difference of light means.
+/// Quantity and narrow lobe of a measurement, with which a warning explains why a material has more or less light than
+/// its samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scanned {
     pub(super) quantity: Quantity,
-    /// Lobe that the material lacks.
+    /// Narrow lobe that the samples suggest but that the material does not hold; `None` if they suggest none.
     pub(super) untold: Option<Untold>,
-    /// Fraction of a carried lobe's light that was removed to conserve energy.
+    /// Fraction of the light of the material's narrow lobe that was removed to conserve energy.
     pub(super) reduced: Option<f64>,
 }
 
-/// Returns a warning if the light of a material differs from that of its samples by more than 3 % and by more than
-/// their noise explains. Otherwise warns of an unresolved lobe, if samples suggest one: no sum shows such a lobe, since
-/// no sample lies near its peak.
+/// Returns a warning if material and samples, each summed over directions, differ by more than 3 % and by more than the
+/// noise explains. Otherwise warns of a narrow lobe that the samples suggest but do not resolve.
+///
+/// The sums cannot show such a lobe, since no sample lies near its peak.
 pub(super) fn warning(lights: &[IncidenceLight], scanned: Scanned) -> Option<Note> {
     let unresolved = || scanned.untold.map(|lobe| lobe.warning(scanned.quantity, lights));
     different(lights, scanned.reduced).or_else(unresolved)
 }
 
-/// Returns a warning about the incidence under which the light differs most. `reduced` is the fraction by which the
-/// light of a carried lobe was reduced.
+/// Returns a warning about the incident direction under which material and samples, each summed over directions, differ
+/// most. `reduced` is the fraction by which the light of the material's narrow lobe was reduced.
 fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<Note> {
     let size = |light: &IncidenceLight| light.together.unwrap_or(0.0).abs();
     let off = lights.iter().filter(|light| is_off(light));
@@ -314,8 +343,8 @@ fn different(lights: &[IncidenceLight], reduced: Option<f64>) -> Option<Note> {
     Some(note.into())
 }
 
-/// Returns a warning if samples reflect more light than they receive, for quantities with an albedo. Their light must
-/// exceed 1 without the sample that contributes most, too.
+/// Returns a warning if samples reflect more light than they receive, that is, if their directional albedo exceeds 1.
+/// It must exceed 1 without the sample that contributes most, too.
 pub(super) fn too_bright(lights: &[IncidenceLight]) -> Option<Note> {
     let is_above = |light: &&IncidenceLight| {
         let without_largest = light.light * (1.0 - light.largest_share);

@@ -4,18 +4,18 @@ use super::digest::digest;
 use super::error::PipelineError;
 use crate::formats::{self, Acquisition, Interpretation};
 
-/// Bytes of a measurement, and the user's interpretation of them.
+/// Bytes of a file with a measurement, and the user's interpretation of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// Bytes of the file.
+    /// Contents of the measurement file.
     pub bytes: &'a [u8],
-    /// Bytes of a spectrum to join with a luminaire.
+    /// Contents of the file with a spectrum to join with a luminaire.
     pub spectrum: Option<&'a [u8]>,
-    /// Options that the file does not state, such as its unit.
+    /// Properties of the measurement that the file does not state, such as its unit.
     pub interpretation: &'a Interpretation,
 }
 
-/// A parsed measurement. The bytes of its file are no longer needed.
+/// A measurement that was read from a file. The bytes of the file are no longer needed.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -34,13 +34,13 @@ pub struct Input<'a> {
 pub struct Source {
     /// Samples and the notes of the parser.
     pub acquisition: Acquisition,
-    /// Digest of the bytes of the file.
+    /// Digest of the bytes of the measurement file: `b3-` and BLAKE3 in hex.
     pub content_digest: String,
-    /// Digest of the bytes of the joined spectrum.
+    /// Digest of the bytes of the spectrum joined with a luminaire; `None` if there is none.
     pub spectrum_digest: Option<String>,
 }
 
-/// Reads a measurement and joins its spectrum.
+/// Reads a measurement, and joins it with a spectrum if one is given.
 pub fn read(input: &Input<'_>) -> Result<Source, PipelineError> {
     let mut acquisition = formats::read(input.bytes, input.interpretation)?;
     if let Some(bytes) = input.spectrum {

@@ -5,14 +5,15 @@ use crate::compress;
 use crate::domain::{Axis, Measurement, Note};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
-/// Largest number of pairs of incoming and outgoing cells for which a material is opened to check it. Opening this
-/// many takes one or two seconds; raising it checks larger materials.
+/// Upper bound on the number of pairs of stored incoming and outgoing directions of a material that is opened to check
+/// its incoming directions. Opening this many takes one or two seconds; raising it checks larger materials.
 const MOST_CELLS: usize = 1 << 17;
-/// Promised relative error assumed for materials and measurements that state none: 0.01 is 1 %.
+/// Relative error assumed for materials and measurements that promise none: 0.01 is 1 %. Raising it warns less often of
+/// sparse incoming directions.
 const PROMISED: f64 = 0.01;
 
-/// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe. Opens the
-/// material for it. Materials with more than 131,072 pairs of incoming and outgoing cells are not checked.
+/// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe between them.
+/// Materials with more than 131,072 pairs of stored incoming and outgoing directions are not checked.
 pub fn sparse(bytes: &[u8]) -> Result<Option<Note>, EvaluateError> {
     let summary = compress::inspect(bytes)?;
     if !has_lobes(&summary.axes) {
@@ -25,7 +26,8 @@ pub fn sparse(bytes: &[u8]) -> Result<Option<Note>, EvaluateError> {
     Ok(report.and_then(|report| report.warning(promised)))
 }
 
-/// Like [`sparse`], for a measurement that is not compressed yet.
+/// Returns a warning if the incoming directions of a measurement, not compressed yet, are too sparse to interpolate its
+/// lobe between them.
 pub fn sparse_measurement(measurement: Measurement) -> Result<Option<Note>, EvaluateError> {
     if !has_lobes(measurement.tensor.axes()) {
         return Ok(None);
@@ -36,7 +38,8 @@ pub fn sparse_measurement(measurement: Measurement) -> Result<Option<Note>, Eval
     Ok(report.and_then(|report| report.warning(PROMISED)))
 }
 
-/// Returns true if there are outgoing directions for several incoming ones, and few enough cells to open.
+/// Returns true if the axes have several incoming directions, each with outgoing ones, and few enough pairs of them to
+/// open the material.
 pub(super) fn has_lobes(axes: &[Axis]) -> bool {
     let cells = axes.iter().filter(|axis| !axis.is_spectral()).try_fold(1_usize, |n, axis| n.checked_mul(axis.len()));
     axes.iter().filter(|axis| axis.is_directional()).count() > 1 && cells.is_some_and(|cells| cells <= MOST_CELLS)

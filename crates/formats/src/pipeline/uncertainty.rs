@@ -5,7 +5,8 @@ use crate::domain::Tensor;
 use crate::formats::{Acquisition, AngleGrid, ParseReport, Samples};
 use crate::projection;
 
-/// Counts of values with a stated standard uncertainty, and of those within twice of it.
+/// Number of values with a standard uncertainty in the file, and number of those that the material matches within twice
+/// that uncertainty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Within {
     kept: u64,
@@ -13,8 +14,8 @@ pub(super) struct Within {
 }
 
 impl Within {
-    /// Adds values of a file, the material's values in their place, and their standard uncertainties. Values without
-    /// uncertainty do not count. Values that the material cannot answer count as outside.
+    /// Counts the values of a file that have a standard uncertainty, and those of them that the material matches within
+    /// twice that uncertainty. A value at which the material cannot be evaluated counts as not matched.
     pub(super) fn add(&mut self, original: &[f32], found: &[f32], sigma: &[f32]) {
         for ((&original, &found), &sigma) in original.iter().zip(found).zip(sigma) {
             if is_stated(original, sigma) {
@@ -25,8 +26,8 @@ impl Within {
         }
     }
 
-    /// Returns the fraction (0 to 1) of the values that lie within twice their stated uncertainty; `None` if none is
-    /// stated.
+    /// Returns the fraction (0 to 1) of the values that the material matches within twice their standard uncertainty;
+    /// `None` if no value has one.
     pub(super) fn share(self) -> Option<f64> {
         (self.stated > 0).then(|| self.kept as f64 / self.stated as f64)
     }
@@ -36,7 +37,7 @@ fn is_stated(value: f32, sigma: f32) -> bool {
     !value.is_nan() && sigma > 0.0 && sigma.is_finite()
 }
 
-/// Returns the root mean square of the stated relative standard uncertainties: 0.01 is 1 %. Values below their own
+/// Returns the root mean square of the relative standard uncertainties in a file: 0.01 is 1 %. Values below their own
 /// uncertainty are skipped. Returns `None` if no value is left.
 pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     let (values, sigma) = match &acquisition.samples {
@@ -54,8 +55,8 @@ pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
     (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
-/// Returns the fraction of the values of a file that the compressed `bytes` match within twice the stated uncertainty.
-/// `None` if none is stated, or if the material is not on the grid of the file.
+/// Returns the fraction of the values of a file that the decoded material matches within twice their standard
+/// uncertainty. `None` if the file states none, or if the material is not on the grid of the file.
 pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, decoded: &Tensor) -> Option<f64> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let sigma = grid.sigma.as_deref()?;
@@ -66,7 +67,8 @@ pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, decod
     within.share()
 }
 
-/// Puts `grid` in place of the values of the file and projects it onto the axes of `decoded`.
+/// Projects `grid`, the values or the uncertainties of a file, in the same way as the material was made. Returns `None`
+/// unless the result is on a grid of directions and has the axes of `decoded`, the decoded material.
 fn on_axes_of(acquisition: &Acquisition, grid: AngleGrid, request: &Request, decoded: &Tensor) -> Option<Tensor> {
     let numbers = Acquisition {
         format: acquisition.format,

@@ -7,16 +7,17 @@ use super::font::{HEIGHT, STEP, WIDTH, glyph};
 pub(super) type Ink = [f32; 3];
 pub(super) type Point = [f64; 2];
 
-/// Square picture; (0, 0) is the upper left corner, (size, size) the lower right one.
+/// Square picture in which lines, polygons and labels are drawn; (0, 0) is the upper left corner, (size, size) the
+/// lower right one.
 pub(super) struct Canvas {
     size: usize,
-    /// Number of subpixels along a side of a pixel.
+    /// Number of subpixels along a side of a pixel, for smooth edges.
     parts: usize,
     pixels: Vec<Ink>,
     labels: Vec<(Point, String, Ink)>,
 }
 
-/// Horizontal anchor of a label.
+/// Horizontal anchor of a label: the part of its text that is placed at the given point.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Hold {
     Left,
@@ -24,13 +25,13 @@ pub(super) enum Hold {
     Right,
 }
 
-/// Colour of the background.
+/// Colour of the background of pictures, gamma-encoded sRGB from 0 to 1.
 pub(super) const PAPER: Ink = [0.085, 0.09, 0.10];
-/// Colour of grid lines.
+/// Colour of grid lines in pictures, gamma-encoded sRGB from 0 to 1.
 pub(super) const GRID: Ink = [0.22, 0.23, 0.25];
-/// Colour of axes.
+/// Colour of axes in pictures, gamma-encoded sRGB from 0 to 1.
 pub(super) const AXIS: Ink = [0.40, 0.42, 0.45];
-/// Colour of labels.
+/// Colour of labels in pictures, gamma-encoded sRGB from 0 to 1.
 pub(super) const TEXT: Ink = [0.72, 0.74, 0.77];
 
 impl Canvas {
@@ -43,7 +44,7 @@ impl Canvas {
         self.size as f64
     }
 
-    /// Returns the size in pixels of a label's dot.
+    /// Returns the size in pixels of one dot of the bitmap font for labels.
     pub(super) fn dot(&self) -> usize {
         if self.size >= 448 { 2 } else { 1 }
     }
@@ -53,7 +54,7 @@ impl Canvas {
         self.size >= 128
     }
 
-    /// Returns a line width in pixels, scaled from its value at a picture size of 256.
+    /// Returns a line width in pixels for this picture size; `at_256` is the width in a picture of 256 pixels.
     pub(super) fn stroke(&self, at_256: f64) -> f64 {
         (at_256 * self.size() / 256.0).max(0.75)
     }
@@ -88,7 +89,7 @@ impl Canvas {
         }
     }
 
-    /// Draws an opaque line through points, `width` pixels wide, with a gap at each missing point.
+    /// Draws an opaque line through points, `width` pixels wide, with a gap at each point that is `None`.
     pub(super) fn line(&mut self, points: &[Option<Point>], width: f64, ink: Ink) {
         for pair in points.windows(2) {
             if let &[Some(a), Some(b)] = pair {
@@ -97,7 +98,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a straight line with round ends.
+    /// Draws a straight line from `a` to `b`, `width` pixels wide, with round ends.
     pub(super) fn segment(&mut self, a: Point, b: Point, width: f64, ink: Ink) {
         let r = 0.5 * width;
         let along = [b[0] - a[0], b[1] - a[1]];
@@ -120,7 +121,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a circle.
+    /// Draws a circle with a line `width` pixels wide.
     pub(super) fn circle(&mut self, centre: Point, radius: f64, width: f64, ink: Ink) {
         let points: Vec<Option<Point>> = (0..=180)
             .map(|i| {
@@ -131,7 +132,8 @@ impl Canvas {
         self.line(&points, width, ink);
     }
 
-    /// Draws a label with its middle line at `at`, moved if necessary to stay within the picture.
+    /// Draws a label with the middle of its text line at the height of `at`, moved if necessary to stay within the
+    /// picture.
     pub(super) fn label(&mut self, at: Point, hold: Hold, text: &str, ink: Ink) {
         if !self.is_labelled() {
             return;
@@ -153,7 +155,7 @@ impl Canvas {
         ((text.chars().count() * STEP * dot) as f64, (HEIGHT * dot) as f64)
     }
 
-    /// Returns the picture as PNG.
+    /// Returns the picture as the bytes of a PNG.
     pub(super) fn finish(self) -> Result<Vec<u8>, PreviewError> {
         let (size, parts, side) = (self.size, self.parts, self.size * self.parts);
         let share = 1.0 / (parts * parts) as f32;

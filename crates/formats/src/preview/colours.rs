@@ -11,69 +11,70 @@ use crate::evaluate::{Interpolation, Material, Place};
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Upper bound on the colours in one answer.
+/// Upper bound on the number of colours in one answer. Raising it allows larger tables of spectra.
 const MOST_COLOURS: usize = 4096;
 
-/// Entry and directions at which a colour is computed.
+/// Request for colours of a material: the entry and the directions at which they are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Question<'a> {
-    /// Entry, one number for each leading index axis. Without it a table without directions gives a colour for every
-    /// entry.
+    /// Entry of a material, one number for each leading index axis. Without it a table without directions gives a
+    /// colour for every entry.
     pub index: Option<&'a [usize]>,
     /// Incoming direction; normal incidence by default.
     pub wi: Option<Direction>,
-    /// Outgoing direction; by default the sum over all of them: albedo or flux.
+    /// Outgoing direction; by default the integral over all outgoing directions, an albedo or flux.
     pub wo: Option<Direction>,
 }
 
-/// Colours with their viewing conditions.
+/// Colours of a material, with the viewing conditions under which they were computed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Colours {
-    /// Coloured quantity: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`, `spectrum`,
-    /// `phase function` (× 4π).
+    /// Quantity whose colour is computed: `reflectance`, `radiance factor`, `directional albedo`, `intensity`, `flux`,
+    /// `spectrum`, `phase function` (× 4π).
     pub of: &'static str,
-    /// Name of the illuminant.
+    /// Name of the illuminant under which colours are computed.
     pub illuminant: String,
-    /// Name of the observer.
+    /// Name of the observer for whom colours are computed.
     pub observer: String,
-    /// XYZ of white, Y = 100.
+    /// Tristimulus values XYZ of the white point, scaled to Y = 100.
     pub white: [f64; 3],
-    /// Colour of each entry; `None` if its measured wavelengths are too few.
+    /// Colour of each entry; `None` if its measured wavelengths are too few for a colour.
     pub colours: Vec<Option<Colour>>,
 }
 
-/// Colour of one entry.
+/// Colour of one entry of a material, in several colour spaces.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Colour {
-    /// Entry on the index axes.
+    /// Index of the material's entry to which the colour belongs, one number for each index axis of the material.
     pub index: Vec<usize>,
-    /// Name of the entry, if it has one.
+    /// Name of the material's entry to which the colour belongs; `None` if the entry has no name.
     pub label: Option<String>,
-    /// Tristimulus values; white has Y = 100.
+    /// Tristimulus values XYZ of the colour; white has Y = 100.
     pub xyz: [f64; 3],
-    /// Chromaticity; `None` for black.
+    /// Chromaticity (x, y) of the colour; `None` for black.
     pub xy: Option<[f64; 2]>,
-    /// CIE 1976 L*a*b*, relative to white.
+    /// CIE 1976 L*a*b* coordinates of the colour, relative to white.
     pub lab: [f64; 3],
-    /// Linear sRGB, possibly out of gamut. Lights are scaled so that the largest channel of all colours is 1.
+    /// Linear sRGB of the colour, possibly out of gamut. Lights are scaled so that the largest channel of all colours
+    /// is 1.
     pub linear_srgb: [f64; 3],
-    /// Linear sRGB mapped into the gamut.
+    /// Linear sRGB of the colour after mapping into the gamut.
     pub mapped_srgb: [f64; 3],
-    /// `mapped_srgb`, gamma-encoded as `#rrggbb`.
+    /// Colour within the sRGB gamut, gamma-encoded as `#rrggbb`.
     pub srgb: String,
-    /// True if no gamut mapping was necessary.
+    /// True if the colour lies within the sRGB gamut without mapping.
     pub in_gamut: bool,
     /// Correlated colour temperature of a light in K; `None` if it is too far from the Planckian locus.
     pub cct: Option<f64>,
     /// Distance of a light from the Planckian locus in CIE 1960 (u, v), positive towards green.
     pub duv: Option<f64>,
-    /// Luminous flux (lm) or intensity (cd) of a light with radiometric units.
+    /// Luminous flux (lm) or luminous intensity (cd) of a light whose unit is radiometric; `None` for others.
     pub luminous: Option<f64>,
 }
 
 /// Returns the colours of `material` at a pair of directions. Without `wo` they are those of an integral: the
 /// directional albedo at `wi` of a BRDF, BTDF or BSDF, the integral of a phase function, or the flux of a luminaire. A
-/// table without directions gives every entry.
+/// table without directions gives a colour for every entry.
 pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> Result<Colours, PreviewError> {
     let layout = material.layout();
     let view = Look::of(material, viewing)?;
@@ -131,15 +132,15 @@ pub fn colours(material: &Material, asked: &Question<'_>, viewing: &Viewing) -> 
     })
 }
 
-/// Viewing setup for the spectra of a material.
+/// Viewing conditions and weights with which the spectra of a material become colours.
 struct Look<'a> {
     material: &'a Material,
     viewing: &'a Viewing,
-    /// Weights of XYZ; `None` for RGB data.
+    /// Weights of XYZ for each wavelength; `None` for RGB data.
     weights: Option<crate::domain::colour::Tristimulus>,
     lambdas: Vec<f64>,
     white: Xyz,
-    /// Chromatic adaptation to the white of sRGB; `None` for RGB data.
+    /// Chromatic adaptation from the white point to the white of sRGB; `None` for RGB data.
     adaptation: Option<Adaptation>,
 }
 
@@ -167,7 +168,7 @@ impl<'a> Look<'a> {
         emits(self.material.quantity())
     }
 
-    /// Returns true if only ratios of the values are meaningful.
+    /// Returns true if only ratios of the material's values are meaningful for colours.
     fn is_relative(&self) -> bool {
         match self.material.quantity() {
             Quantity::Spectrum | Quantity::Edf => true,
@@ -176,7 +177,8 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Returns true for an integral over outgoing directions, and the factor that scales the result to 1 for white.
+    /// Returns two things about the requested colour: true if it is the colour of an integral over outgoing directions,
+    /// and the factor by which values are multiplied so that white is 1.
     fn scale(&self, asked: &Question<'_>, has_outgoing: bool) -> (bool, f64) {
         let quantity = self.material.quantity();
         let integrated = has_outgoing && asked.wo.is_none();
@@ -218,7 +220,7 @@ impl<'a> Look<'a> {
         xyz_of(weights, &self.lambdas, &energy)
     }
 
-    /// Returns linear sRGB of a colour whose white has Y = 100.
+    /// Returns the linear sRGB of a colour; white has Y = 100.
     fn linear(&self, xyz: Xyz) -> [f64; 3] {
         xyz_to_linear(self.adaptation.map_or(xyz, |adaptation| adaptation.apply(xyz)))
     }
@@ -249,8 +251,8 @@ impl<'a> Look<'a> {
     }
 }
 
-/// Returns normal incidence: from below for the lower hemisphere. A grid that covers neither pole gives its first
-/// direction.
+/// Returns the incoming direction at normal incidence, from below if the axis covers the lower hemisphere. A grid that
+/// covers neither pole gives its first direction.
 pub(super) fn normal(incoming: &Axis) -> Direction {
     let [up, down] = [0.0, 180.0].map(|theta| Direction::from_degrees(theta, 0.0));
     match incoming {
@@ -263,8 +265,8 @@ pub(super) fn normal(incoming: &Axis) -> Direction {
     }
 }
 
-/// Returns the factor from the spectral intensity's unit to W/sr/nm. For photon units it applies after the conversion
-/// of photons to energy.
+/// Returns the factor from a unit of spectral intensity to W/sr/nm; `None` for other units. For units of photons it
+/// applies after the conversion of photons to energy.
 fn watts(unit: Unit) -> Option<f64> {
     match unit {
         Unit::WattPerSteradianNanometre | Unit::MicromolePerSecondSteradianNanometre => Some(1.0),
@@ -274,7 +276,7 @@ fn watts(unit: Unit) -> Option<f64> {
     }
 }
 
-/// Returns all entries of the index axes, row-major.
+/// Returns the index of every entry on the index axes of a material, in row-major order.
 fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
     let count: usize = axes.iter().map(Axis::len).product();
     if count > MOST_COLOURS {
@@ -283,7 +285,7 @@ fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewE
     Ok((0..count).map(|entry| material.index_of(entry)).collect())
 }
 
-/// Returns the labels of an entry on its index axes, if they have any.
+/// Returns the labels of an entry on its index axes as one name; `None` if it has none.
 pub(super) fn label(axes: &[Axis], index: &[usize]) -> Option<String> {
     let names: Vec<&str> = axes
         .iter()

@@ -3,9 +3,9 @@
 use super::error::PreviewError;
 use crate::domain::colour::{linear_to_srgb, srgb_to_linear};
 
-/// Conversion of linear values to eight bits by table lookup instead of a power function.
+/// Table that converts linear values to eight-bit sRGB by lookup instead of a power function.
 pub(super) struct Transfer {
-    /// The smallest linear value of each byte above 0.
+    /// Smallest linear sRGB value that is gamma-encoded as each byte from 1 to 255.
     thresholds: [f32; 255],
 }
 
@@ -23,12 +23,12 @@ impl Transfer {
     }
 }
 
-/// Returns the gamma-encoded sRGB values of 0..=1.
+/// Returns the gamma-encoded sRGB values (0 to 1) of linear values from 0 to 1.
 pub(super) fn encoded(linear: [f64; 3]) -> [f32; 3] {
     linear.map(|c| linear_to_srgb(c.clamp(0.0, 1.0)) as f32)
 }
 
-/// Returns a PNG of `size` × `size` sRGB pixels with eight bits per channel.
+/// Returns a PNG of `size` × `size` sRGB pixels, from their bytes red, green and blue, row by row.
 pub(super) fn png(size: usize, pixels: &[u8]) -> Result<Vec<u8>, PreviewError> {
     let refused = |error: png::EncodingError| PreviewError::Encode(error.to_string());
     let mut bytes = Vec::with_capacity(size * size);

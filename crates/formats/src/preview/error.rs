@@ -4,20 +4,20 @@ use crate::domain::Quantity;
 use crate::domain::colour::ColourError;
 use crate::evaluate::EvaluateError;
 
-/// Error of a colour or picture.
+/// Reasons why a colour or picture of a material cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PreviewError {
-    /// The directions or the index do not fit the material.
+    /// The material has no value for the requested directions or the requested entry: their number or range is wrong.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
-    /// The spectra do not allow a colour.
+    /// The material's spectra, with the light and observer given, do not define a colour.
     #[error(transparent)]
     Colour(#[from] ColourError),
-    /// The request does not fit the material.
+    /// The request for a colour or picture does not fit the material.
     #[error(transparent)]
     Question(#[from] QuestionError),
-    /// The picture could not be encoded; this is a bug.
-    #[error("the picture could not be encoded: {0}")]
+    /// The picture could not be encoded as PNG; this is a bug.
+    #[error("the picture could not be encoded as PNG, a bug: {0}")]
     Encode(String),
 }
 
@@ -25,56 +25,60 @@ pub enum PreviewError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum QuestionError {
-    /// An outgoing direction was given without an incoming one.
-    #[error("wo was given without wi, but this {quantity} has an incoming axis")]
+    /// The request has an outgoing direction but no incoming one.
+    #[error("found an outgoing direction (wo) without an incoming one (wi), which this {quantity} needs")]
     LoneWo {
-        /// Quantity of the material.
+        /// Radiometric quantity of the material.
         quantity: Quantity,
     },
-    /// No index was given, but one entry has to be chosen.
-    #[error("no index was given, expected {expected}: one for each index axis")]
+    /// The request has no index, but one entry of the material has to be chosen.
+    #[error("found no index, expected one number for each index axis of the material, {expected} in all")]
     MissingIndex {
-        /// Number of index axes.
+        /// Number of index axes of the material, each of which needs a number.
         expected: usize,
     },
-    /// The index is out of range.
-    #[error("index {found:?}, expected entries of the index axes of lengths {shape:?}")]
+    /// The requested index is outside the index axes of the material.
+    #[error("index {found:?}, expected one number for each index axis of the material, below its length in {shape:?}")]
     Index {
-        /// The index given.
+        /// Requested entry of the material, one number for each of its index axes.
         found: Vec<usize>,
-        /// Lengths of the index axes.
+        /// Number of entries on each index axis of the material.
         shape: Vec<usize>,
     },
     /// RGB data were requested under a light other than that of sRGB.
-    #[error("these are RGB data, which have no spectrum to see under {illuminant}, expected D65")]
+    #[error("the material has RGB instead of spectra, so that its colour is known under D65 only, found {illuminant}")]
     RgbIlluminant {
-        /// Name of the requested light.
+        /// Name of the requested illuminant.
         illuminant: String,
     },
-    /// The number of entries exceeds the limit of one answer.
-    #[error("{found} entries, expected at most {most} colours in one answer: give an index")]
+    /// The index axes of the material have more entries, each with a colour of its own, than colours fit in one answer.
+    #[error(
+        "the index axes of the material have {found} entries, each with a colour, expected at most {most} colours in \
+         one answer: give the index of one entry"
+    )]
     TooMany {
-        /// Number of entries.
+        /// Number of entries of the material, each with a colour of its own: the product of the lengths of its index
+        /// axes.
         found: usize,
-        /// The limit.
+        /// Upper bound on the number of colours in one answer.
         most: usize,
     },
-    /// The picture size is out of range.
-    #[error("size {found}, expected {low} to {high} pixels")]
+    /// The requested picture size is out of range.
+    #[error("picture size {found}, expected {low} to {high} pixels along a side")]
     Size {
-        /// Requested pixels along a side.
+        /// Requested number of pixels along a side of the picture.
         found: usize,
-        /// Smallest allowed number.
+        /// Smallest allowed number of pixels along a side of the picture.
         low: usize,
-        /// Largest allowed number.
+        /// Largest allowed number of pixels along a side of the picture.
         high: usize,
     },
-    /// The material has no incoming directions and cannot be lit.
-    #[error("no incoming axis, expected one to light a ball")]
+    /// The material has no incoming directions, so a ball of it cannot be lit.
+    #[error("the material has no incoming directions, expected some to light a ball with this surface")]
     NoIncoming,
 }
 
-/// Returns the error as a refusal of the request.
+/// Returns the error for a request for a colour or picture that does not fit the material.
 pub(super) fn unfit<T>(error: QuestionError) -> Result<T, PreviewError> {
     Err(PreviewError::Question(error))
 }

@@ -1,12 +1,13 @@
 //! Bitmap font of the labels, five dots wide and seven high.
 
-/// Width of a character, and advance to the next one, in dots.
+/// Width of a character of the bitmap font, and advance to the next character, in dots.
 pub(super) const WIDTH: usize = 5;
 pub(super) const STEP: usize = 6;
-/// Height of a character in dots.
+/// Height of a character of the bitmap font in dots.
 pub(super) const HEIGHT: usize = 7;
 
-/// Returns the rows of a character, top first, with the leftmost dot in bit 4. An unknown character is blank.
+/// Returns the rows of a character of the bitmap font, top first, with the leftmost dot in bit 4. An unknown character
+/// is blank.
 pub(super) fn glyph(c: char) -> [u8; HEIGHT] {
     GLYPHS.iter().find(|(known, _)| *known == c).map_or([0; HEIGHT], |(_, rows)| *rows)
 }

@@ -10,12 +10,13 @@ use crate::domain::colour::{Observer, Xyz, map_to_gamut, xyz_to_linear};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// Upper bound on the curves in one picture; of more spectra, evenly spaced ones are drawn.
+/// Upper bound on the number of curves in one plot; of more spectra, evenly spaced ones are drawn. Raising it fills the
+/// picture.
 const MOST_CURVES: usize = 48;
 /// Angles of incidence at which a directional reflectance is drawn, in degrees.
 const INCIDENCES: [f64; 4] = [0.0, 45.0, 65.0, 80.0];
 
-/// Draws a table of spectra.
+/// Draws a table of spectra: curves over wavelength, or patches of colour without wavelengths.
 pub(super) fn spectra(
     material: &Material,
     index: Option<&[usize]>,
@@ -31,7 +32,7 @@ pub(super) fn spectra(
     }
 }
 
-/// Returns the spectra to draw.
+/// Returns the spectra to draw in a plot.
 fn rows(material: &Material, index: Option<&[usize]>) -> Result<Vec<Vec<f32>>, PreviewError> {
     let layout = material.layout();
     let axes = &material.axes()[..layout.indices];
@@ -152,7 +153,7 @@ fn points(wavelengths: &[f64], row: &[f32], x: &impl Fn(f64) -> f64, y: &impl Fn
     wavelengths.iter().zip(row).map(|(nm, v)| (!v.is_nan()).then(|| [x(*nm), y(f64::from(*v))])).collect()
 }
 
-/// Returns runs of consecutive measured samples.
+/// Returns the runs of consecutive measured samples of a spectrum, as pairs of wavelength and value.
 fn pieces(wavelengths: &[f64], row: &[f32]) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![Vec::new()];
     for (nm, v) in wavelengths.iter().zip(row) {
@@ -166,7 +167,7 @@ fn pieces(wavelengths: &[f64], row: &[f32]) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// Draws a square patch for each entry of data without wavelengths.
+/// Draws a square patch of colour for each entry of data without wavelengths.
 fn patches(inks: &[Ink], size: usize) -> Result<Vec<u8>, PreviewError> {
     let mut canvas = Canvas::new(size);
     let whole = canvas.size();
@@ -181,7 +182,7 @@ fn patches(inks: &[Ink], size: usize) -> Result<Vec<u8>, PreviewError> {
     canvas.finish()
 }
 
-/// Returns the scale factor of the displayed spectra: relative ones are scaled so that the brightest has luminance 0.9.
+/// Returns the factor by which spectra are scaled for display; the brightest of relative spectra gets luminance 0.9.
 fn brightness(material: &Material, channels: &Channels, rows: &[Vec<f32>]) -> f64 {
     let lights = rows.iter().map(|row| {
         let [r, g, b] = channels.linear(row).map(f64::from);
@@ -196,7 +197,7 @@ fn brightness(material: &Material, channels: &Channels, rows: &[Vec<f32>]) -> f6
     }
 }
 
-/// Returns the colour of a curve, lightened if it would be invisible on the background.
+/// Returns the display colour of the curve of a spectrum, lightened if it would be invisible on the background.
 fn ink_of(channels: &Channels, row: &[f32], scale: f64) -> Ink {
     let linear = channels.linear(row).map(|c| f64::from(c) * scale);
     if linear.iter().any(|c| !c.is_finite()) {
@@ -207,7 +208,8 @@ fn ink_of(channels: &Channels, row: &[f32], scale: f64) -> Ink {
     ink.map(|c| c + (0.45 - brightest).max(0.0))
 }
 
-/// Display colours of wavelengths: spectral colours mapped into the gamut at equal brightness, dark at both ends.
+/// Display colours of wavelengths for the area under a curve: spectral colours mapped into the gamut at equal
+/// brightness, dark at both ends.
 struct Colours(Vec<Ink>);
 
 impl Colours {

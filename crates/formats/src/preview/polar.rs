@@ -9,29 +9,32 @@ use crate::domain::colour::map_to_gamut;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// Colour of curves without a hue.
+/// Colour of curves of light that has no hue.
 const NEUTRAL: Ink = [0.66, 0.72, 0.82];
-/// Ratio of largest to smallest scattered light above which the radius is logarithmic.
+/// Ratio of largest to smallest scattered light above which a polar diagram has a logarithmic radius. Raising it draws
+/// more diagrams linearly.
 const LINEAR_SPAN: f64 = 12.0;
-/// Upper bound on the decades of a logarithmic radius.
+/// Upper bound on the number of decades that a logarithmic radius of a polar diagram shows. Raising it shows weaker
+/// light.
 const DECADES: f64 = 4.0;
 
-/// Position of a diagram: its centre, and its radius in pixels for a value of 1.
+/// Position of a polar diagram in the picture: its centre, and its radius in pixels for a value of 1.
 struct Dial {
     centre: Point,
     radius: f64,
 }
 
 impl Dial {
-    /// Returns the point at a radius of 0..=1 and an angle in degrees, 0 downward, counter-clockwise.
+    /// Returns the point of a polar diagram at a radius of 0..=1 and an angle in degrees; 0 points down and angles
+    /// increase counter-clockwise.
     fn at(&self, r: f64, degrees: f64) -> Point {
         let (sin, cos) = libm::sincos(degrees.to_radians());
         [self.centre[0] + self.radius * r * sin, self.centre[1] + self.radius * r * cos]
     }
 }
 
-/// Draws the intensity of entry `index` of a luminaire in the planes C 0°–180° (filled) and C 90°–270° (dashed). Gamma
-/// 0° points down.
+/// Draws a polar diagram of the intensity of entry `index` of a luminaire in the planes C 0°–180° (filled) and C
+/// 90°–270° (dashed). Gamma 0° points down.
 pub(super) fn luminaire(
     material: &Material,
     index: &[usize],
@@ -99,8 +102,8 @@ pub(super) fn luminaire(
     canvas.finish()
 }
 
-/// Draws the phase function of entry `index` over the angle between incident and scattered propagation. 0° is forward
-/// and points right. Each direction has the colour of its scattered light.
+/// Draws a polar diagram of the phase function of entry `index` over the scattering angle. 0° is forward and points
+/// right. Each direction has the colour of its scattered light.
 pub(super) fn phase(
     material: &Material,
     index: &[usize],
@@ -185,7 +188,7 @@ pub(super) fn phase(
     canvas.finish()
 }
 
-/// Draws the unit in the upper left corner and the key to the line styles in the upper right one.
+/// Draws the unit in the upper left corner of a polar diagram and the key to its line styles in the upper right one.
 fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
     let (_, height) = canvas.extent("0");
     let whole = canvas.size();
@@ -203,7 +206,7 @@ fn legend(canvas: &mut Canvas, unit: &str, lines: &[(&str, bool)]) {
     }
 }
 
-/// Draws the incident light as an arrow from the left to the centre.
+/// Draws the incident light of a phase function as an arrow from the left to the centre.
 fn arrow(canvas: &mut Canvas, dial: &Dial) {
     let width = canvas.stroke(1.5);
     let at = |r: f64, across: f64| [dial.centre[0] - dial.radius * r, dial.centre[1] + dial.radius * across];
@@ -211,11 +214,13 @@ fn arrow(canvas: &mut Canvas, dial: &Dial) {
     canvas.fill(&[at(0.0, 0.0), at(0.09, 0.04), at(0.09, -0.04)], |_| (TEXT, 1.0));
 }
 
-/// Reduction of a luminaire's spectrum to the drawn amount.
+/// Reduction of a luminaire's spectrum to the one number that a polar diagram shows.
 enum Sum {
-    /// Luminous intensity, with weights for spectra in watts per nm.
+    /// Luminous intensity in cd from a spectrum of radiant intensity per nm: the sum of its samples, each times a
+    /// photometric weight. Holds the weight of each sample.
     Luminous(Vec<f32>),
-    /// Integral over wavelengths of a spectral density per nm.
+    /// Integral over wavelengths of a spectral intensity per nm: the sum of its samples, each times a weight. Holds the
+    /// weight of each sample.
     Integral(Vec<f64>),
     Mean,
 }
@@ -252,7 +257,7 @@ impl Amount {
         Self { sum: Sum::Integral(grid.weights()), unit: summed }
     }
 
-    /// Returns the amount of a spectrum; NaN if all samples are masked.
+    /// Returns the number that a polar diagram shows for a spectrum; NaN if all samples are masked.
     fn of_spectrum(&self, spectrum: &[f32]) -> f64 {
         let weight = |i: usize| match &self.sum {
             Sum::Luminous(weights) => f64::from(weights[i]),
@@ -272,7 +277,7 @@ fn symbol(unit: Unit) -> &'static str {
     }
 }
 
-/// Returns the dial with the largest radius that leaves room for the labels.
+/// Returns the position of a polar diagram with the largest radius that leaves room for the labels.
 fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Dial {
     let whole = canvas.size();
     let (text, height) = if canvas.is_labelled() { canvas.extent("180°") } else { (0.0, 0.0) };
@@ -290,7 +295,7 @@ fn dial(canvas: &Canvas, half: bool, planes: &[Vec<f64>; 2], largest: f64) -> Di
     Dial { centre, radius }
 }
 
-/// Draws the angles at the ends of the rays, along the edge of the picture.
+/// Labels the rays of a polar diagram with their angles along the edge of the picture.
 fn label_angles(canvas: &mut Canvas, dial: &Dial, half: bool) {
     let whole = canvas.size();
     let (_, height) = canvas.extent("0");
@@ -344,7 +349,7 @@ fn dashed(canvas: &mut Canvas, points: &[Option<Point>], width: f64, ink: Ink) {
     }
 }
 
-/// Returns the colour of light at full brightness, for drawing on a dark background.
+/// Returns the display colour of light at full brightness, lightened so that it is visible on a dark background.
 fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
     let brightest = light.iter().copied().fold(0.0, f64::max);
     if !coloured || brightest <= 0.0 || light.iter().any(|c| c.is_nan()) {

@@ -1,6 +1,7 @@
 //! Round numbers for scales.
 
-/// Returns the smallest step of 1, 2 or 5 × a power of ten that divides `largest` into at most `most` steps.
+/// Returns the smallest step of axis labels (1, 2 or 5 × a power of ten) that divides 0 to `largest` into at most
+/// `most` steps.
 pub(super) fn step(largest: f64, most: usize) -> f64 {
     if !(largest.is_finite() && largest > 0.0) {
         return 1.0;
@@ -16,7 +17,7 @@ pub(super) fn step(largest: f64, most: usize) -> f64 {
     }
 }
 
-/// Formats a number in few characters: `250`, `0.05`, `2e-7`.
+/// Formats a number for a label in few characters: `250`, `0.05`, `2e-7`.
 pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || !size.is_finite() {

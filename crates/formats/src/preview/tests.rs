@@ -232,7 +232,7 @@ fn questions_without_an_answer_are_refused() {
     assert_eq!(refused, QuestionError::RgbIlluminant { illuminant: "A".to_owned() }.into());
 }
 
-/// The side and the pixels of a PNG.
+/// Returns the number of pixels along a side of a PNG, and its pixels.
 fn decoded(bytes: &[u8]) -> (usize, Vec<[u8; 3]>) {
     let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
@@ -247,7 +247,7 @@ fn drawn(material: &Material, size: usize) -> Vec<[u8; 3]> {
     pixels
 }
 
-/// One material of each kind that previews draw differently, with its name.
+/// Returns one material of each kind that previews draw differently, with its name.
 fn all() -> Vec<(&'static str, Material)> {
     let hemisphere = |level| triangles(Domain::Hemisphere, level);
     let sphere = |level| triangles(Domain::Sphere, level);

@@ -6,14 +6,14 @@ use crate::domain::{Direction, TriangleMesh};
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 use crate::numeric::bracket::Bracket;
 
-/// Degrees by which samples on the boundary of the covered range are moved inside, so that they fall into a covered
-/// cell.
+/// Degrees by which a sample direction on the boundary of the covered range of angles is moved inside. It then falls
+/// into a triangle that the range covers.
 const INSIDE: f64 = 1e-6;
-/// Number of azimuths at which a sample without azimuth is looked up. Such a sample represents its whole ring. Raising
-/// it makes comparisons finer and slower.
+/// Number of azimuths at which a sample without azimuth, which represents its whole ring, is compared. Raising it makes
+/// comparisons finer and slower.
 const RING: usize = 16;
 
-/// Checks that the angles form a grid.
+/// Checks that the polar angles and azimuths of a file form a valid grid.
 pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
     let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let theta = &angles.theta;
@@ -50,7 +50,7 @@ pub(super) fn check(role: Role, angles: &Angles) -> Result<(), ProjectionError> 
     if fits { Ok(()) } else { unfit(AnglesError::Extent { extent, first, last }) }
 }
 
-/// Refuses checked angles that cover no area: averages over a triangle would be undefined.
+/// Refuses a checked grid of angles that covers no area on the sphere: averages over a triangle would be undefined.
 pub(super) fn check_area(role: Role, angles: &Angles) -> Result<(), ProjectionError> {
     let unfit = |angles| Err(ProjectionError::Angles { role, angles });
     let (low, high) = angles.covers;
@@ -64,7 +64,7 @@ pub(super) fn check_area(role: Role, angles: &Angles) -> Result<(), ProjectionEr
     }
 }
 
-/// Returns the number of samples: `theta` × `phi`.
+/// Returns the number of samples of a grid of angles: polar angles times azimuths.
 pub(super) fn count(angles: &Angles) -> usize {
     angles.theta.len() * columns(angles)
 }
@@ -73,7 +73,8 @@ fn columns(angles: &Angles) -> usize {
     angles.phi.as_ref().map_or(1, |azimuths| azimuths.phi.len())
 }
 
-/// Returns the mean spacings in degrees: of theta, and of phi if there is more than one azimuth.
+/// Returns the mean spacing of a grid of angles in degrees: that of the polar angles, and that of the azimuths if there
+/// is more than one.
 pub(super) fn mean_spacing(angles: &Angles) -> (f64, Option<f64>) {
     let even = |values: &[f64]| match values {
         [first, .., last] => Some((last - first) / (values.len() - 1) as f64),
@@ -90,7 +91,7 @@ pub(super) fn mean_spacing(angles: &Angles) -> (f64, Option<f64>) {
     (theta, phi)
 }
 
-/// Returns the smallest distance between neighbouring samples along theta or phi, in degrees.
+/// Returns the smallest difference in degrees between neighbouring polar angles or neighbouring azimuths of a grid.
 pub(super) fn finest_spacing(angles: &Angles) -> f64 {
     let (theta, phi) = mean_spacing(angles);
     let azimuths = angles.phi.as_ref().map_or(&[][..], |azimuths| &azimuths.phi);
@@ -98,16 +99,18 @@ pub(super) fn finest_spacing(angles: &Angles) -> f64 {
     gaps.fold(theta.min(phi.unwrap_or(theta)), f64::min)
 }
 
-/// Samples that determine the value in one direction: rows of theta and columns of phi, with their linear weights.
+/// Samples of a grid of angles that determine the value in one direction: two rows of theta and two columns of phi,
+/// with their linear weights.
 pub(super) struct Stencil {
     pub(super) rows: [(usize, f64); 2],
     pub(super) columns: [(usize, f64); 2],
 }
 
-/// Bilinear interpolant on checked angles; returns the samples and weights for a direction.
+/// Bilinear interpolant on a checked grid of polar angles and azimuths; returns the samples and weights for a
+/// direction.
 pub(super) struct Interpolant<'a> {
     angles: &'a Angles,
-    /// Weight of each azimuth in the mean of the linear interpolant over azimuth; the weights sum to 1.
+    /// Weight of each azimuth of the grid in the mean of the linear interpolant over azimuth; the weights sum to 1.
     azimuth_mean: Vec<f64>,
 }
 
@@ -117,29 +120,31 @@ impl<'a> Interpolant<'a> {
         Self { angles, azimuth_mean }
     }
 
-    /// Returns the number of azimuths. Sample (row, column) has index `row · columns + column`.
+    /// Returns the number of azimuths of the grid. The sample at (theta row, phi column) has index `row · columns +
+    /// column`.
     pub(super) fn columns(&self) -> usize {
         self.azimuth_mean.len()
     }
 
-    /// Returns true if the row lies at a pole. All azimuths are one direction there, so its value is the mean over
-    /// azimuth.
+    /// Returns true if a row of the grid lies at a pole of the sphere. All azimuths are one direction there, so the
+    /// value of the row is its mean over azimuth.
     pub(super) fn is_pole(&self, row: usize) -> bool {
         let theta = self.angles.theta[row];
         theta == 0.0 || theta == 180.0
     }
 
-    /// Returns the weight of each azimuth in the mean of a row over azimuth.
+    /// Returns the weight of each azimuth in the mean over azimuth of a row of constant theta.
     pub(super) fn azimuth_mean(&self) -> &[f64] {
         &self.azimuth_mean
     }
 
-    /// Returns true if the grid has a value at `direction`.
+    /// Returns true if the grid of angles has a value at `direction`.
     pub(super) fn covers(&self, direction: Direction) -> bool {
         self.at(direction).is_some()
     }
 
-    /// Returns the samples that determine the value at `direction`; `None` outside the covered range.
+    /// Returns the samples that determine the interpolated value at `direction`; `None` outside the covered range of
+    /// angles.
     pub(super) fn at(&self, direction: Direction) -> Option<Stencil> {
         let theta = direction.theta_degrees();
         let (low, high) = self.angles.covers;
@@ -176,8 +181,8 @@ fn azimuth_columns(azimuths: &Azimuths, phi: f64) -> Option<[(usize, f64); 2]> {
     }
 }
 
-/// Returns trapezoidal weights of the mean over the covered azimuths, including the seam of a full circle and mirrored
-/// halves.
+/// Returns trapezoidal weights, one for each azimuth, of the mean over the covered azimuths. They include the seam of a
+/// full circle and mirrored halves.
 fn azimuth_mean(azimuths: &Azimuths) -> Vec<f64> {
     let values = azimuths.phi.as_slice();
     let n = values.len();
@@ -203,9 +208,9 @@ fn azimuth_mean(azimuths: &Azimuths) -> Vec<f64> {
         .collect()
 }
 
-/// Returns the directions of the samples as (sample, direction), in sample order. A sample without azimuth yields
-/// several directions on its ring. Samples on the boundary of the covered range are moved inside by a millionth of a
-/// degree.
+/// Returns the directions of the samples of a grid of angles as (sample, direction), in sample order. A sample without
+/// azimuth yields several directions on its ring. Samples on the boundary of the covered range are moved inside by a
+/// millionth of a degree.
 pub(super) fn sample_directions(angles: &Angles) -> Vec<(usize, Direction)> {
     let (low, high) = angles.covers;
     let theta = |t: f64| if high - low > 2.0 * INSIDE { t.clamp(low + INSIDE, high - INSIDE) } else { t };
@@ -228,8 +233,9 @@ pub(super) fn sample_directions(angles: &Angles) -> Vec<(usize, Direction)> {
     }
 }
 
-/// Returns the cells of `mesh` that contain samples, as (sample, cell). Mirrored samples also count in the cells of
-/// their images. A ring without azimuth counts in every cell whose vertices enclose its theta.
+/// Returns the triangles of `mesh` that contain samples of a grid of angles, as (sample, triangle). Mirrored samples
+/// also count in the triangles of their mirror images. A ring without azimuth counts in every triangle whose vertices
+/// enclose its theta.
 pub(super) fn sampled_cells(angles: &Angles, mesh: TriangleMesh) -> Vec<(usize, usize)> {
     match &angles.phi {
         None => {
@@ -348,8 +354,8 @@ mod tests {
             (angles(&[5.0], (0.0, 180.0), Some((&[3.0, 2.0], sector))), "strictly increasing"),
             (angles(&[5.0], (0.0, 180.0), Some((&[f64::INFINITY], sector))), "phi inf"),
             (angles(&[5.0], (0.0, 180.0), Some((&[-1.0, 2.0], AzimuthExtent::Mirrored))), "mirrored"),
-            (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 360.0], AzimuthExtent::Circle))), "more than once"),
-            (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 361.0], sector))), "more than a turn"),
+            (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 360.0], AzimuthExtent::Circle))), "less than 360 degrees"),
+            (angles(&[5.0], (0.0, 180.0), Some((&[0.0, 361.0], sector))), "at most 360 degrees"),
         ] {
             let error = check(Role::Outgoing, &bad).unwrap_err();
             assert!(matches!(error, ProjectionError::Angles { .. }) && error.to_string().contains(expected), "{error}");

@@ -6,39 +6,42 @@ use crate::domain::{Direction, TriangleMesh, Vertices, centroid, child, solid_an
 use crate::formats::{Angles, Outside};
 use rayon::prelude::*;
 
-/// Lower bound on the divisions of a cell: it is split into 4^k parts. Raising it makes averages more accurate and
-/// slower.
+/// Lower bound on k, where a triangle of directions is split into 4^k parts to average over it. Raising it makes
+/// averages more accurate and slower.
 const MIN_DIVISIONS: u32 = 2;
-/// Usual divisions of a cell: 4^k parts, as long as these stay above [`FINEST_LEVEL`]. A beam that peaks within one
-/// cell then keeps its flux to a thousandth. Raising it is more accurate and slower.
+/// Usual k, where a triangle of directions is split into 4^k parts to average over it, as long as the parts are coarser
+/// than [`FINEST_LEVEL`]. A beam that peaks within one triangle then keeps its flux to a thousandth. Raising k is more
+/// accurate and slower.
 const USUAL_DIVISIONS: u32 = 3;
-/// Finest level of parts that narrow sample spacings can demand. Raising it resolves narrower spacings and takes
-/// longer.
+/// Finest subdivision level of the parts of a triangle that narrow sample spacings can demand. Raising it resolves
+/// narrower spacings and takes longer.
 const FINEST_LEVEL: u32 = 9;
-/// Additional divisions of parts that the boundary of the covered range crosses. The jump there causes all of their
-/// error. Raising it reduces this error and takes longer.
+/// Number of further times that parts of a triangle are split into four if the boundary of the covered range crosses
+/// them. The jump at the boundary causes all error of these parts. Raising the number reduces this error and takes
+/// longer.
 const RIM_DIVISIONS: u32 = 4;
-/// Fraction by which vertices are moved toward the centroid before the boundary test: vertices often lie on the
-/// boundary.
+/// Fraction by which the vertices of a triangle are moved toward its centroid before the test whether the covered range
+/// contains them. Vertices often lie exactly on its boundary.
 const PULL: f64 = 1e-6;
 /// Edge length in degrees of a square with the solid angle of an octant, π/2 sr.
 pub(super) const OCTANT_DEGREES: f64 = 71.809_610_472_257_87;
-/// Sum of weights below which a cell counts as not covered: only rounding reaches it.
+/// Sum of sample weights (1 for a fully covered triangle) below which a triangle counts as not covered: only rounding
+/// errors stay below it.
 const COVERED: f64 = 1e-9;
 
-/// Samples and weights of the average over each cell: `value = Σ weight·sample / (Σ weight + zero)`. Missing samples
-/// drop out of both sums (normalised averaging, Knutsson & Westin 1993). `zero` is the fraction of the cell in which
-/// the value is 0.
+/// Sparse weights for the average over each triangle: `value = Σ weight·sample / (Σ weight + zero)`. Missing samples
+/// drop out of both sums (normalised averaging, Knutsson & Westin 1993). `zero` is the fraction of the triangle in
+/// which the value is 0.
 #[derive(Clone, Debug)]
 pub(super) struct Averages {
-    /// Start of the entries of each cell, followed by the total number of entries.
+    /// Position of the first (sample, weight) entry of each triangle, followed by the total number of entries.
     starts: Vec<usize>,
     samples: Vec<u32>,
     weights: Vec<f64>,
     zeros: Vec<f64>,
 }
 
-/// Weights of one cell under construction.
+/// Sample weights of the average over one triangle, under construction.
 struct Cell {
     entries: Vec<(u32, f64)>,
     zero: f64,
@@ -67,8 +70,8 @@ impl Averages {
         Self::from_cells(&cells)
     }
 
-    /// Creates the averages over the triangles of a coarser mesh, each with `4^depth` children, weighted by solid
-    /// angle.
+    /// Creates the averages over the triangles of a mesh `depth` levels coarser than `fine`, from their `4^depth`
+    /// children weighted by solid angle.
     pub(super) fn over_children(fine: TriangleMesh, depth: u8) -> Self {
         let children = 1_usize << (2 * u32::from(depth));
         let cells: Vec<Cell> = fine
@@ -106,14 +109,14 @@ impl Averages {
         self.zeros.len()
     }
 
-    /// Returns true if no sample contributes to `cell`: it is 0 or masked for any samples.
+    /// Returns true if no sample contributes to the triangle `cell`: its average is 0 or masked for any samples.
     pub(super) fn is_empty(&self, cell: usize) -> bool {
         self.starts[cell] == self.starts[cell + 1]
     }
 
-    /// Writes into `sums` the average over `cell` of rows of samples, or NaN if nothing covers the cell. Sample `s` is
-    /// the row of `sums.len()` values at `offset + s · stride`. `missing` is true if there may be NaN among them.
-    /// `weights` is scratch space of the same length, overwritten before it is read.
+    /// Writes into `sums` the averages over the triangle `cell`, one for each of `sums.len()` values of a sample, or
+    /// NaN if nothing covers the triangle. Sample `s` starts at `offset + s · stride`. `missing` is true if there may
+    /// be NaN among the values. `weights` is scratch space of equal length, overwritten before it is read.
     pub(super) fn average<T: Copy + Into<f64>>(
         &self,
         cell: usize,
@@ -163,7 +166,8 @@ impl Averages {
     }
 }
 
-/// Returns how many times each triangle is split into four, so that the parts are at most half the finest spacing.
+/// Returns how many times each triangle of `mesh` is split into four, so that its parts are at most half the finest
+/// spacing of `angles`.
 pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     let level = u32::from(mesh.level());
     let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / finest_spacing(angles)));
@@ -171,11 +175,11 @@ pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
     finest.max((level + USUAL_DIVISIONS).min(FINEST_LEVEL)).saturating_sub(level).max(MIN_DIVISIONS)
 }
 
-/// Sum of the sample weights over one cell.
+/// Running sums of the sample weights over one triangle.
 struct Tally<'a> {
     interpolant: &'a Interpolant<'a>,
     entries: Vec<(u32, f64)>,
-    /// Weights of rows at a pole, whose value is their mean over azimuth.
+    /// Weights of theta rows at a pole, whose value is their mean over azimuth, as (row, weight).
     poles: Vec<(usize, f64)>,
     outside: f64,
     total: f64,
@@ -218,7 +222,8 @@ impl<'a> Tally<'a> {
         covered != [covered[0]; 3]
     }
 
-    /// Adds one part with its value at the centroid.
+    /// Adds one part of a triangle to the triangle's average: the interpolated value at the centroid of the part,
+    /// weighted by its solid angle.
     fn add(&mut self, vertices: Vertices) {
         let angle = solid_angle(vertices);
         self.total += angle;
@@ -260,7 +265,7 @@ impl<'a> Tally<'a> {
     }
 }
 
-/// Sorts by sample and sums the weights of equal samples in their order of arrival.
+/// Sorts (sample, weight) entries by sample, and sums the weights of equal samples in their order of arrival.
 fn merge(entries: &mut Vec<(u32, f64)>) {
     entries.sort_by_key(|entry| entry.0);
     entries.dedup_by(|later, kept| {

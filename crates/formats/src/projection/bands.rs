@@ -14,7 +14,8 @@ const END_TOLERANCE: f64 = 1e-9;
 /// target outside the measured range has no weights.
 #[derive(Clone, Debug)]
 pub(super) struct Bands {
-    /// For each target: the first sample, and the weights of it and its successors; they sum to 1.
+    /// For each target wavelength: the index of the first sample, and the weights of it and the samples after it; the
+    /// weights sum to 1.
     targets: Vec<(usize, Vec<f64>)>,
 }
 
@@ -35,12 +36,13 @@ impl Bands {
         self.targets.len()
     }
 
-    /// Returns the number of targets outside the measured range.
+    /// Returns the number of target wavelengths outside the measured range.
     pub(super) fn outside(&self) -> usize {
         self.targets.iter().filter(|(_, weights)| weights.is_empty()).count()
     }
 
-    /// Returns the average of `row` over the band of `target`, without masked (NaN) values; NaN if no value is left.
+    /// Returns the average of a spectrum `row` over the band of target wavelength number `target`, without masked (NaN)
+    /// values; NaN if no value is left.
     pub(super) fn average(&self, row: &[f64], target: usize) -> f64 {
         let (first, weights) = &self.targets[target];
         let (mut sum, mut total) = (0.0, 0.0);

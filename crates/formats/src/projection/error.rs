@@ -4,74 +4,81 @@ use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Axis, AxisError, Domain, Quantity, TensorError, TriangleMesh};
 use crate::formats::{AzimuthExtent, StatedGridError};
 
-/// Reason why a measurement cannot be put on the requested axes.
+/// Reason why a measurement cannot be resampled to the requested axes.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ProjectionError {
-    /// The requested level does not fit the data.
-    #[error("{role}_level: {}", level.refusal(*role))]
+    /// The requested subdivision level of triangles does not fit the data.
+    #[error("{role}_level does not fit the data: {}", level.refusal(*role))]
     Level {
-        /// The axis concerned.
+        /// Direction axis (incoming or outgoing) for which the requested subdivision level of triangles does not fit
+        /// the data.
         role: Role,
-        /// Reason for the refusal.
+        /// Reason for which the subdivision level is refused.
         level: LevelError,
     },
-    /// The angles of the samples form no grid.
-    #[error("{role} angles: {angles}")]
+    /// The polar angles and azimuths of the samples form no grid.
+    #[error("unusable {role} angles: {angles}")]
     Angles {
-        /// The axis concerned.
+        /// Direction axis (incoming or outgoing) whose polar angles and azimuths in the file are refused.
         role: Role,
-        /// Reason for the refusal.
+        /// Reason for which the polar angles and azimuths of the file are refused.
         angles: AnglesError,
     },
     /// The samples at scattered directions are invalid.
-    #[error("scattered directions: {0}")]
+    #[error("unusable samples at scattered directions: {0}")]
     Scattered(#[from] ScatteredError),
-    /// A spectrum or wavelengths that do not fit the data.
+    /// The requested wavelengths, or the spectrum by which the data are to be multiplied, do not fit the data.
     #[error(transparent)]
     Spectral(#[from] SpectralError),
-    /// The requested domain does not fit the data.
-    #[error("domain: {0}")]
+    /// The requested domain of directions (grid or triangles) does not fit the data.
+    #[error("the requested domain of directions (grid or triangles) does not fit the data: {0}")]
     Domain(#[from] DomainError),
-    /// The measurement cannot be made reciprocal.
-    #[error("reciprocal: {0}")]
+    /// The measurement cannot be made reciprocal, with f(ωi, ωo) = f(ωo, ωi).
+    #[error("cannot make the measurement reciprocal: {0}")]
     Reciprocal(#[from] ReciprocalError),
-    /// The grid of the file cannot become an axis of directions.
-    #[error("grid of directions: {0}")]
+    /// The grid of directions in the file cannot become an axis of the result.
+    #[error("the file's grid of directions cannot become an axis: {0}")]
     Grid(#[from] StatedGridError),
-    /// The axes exceed their limits.
+    /// The axes of the result exceed their limits on size.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The tensor cannot be created.
+    /// The tensor of the result cannot be created.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
 
-/// Domains of directions that do not fit the data.
+/// Reasons why a requested domain of directions (grid or triangles) does not fit the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DomainError {
-    /// The request combines the domain `grid` with a level of triangles.
-    #[error("`grid` was asked for, and levels, which are those of triangles: leave one out")]
+    /// The request combines the domain `grid` with a subdivision level of triangles.
+    #[error("found the domain `grid` and a level of triangles, expected only one of them; leave one out")]
     Level,
-    /// The request demands the domain `grid` of a source that has none.
-    #[error("`grid` was asked for, but the file states no grid of directions: leave it out, or ask for `triangles`")]
+    /// The request demands the domain `grid` for a file that has no grid of directions.
+    #[error(
+        "found `grid` for a file without a grid of directions, expected `triangles`; leave the domain out or change it"
+    )]
     NoGrid,
-    /// The request demands triangles of an array that is on its final grid.
-    #[error("`triangles` was asked for, but the array holds directions on their final grid: leave it out")]
+    /// The request demands triangles for an array that already has a grid of directions as an axis, which is always
+    /// kept.
+    #[error(
+        "found the domain `triangles` for an array with a grid of directions, which is always kept; leave the domain \
+         of directions out"
+    )]
     Final,
 }
 
-/// Reasons why exchanged pairs of directions cannot be averaged.
+/// Reasons why a measurement cannot be averaged with its values at exchanged directions, f(ωo, ωi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReciprocalError {
-    /// A quantity that is not reciprocal.
-    #[error("found {found}, expected a brdf")]
+    /// The physical quantity is not one that reciprocity applies to.
+    #[error("found {found}, expected a brdf, the only quantity that can be made reciprocal")]
     Quantity {
-        /// The quantity.
+        /// Physical quantity of the measurement.
         found: Quantity,
     },
-    /// A grid that lacks some exchanged pairs.
+    /// The grid lacks some exchanged pairs of directions: f(ωo, ωi) for a stored f(ωi, ωo).
     #[error(
         "the grid does not hold every exchanged pair of directions, expected outgoing angles that are the incoming ones \
          (and azimuths of 0 to 180 degrees where there is no incoming one), on the file's own grid"
@@ -79,7 +86,7 @@ pub enum ReciprocalError {
     Grid,
 }
 
-/// Role of an axis of directions.
+/// Role of a direction axis: incoming or outgoing light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Directions from which light arrives.
@@ -89,7 +96,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// Returns the name.
+    /// Returns the name of the role, `incoming` or `outgoing`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Incoming => "incoming",
@@ -104,32 +111,32 @@ impl std::fmt::Display for Role {
     }
 }
 
-/// Reasons why a level does not fit the data.
+/// Reasons why a requested subdivision level of triangles does not fit the data.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LevelError {
-    /// A level above the limit.
+    /// The requested subdivision level is above the limit.
     AboveLimit {
-        /// The requested level.
+        /// Requested subdivision level.
         found: u8,
     },
-    /// Data without directions of this role.
+    /// The request gives a subdivision level for incoming or outgoing triangles, but the data have no such directions.
     NoDirections,
-    /// Isotropic data, which have elevations and no triangles.
+    /// The data are isotropic: their incoming directions are polar angles, not triangles.
     Isotropic {
-        /// Number of elevations.
+        /// Number of incoming polar angles of the data.
         elevations: usize,
     },
-    /// Data on an axis that is not made of triangles.
+    /// The direction axis of the data does not consist of triangles.
     NoTriangles {
-        /// The axis found.
+        /// Axis of incoming or outgoing directions of the data, which does not consist of triangles.
         axis: Box<Axis>,
     },
-    /// A level finer than that of the data.
+    /// The requested subdivision level is finer than the triangles of the data.
     TooFine {
-        /// The requested level.
+        /// Requested subdivision level.
         found: u8,
-        /// The triangles of the data.
+        /// Triangle mesh of the data.
         mesh: TriangleMesh,
     },
 }
@@ -152,95 +159,101 @@ impl LevelError {
     }
 }
 
-/// Reasons why angles, in degrees, form no grid.
+/// Reasons why polar angles and azimuths, in degrees, form no valid grid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnglesError {
-    /// There is no angle at all.
-    #[error("no {angle}, expected at least one")]
+    /// The list of polar angles or of azimuths is empty.
+    #[error("no {angle} angles, expected at least one")]
     Empty {
-        /// The missing angle.
+        /// Angle (theta or phi) whose list is empty.
         angle: Angle,
     },
-    /// An angle out of its range.
-    #[error("{angle} {found}, expected {}", match angle {
+    /// A polar angle or azimuth is out of its range.
+    #[error("found {angle} {found}, expected {}", match angle {
         Angle::Theta => "0 to 180 degrees",
         Angle::Phi => "degrees of one turn",
     })]
     Range {
-        /// The angle concerned.
+        /// Angle (theta or phi) that is out of its range.
         angle: Angle,
-        /// The value in degrees.
+        /// Value of the angle that is out of its range, in degrees.
         found: f64,
     },
-    /// Angles that do not increase.
-    #[error("{angle} {found} after {before}, expected strictly increasing")]
+    /// The polar angles or azimuths do not increase strictly.
+    #[error("found {angle} {found} after {before}, expected strictly increasing angles")]
     Order {
-        /// The angle concerned.
+        /// Angle (theta or phi) whose values do not increase.
         angle: Angle,
-        /// The value that is not larger than its predecessor.
+        /// Value in degrees that is not larger than the value before it.
         found: f64,
-        /// The predecessor.
+        /// Value in degrees that precedes the value at fault.
         before: f64,
     },
-    /// The covered range excludes some of the samples.
-    #[error("covers theta {low} to {high}, expected a range that holds {first} to {last}")]
+    /// The range of theta that the file says it covers excludes some of the samples.
+    #[error(
+        "the grid covers theta {low} to {high} degrees, expected a range that contains its angles {first} to {last}"
+    )]
     Covers {
-        /// Start of the covered range.
+        /// Start of the covered range of theta, in degrees.
         low: f64,
-        /// End of the covered range.
+        /// End of the covered range of theta, in degrees.
         high: f64,
-        /// The first theta.
+        /// Smallest polar angle of the grid, in degrees.
         first: f64,
-        /// The last theta.
+        /// Largest polar angle of the grid, in degrees.
         last: f64,
     },
-    /// Azimuths that do not fit the stated extent.
-    #[error("phi {first} to {last} {}", match extent {
-        AzimuthExtent::Circle => "go round more than once, expected less than 360 degrees",
-        AzimuthExtent::Mirrored => "are mirrored, expected 0 to 180 degrees",
-        AzimuthExtent::Sector => "are more than a turn",
+    /// The azimuths lie outside the extent that they should have: a full circle, a mirrored half (0 to 180°), or a
+    /// sector.
+    #[error("found azimuths phi {first} to {last} degrees, expected {}", match extent {
+        AzimuthExtent::Circle => "a range of less than 360 degrees",
+        AzimuthExtent::Mirrored => "0 to 180 degrees for mirrored azimuths",
+        AzimuthExtent::Sector => "a range of at most 360 degrees",
     })]
     Extent {
-        /// The stated extent.
+        /// Extent that the azimuths should have: a full circle, a mirrored half (0 to 180°), or a sector.
         extent: AzimuthExtent,
-        /// The first azimuth.
+        /// Smallest azimuth of the grid, in degrees.
         first: f64,
-        /// The last azimuth.
+        /// Largest azimuth of the grid, in degrees.
         last: f64,
     },
-    /// A single theta, which covers no area to average over.
-    #[error("one theta ({theta} degrees) that stands for itself alone covers no area, expected two or more")]
+    /// The grid has a single polar angle, which covers no area to average over.
+    #[error("found a single theta ({theta} degrees), which covers no area, expected two or more")]
     OneTheta {
-        /// The theta.
+        /// The only polar angle of the grid, in degrees.
         theta: f64,
     },
-    /// A sector of a single azimuth, which covers no area to average over.
-    #[error("a sector of one azimuth ({phi} degrees) covers no area, expected two or more, or none for all")]
+    /// The grid is a sector with a single azimuth, which covers no area to average over.
+    #[error(
+        "found a sector of a single azimuth ({phi} degrees), which covers no area, expected two or more, or no azimuth \
+         for values that hold at all azimuths"
+    )]
     OneAzimuth {
-        /// The azimuth.
+        /// The only azimuth of the grid, in degrees.
         phi: f64,
     },
-    /// A range outside the domain of the quantity.
-    #[error("theta {low} to {high} does not reach into the {domain} of a {quantity}")]
+    /// The range of theta lies outside the directions for which the quantity is defined.
+    #[error("theta {low} to {high} degrees does not reach into the {domain} of directions of a {quantity}")]
     Beside {
-        /// Start of the range.
+        /// Start of the covered range of theta, in degrees.
         low: f64,
-        /// End of the range.
+        /// End of the covered range of theta, in degrees.
         high: f64,
-        /// The domain.
+        /// Part of the sphere on which the quantity is defined.
         domain: Domain,
-        /// The quantity.
+        /// Physical quantity of the measurement.
         quantity: Quantity,
     },
 }
 
-/// Angle of a direction.
+/// One of the two spherical angles of a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Angle {
-    /// Polar angle to the normal or axis.
+    /// Polar angle θ, from the surface normal or the axis of the luminaire.
     Theta,
-    /// Azimuth.
+    /// Azimuth φ of a direction.
     Phi,
 }
 
@@ -253,88 +266,88 @@ impl std::fmt::Display for Angle {
     }
 }
 
-/// Reasons why scattered samples are invalid.
+/// Reasons why samples at scattered directions are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScatteredError {
-    /// There is no sample.
-    #[error("none, expected at least one")]
+    /// The file contains no sample.
+    #[error("no sample, expected at least one")]
     Empty,
     /// The number of directions differs from the number of samples.
-    #[error("{found} {role} directions, expected {expected} or none")]
+    #[error("{found} {role} directions, expected {expected} or none: one for each sample")]
     Count {
-        /// The directions concerned.
+        /// Role of the directions whose number is wrong: incoming or outgoing.
         role: Role,
-        /// Number of directions.
+        /// Number of directions that the file lists for the role at fault, which is either incoming or outgoing.
         found: usize,
-        /// Number of samples.
+        /// Number of samples, which is the expected number of directions.
         expected: usize,
     },
-    /// A direction with an angle out of its range.
+    /// The polar angle or azimuth of a sample direction is out of its range.
     #[error(
-        "{role} theta {theta}, phi {phi} of sample {index}, expected degrees: theta from 0 to 180, phi of one turn"
+        "found {role} theta {theta}, phi {phi} of sample {index}, expected degrees: theta 0 to 180, phi of one turn"
     )]
     Direction {
-        /// The directions concerned.
+        /// Role (incoming or outgoing) of the direction at fault.
         role: Role,
-        /// Position of the sample, from 0.
+        /// Position, counted from 0, of the sample with the direction at fault.
         index: usize,
-        /// Theta of the direction in degrees.
+        /// Polar angle of the direction at fault, in degrees.
         theta: f64,
-        /// Azimuth of the direction in degrees.
+        /// Azimuth of the direction at fault, in degrees.
         phi: f64,
     },
-    /// More samples than can be numbered.
-    #[error("{found}, expected at most {}", u32::MAX)]
+    /// The file contains more samples than 32-bit indices can number.
+    #[error("found {found} samples in the file, expected at most {}", u32::MAX)]
     TooMany {
-        /// Number of samples.
+        /// Number of samples in the file.
         found: usize,
     },
-    /// No sample lies in the domain of the quantity.
-    #[error("no sample of the {count} lies on the {domain} of a {quantity}")]
+    /// No sample lies in the part of the sphere on which the quantity is defined.
+    #[error("no sample of the {count} lies on the {domain} of directions of a {quantity}")]
     Beside {
-        /// Number of samples.
+        /// Number of samples of the file.
         count: usize,
-        /// The domain.
+        /// Part of the sphere on which the quantity is defined.
         domain: Domain,
-        /// The quantity.
+        /// Physical quantity of the measurement.
         quantity: Quantity,
     },
 }
 
-/// Reasons why spectra and wavelengths do not fit the data.
+/// Reasons why requested wavelengths, or a spectrum by which the data are to be multiplied, do not fit the data.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectralError {
-    /// A spectrum to join, for data that already have a spectral axis.
-    #[error("spectrum: the samples have a spectral axis of their own, {}", axis.describe())]
+    /// The data are to be multiplied by a spectrum, but already have a spectral axis.
+    #[error("spectrum: cannot be joined with samples that have a spectral axis of their own, {}", axis.describe())]
     OwnAxis {
-        /// The spectral axis of the data.
+        /// Spectral axis that the data already have.
         axis: Box<Axis>,
     },
-    /// A spectrum whose number of factors differs from its number of wavelengths.
-    #[error("spectrum: {found} factors for {expected} wavelengths")]
+    /// The spectrum by which the data are to be multiplied has another number of values than of wavelengths.
+    #[error("spectrum: found {found} factors for {expected} wavelengths, expected one for each")]
     Factors {
-        /// Number of factors.
+        /// Number of values of the spectrum by which the data are to be multiplied.
         found: usize,
-        /// Number of wavelengths.
+        /// Number of wavelengths of the spectrum by which the data are to be multiplied.
         expected: usize,
     },
-    /// Requested wavelengths for data with colour channels.
-    #[error("wavelengths: the data have colour channels ({}), no wavelengths", axis.describe())]
+    /// Wavelengths are requested, but the data have colour channels.
+    #[error("wavelengths: cannot resample data with colour channels ({}) instead of wavelengths", axis.describe())]
     Channels {
-        /// The spectral axis of the data.
+        /// Spectral axis of the data, made of colour channels.
         axis: Box<Axis>,
     },
-    /// Requested wavelengths for data without wavelengths.
-    #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with them")]
+    /// Wavelengths are requested, but the data have none.
+    #[error("wavelengths: the data have no wavelengths to resample; join a spectrum with the data")]
     NoWavelengths,
-    /// Requested wavelengths that all lie outside the measured range.
+    /// All requested wavelengths lie outside the measured range.
     #[error("wavelengths: {} to {} nm requested, measured {} to {} nm", requested.0, requested.1, measured.0, measured.1)]
     Outside {
-        /// The first and last requested wavelength, in nm.
+        /// First and last requested wavelength, in nm.
         requested: (f64, f64),
-        /// The first and last measured wavelength, in nm.
+        /// First and last measured wavelength, in nm.
         measured: (f64, f64),
     },
 }

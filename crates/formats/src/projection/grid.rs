@@ -12,17 +12,18 @@ use crate::domain::{Axis, Domain, Layout, Measurement, Note, Quantity, Sampling,
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Outside};
 use crate::notes::ProjectionNote;
 
-/// Conversion of the directions of one side to an axis.
+/// Conversion of the incoming or the outgoing directions of a file to a tensor axis.
 enum Side<'a> {
-    /// There are no such directions.
+    /// The file has no directions of this role (incoming or outgoing).
     Absent,
-    /// Elevations of isotropic data, kept as they are.
+    /// Polar angles of isotropic data. They become an axis of the tensor as they are in the file, without averages over
+    /// triangles.
     Elevations(&'a Angles),
-    /// Averages over triangles.
+    /// Averages over triangles of directions, with the angles of the file and the chosen mesh.
     Triangles(&'a Angles, Choice),
 }
 
-/// Projects `grid`, the samples of `acquisition`.
+/// Projects the samples `grid` of a measurement, which lie on a grid of angles, onto the requested axes.
 pub(super) fn project(
     acquisition: &Acquisition,
     grid: &AngleGrid,
@@ -61,7 +62,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
-/// Checks number and finiteness of the values. Returns the number of missing samples.
+/// Checks the number and the finiteness of the values of a grid of angles. Returns the number of missing (NaN) samples.
 pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     check_axes(&grid.index)?;
     let mut shape: Vec<usize> = grid.index.iter().map(Axis::len).collect();
@@ -82,7 +83,7 @@ pub(super) fn check_values(grid: &AngleGrid) -> Result<usize, ProjectionError> {
     Ok(grid.values.iter().filter(|v| v.is_nan()).count())
 }
 
-/// Refuses angles that are no valid grid of directions for the quantity.
+/// Refuses angles that are no valid grid of directions for the physical quantity.
 pub(super) fn check_sides(quantity: Quantity, grid: &AngleGrid) -> Result<(), ProjectionError> {
     incoming_side(grid.incoming.as_ref(), None)?;
     outgoing_side(quantity, grid.outgoing.as_ref(), None)?;
@@ -171,7 +172,8 @@ impl Side<'_> {
         }
     }
 
-    /// Returns pairs of a sample and the axis entry that contains it.
+    /// Returns pairs (sample, axis position): each direction of the file, and the position on the tensor axis whose
+    /// triangle or polar angle contains it.
     fn sampled(&self) -> Vec<(usize, usize)> {
         match self {
             Self::Absent => vec![(0, 0)],
@@ -180,7 +182,7 @@ impl Side<'_> {
         }
     }
 
-    /// Adds notes for the user: choices and assumptions.
+    /// Adds notes for the user on choices and assumptions about the directions.
     fn describe(&self, of: Role, outside: Outside, notes: &mut Vec<Note>) {
         let role = of.name();
         let (angles, choice) = match self {
@@ -222,7 +224,8 @@ impl Side<'_> {
     }
 }
 
-/// Counts cells that contain samples, lie between samples, or have none.
+/// Counts the cells (pairs of an incoming and an outgoing triangle) that contain samples, lie between samples, or have
+/// no data.
 fn cover(
     grid: &AngleGrid,
     resampling: &Resampling,

@@ -7,26 +7,29 @@ use crate::domain::{Domain, Note, TriangleMesh};
 use crate::formats::Angles;
 use crate::notes::ProjectionNote;
 
-/// Finest level chosen automatically. Raising it resolves denser samples with larger tensors.
+/// Finest subdivision level of triangles that is chosen automatically. Raising it resolves denser samples with larger
+/// tensors.
 const MAX_CHOSEN_LEVEL: u8 = 6;
 
-/// Largest number of samples of a tensor on automatically chosen levels (128 MiB of float32). Finer levels must be
-/// requested.
+/// Largest number of samples of a tensor on automatically chosen triangle levels (128 MiB of float32). Finer levels
+/// must be requested.
 pub(super) const MAX_CHOSEN_SAMPLES: usize = 1 << 25;
 
-/// A mesh and the reason for its choice.
+/// A triangle mesh for directions, and the reason for choosing its subdivision level.
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
     pub(super) mesh: TriangleMesh,
-    /// True if the user gave the level.
+    /// True if the user requested the subdivision level.
     pub(super) requested: bool,
-    /// Level before it was lowered or raised.
+    /// Subdivision level of the mesh that fits the sample spacing, or that was requested. The mesh may be coarser to
+    /// limit the size of the tensor, or finer on request.
     wanted: u8,
     spacing: String,
 }
 
-/// Chooses the mesh of `domain` for samples on `angles`: the `requested` level, or the one that fits the spacing. That
-/// is the level whose mean cell size (square root of the solid angle) is nearest in ratio to the finer spacing.
+/// Chooses the triangle mesh of `domain` for samples on `angles`: at the `requested` level, or at the level that fits
+/// the sample spacing. That is the level whose mean cell size (square root of the solid angle) is nearest in ratio to
+/// the smaller of two mean spacings, of polar angles and of azimuths.
 pub(super) fn choose(
     role: Role,
     domain: Domain,
@@ -41,7 +44,8 @@ pub(super) fn choose(
     at_level(role, domain, natural_level(theta, phi), requested, spacing)
 }
 
-/// Like [`choose`], for samples that lie `spacing` degrees from their neighbours in every direction.
+/// Chooses the triangle mesh of `domain`, like [`choose`], for samples that lie `spacing` degrees from their neighbours
+/// in every direction.
 pub(super) fn choose_by_distance(
     role: Role,
     domain: Domain,
@@ -65,7 +69,8 @@ fn at_level(
 }
 
 impl Choice {
-    /// Lowers a chosen level by one. Returns false if the user gave it or no coarser level exists.
+    /// Lowers an automatically chosen triangle level by one. Returns false if the user requested the level or no
+    /// coarser one exists.
     pub(super) fn lower(&mut self) -> bool {
         match self.mesh.coarser() {
             Some(coarser) if !self.requested => {
@@ -76,7 +81,8 @@ impl Choice {
         }
     }
 
-    /// Raises a chosen level by one. Returns false if the user gave it or no finer level exists.
+    /// Raises an automatically chosen triangle level by one. Returns false if the user requested the level or no finer
+    /// one exists.
     pub(super) fn raise(&mut self) -> bool {
         match TriangleMesh::new(self.mesh.domain(), self.mesh.level() + 1) {
             Some(finer) if !self.requested => {
@@ -87,7 +93,7 @@ impl Choice {
         }
     }
 
-    /// Returns a note on the level and its reason.
+    /// Returns a note for the user on the chosen triangle level and the reason for it.
     pub(super) fn note(&self, role: Role) -> Note {
         let level = self.mesh.level();
         let note = ProjectionNote::Level {
@@ -103,11 +109,12 @@ impl Choice {
     }
 }
 
-/// Entries of one direction axis of a tensor.
+/// Number of positions on one direction axis of a tensor: fixed by the file, or that of triangles whose subdivision
+/// level may be lowered to limit the size of the tensor.
 pub(super) enum Entries<'a> {
-    /// Fixed number of entries, given by the file.
+    /// Fixed number of positions on the axis, given by the file.
     Fixed(usize),
-    /// Triangles of a chosen level, which may be lowered.
+    /// Triangles of a chosen subdivision level, which may be lowered.
     Chosen(&'a mut Choice),
 }
 
@@ -127,8 +134,8 @@ impl Entries<'_> {
     }
 }
 
-/// Lowers chosen levels, the axis with more entries first, until the tensor fits its limit. Levels given by the user
-/// stay. `others` is the number of samples for each pair of directions.
+/// Lowers chosen triangle levels, that of the axis with more triangles first, until the tensor fits its size limit.
+/// Levels requested by the user stay. `others` is the number of samples for each pair of directions.
 pub(super) fn lower_to_fit<'a>(mut incoming: Entries<'a>, mut outgoing: Entries<'a>, others: usize) {
     while incoming.count().saturating_mul(outgoing.count()).saturating_mul(others) > MAX_CHOSEN_SAMPLES {
         let incoming_first = incoming.count() > outgoing.count();
@@ -145,7 +152,7 @@ fn natural_level(theta: f64, phi: Option<f64>) -> u8 {
     libm::round(libm::log2(OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(MAX_CHOSEN_LEVEL)) as u8
 }
 
-/// Rounds to two decimals.
+/// Rounds an angle in degrees to two decimals.
 pub(super) fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 100.0) / 100.0
 }
@@ -212,6 +219,6 @@ mod tests {
         let mut fixed = choose(Role::Outgoing, Domain::Sphere, &angles, Some(7)).unwrap();
         assert!(!fixed.lower() && fixed.note(Role::Outgoing).message.contains("as requested"));
         let error = choose(Role::Outgoing, Domain::Sphere, &angles, Some(9)).unwrap_err();
-        assert_eq!(error.to_string(), "outgoing_level: 9 is above the limit of 8");
+        assert_eq!(error.to_string(), "outgoing_level does not fit the data: 9 is above the limit of 8");
     }
 }

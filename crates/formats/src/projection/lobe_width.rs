@@ -6,9 +6,9 @@ use crate::domain::{Axis, Note, Quantity};
 use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Scattered, not_wider};
 use std::collections::BTreeMap;
 
-/// Largest angle in degrees between a direction and the plane of incidence at which it counts as in the plane.
+/// Largest angle in degrees between a direction and the plane of incidence at which the direction counts as in-plane.
 const IN_PLANE: f64 = 0.6;
-/// Upper bound on the samples of a file in which a lobe is searched; larger files are skipped.
+/// Upper bound on the number of samples of a file whose lobe width is measured; larger files are skipped.
 const MOST: usize = 1 << 24;
 
 /// Sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.
@@ -31,15 +31,15 @@ fn narrowest_lobe(acquisition: &Acquisition) -> Option<f64> {
     profiles.into_iter().filter_map(full_width).reduce(f64::min)
 }
 
-/// Returns a remark if the narrowest lobe of a file is no wider than an angle of the instrument. Returns `None` if it
-/// is wider, if there is no lobe, or if the file states no such angle.
+/// Returns a remark if the narrowest lobe of a file is no wider than the detector aperture or the source divergence of
+/// the instrument. Returns `None` if it is wider, if there is no lobe, or if the file states neither angle.
 pub(crate) fn unresolved_lobe(acquisition: &Acquisition) -> Option<Note> {
     let instrument = &acquisition.instrument;
     let width = if instrument.is_unknown() { None } else { narrowest_lobe(acquisition) };
     not_wider(instrument, width?)
 }
 
-/// Returns the full width at half maximum around the brightest sample, in degrees.
+/// Returns the full width at half maximum of an in-plane profile around its brightest sample, in degrees.
 fn full_width(mut profile: Vec<Sample>) -> Option<f64> {
     profile.retain(|(_, value)| !value.is_nan());
     profile.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -78,7 +78,8 @@ fn of_grid(grid: &AngleGrid) -> Vec<Vec<Sample>> {
     (0..n_in).map(profile).collect()
 }
 
-/// Returns the azimuth columns in the plane of incidence, with the sign of theta for each.
+/// Returns the columns of outgoing azimuths in the plane of incidence, each with the sign of theta: positive on the
+/// side of the mirror direction.
 fn columns(outgoing: &Angles, phi_i: f64) -> Vec<(usize, f64)> {
     let Some(azimuths) = &outgoing.phi else { return vec![(0, 1.0), (0, -1.0)] };
     let sign = |phi: f64| {

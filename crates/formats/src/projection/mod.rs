@@ -37,7 +37,7 @@ pub use scattered::{CarriedLobe, Incidence, Rejected, ScatterReport, ScatteredSa
 
 use crate::formats::{Acquisition, Samples};
 
-/// Projects `acquisition` onto the axes of `request`.
+/// Projects a measured file, `acquisition`, onto the axes of `request`.
 ///
 /// The result is `[index…, incoming, outgoing, spectral]`, with NaN where nothing was measured.
 ///

@@ -15,30 +15,34 @@ use crate::formats::{Acquisition, Modelled};
 use crate::notes::ProjectionNote;
 use rayon::prelude::*;
 
-/// Least number of times an incoming cell is split into four. The function is piecewise linear in its angles.
+/// Least number of times that an incoming triangle is split into four to average a function over it. One suffices, as
+/// the function is piecewise linear in the incoming angles.
 const INCOMING_DIVISIONS: u32 = 1;
-/// Least number of times an outgoing cell is split into four. Raising it is more accurate and slower.
+/// Least number of times that an outgoing triangle is split into four to average a function over it. Raising it is more
+/// accurate and slower.
 const OUTGOING_DIVISIONS: u32 = 2;
-/// Finest level of parts that narrow spacings can demand.
+/// Finest subdivision level of the parts of a triangle that narrow features of a function can demand. Raising it
+/// resolves narrower features and takes longer.
 const FINEST_LEVEL: u32 = 9;
-/// Fixed cost of one evaluation, as a number of channels.
+/// Fixed cost of one evaluation of a function, expressed as a number of spectral channels.
 const OVERHEAD: usize = 64;
-/// Largest number of channel evaluations, about ten seconds: cells are split less often to stay below it.
+/// Upper bound on the evaluations, times spectral channels, of a function that is averaged over triangles: about ten
+/// seconds of computation. Triangles are split less often to stay below it. Raising it is slower and more accurate.
 const MAX_WORK: u64 = 1 << 33;
 /// Number of spectra that one task computes at a time.
 const BLOCK: usize = 16;
 
-/// Incoming directions of the tensor.
+/// Incoming axis onto which a function of two directions is projected.
 enum Incoming<'a> {
-    /// Elevations of the file, in degrees.
+    /// Incoming polar angles of the file, in degrees, kept unchanged.
     Elevations(&'a [f64]),
     Triangles(Choice),
 }
 
-/// A direction within a cell, and its weight.
+/// Direction that represents a part of a triangle, and its weight in the average.
 type Part = (Direction, f64);
 
-/// Projects `modelled`, the function of `acquisition`.
+/// Projects a function that the model of a file defines, `modelled`, onto the requested axes.
 pub(super) fn project(
     acquisition: &Acquisition,
     modelled: &Modelled,
@@ -129,7 +133,7 @@ impl Incoming<'_> {
         }
     }
 
-    /// Returns how many times each cell is split into four.
+    /// Returns how many times each incoming triangle is split into four to average over it.
     fn divisions(&self, modelled: &Modelled) -> u32 {
         match self {
             Self::Elevations(_) => 0,
@@ -140,7 +144,8 @@ impl Incoming<'_> {
         }
     }
 
-    /// Returns the directions that represent each entry, and adds notes on the choices for the user.
+    /// Returns the directions that represent each position on the incoming axis, and adds notes on the choices for the
+    /// user.
     fn parts(&self, divisions: u32, notes: &mut Vec<Note>) -> Vec<Vec<Part>> {
         let role = Role::Incoming.name();
         match self {
@@ -163,13 +168,15 @@ impl Incoming<'_> {
     }
 }
 
-/// Returns how many times each triangle is split into four, so that the parts are at most half the spacing.
+/// Returns how many times each triangle is split into four, so that its parts are at most half of `spacing` (degrees)
+/// wide.
 fn divisions(mesh: TriangleMesh, spacing: f64, least: u32) -> u32 {
     let wanted = libm::ceil(libm::log2(2.0 * OCTANT_DEGREES / spacing)).clamp(0.0, f64::from(FINEST_LEVEL));
     (wanted as u32).saturating_sub(u32::from(mesh.level())).max(least)
 }
 
-/// Lowers the divisions of incoming and outgoing cells, the finer ones first, until the work is within its limit.
+/// Reduces the numbers of splits of incoming and outgoing triangles, the larger number first, until the number of
+/// function evaluations is within its limit.
 fn affordable([mut incoming, mut outgoing]: [u32; 2], pairs: usize, channels: usize) -> [u32; 2] {
     let work = |divisions: u32| {
         (pairs as u64).saturating_mul((channels + OVERHEAD) as u64).saturating_mul(1_u64 << (2 * divisions).min(63))
@@ -181,7 +188,8 @@ fn affordable([mut incoming, mut outgoing]: [u32; 2], pairs: usize, channels: us
     [incoming, outgoing]
 }
 
-/// Splits a triangle into parts, represented by their centroids. The weight of each is its solid angle times `factor`.
+/// Splits a triangle into parts, represented by their centroids. The weight of each part is its solid angle times
+/// `factor`.
 fn split(vertices: Vertices, divisions: u32, parts: &mut Vec<Part>, factor: impl Fn(Direction) -> f64 + Copy) {
     if divisions > 0 {
         for c in 0..4 {
@@ -193,9 +201,9 @@ fn split(vertices: Vertices, divisions: u32, parts: &mut Vec<Part>, factor: impl
     }
 }
 
-/// Mean over pairs of directions, without missing values (normalised averaging, Knutsson & Westin 1993).
+/// Mean of a function over pairs of directions, without missing values (normalised averaging, Knutsson & Westin 1993).
 struct Mean {
-    /// Outgoing directions with their weights.
+    /// Outgoing directions over which the function is averaged, with their weights.
     parts: Vec<Part>,
     sums: Vec<f64>,
     weights: Vec<f64>,

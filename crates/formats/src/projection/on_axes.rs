@@ -10,7 +10,9 @@ use crate::domain::{Axis, Layout, Measurement, Note, Sampling, Tensor, check_axe
 use crate::formats::Acquisition;
 use crate::notes::ProjectionNote;
 
-/// Projects `tensor`, the samples of `acquisition`.
+/// Projects `tensor`, whose axes the result can keep (wavelengths, grids or triangles of directions), onto the
+/// requested axes. Averages its samples over coarser triangles or wavelength bands if the request demands it; otherwise
+/// they stay unchanged.
 pub(super) fn project(
     acquisition: &Acquisition,
     tensor: &Tensor,
@@ -55,7 +57,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers: None, scattered: None, lobe: None })
 }
 
-/// Returns the axis at `level`, and the averages that lead to it from `axis`.
+/// Returns the direction axis at the coarser triangle `level`, and the averages that convert samples on `axis` to it.
 fn coarsen(
     role: Role,
     axis: Option<&Axis>,

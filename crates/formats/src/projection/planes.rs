@@ -7,17 +7,19 @@ use crate::formats::{Acquisition, AngleGrid, Angles, AzimuthExtent, Samples, Sca
 use crate::notes::ProjectionNote;
 use std::borrow::Cow;
 
-/// Largest gap in degrees between azimuths that form a grid. Wider gaps separate scan planes: light between them
+/// Largest gap in degrees between azimuths that form a grid. Wider gaps separate scan planes, between which light
 /// cannot be interpolated. Raising it keeps more scans as grids.
 const PLANES: f64 = 90.0;
-/// Largest number of direction pairs that are fitted without a grid; larger grids stay grids. Scans in planes have
-/// fewer.
+/// Largest number of direction pairs for which a grid of scan planes is treated as scattered samples; larger grids stay
+/// grids. Scans in planes have fewer.
 const MOST: usize = 1 << 22;
 
-/// Formats whose files define the function between any two of their azimuths: their grids are no scan planes.
+/// Names of file formats that define the function between any two of their azimuths, so that their grids are no
+/// separate scan planes.
 const DENSE: [&str; 1] = ["mbsdf"];
 
-/// Returns the samples at scattered directions: those of a file without a grid, or with a grid of scan planes.
+/// Returns the samples at scattered directions of a file that has no grid of angles, or whose grid consists of separate
+/// scan planes.
 pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Scattered>> {
     match &acquisition.samples {
         Samples::Scattered(scattered) => Some(Cow::Borrowed(scattered)),
@@ -25,7 +27,7 @@ pub(crate) fn scattered_samples(acquisition: &Acquisition) -> Option<Cow<'_, Sca
     }
 }
 
-/// Returns samples that replace the grid of `acquisition`, and a note for the user; `None` if the grid is kept. If the
+/// Returns samples that replace the grid of a measurement, and a note for the user; `None` if the grid is kept. If the
 /// user requests [`DirectionDomain::Grid`], scan planes stay a grid.
 pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<(Samples, Note)> {
     if let Some(scattered) = open_samples(acquisition, domain) {
@@ -46,7 +48,8 @@ pub(super) fn instead(acquisition: &Acquisition, domain: Option<DirectionDomain>
     Some((Samples::Grid(grid), ProjectionNote::OneAzimuthIsotropic.into()))
 }
 
-/// Returns scattered samples in place of a grid with undefined gaps between its angles; `None` if the grid is kept.
+/// Returns scattered samples in place of a grid of angles between which the values are undefined (scan planes or single
+/// rings); `None` if the grid is kept.
 fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> Option<Scattered> {
     let (grid, incoming, outgoing) = pairs_of_directions(acquisition)?;
     let is_ring = |angles: &Angles| angles.phi.is_some() && angles.covers.0 == angles.covers.1;
@@ -57,30 +60,31 @@ fn open_samples(acquisition: &Acquisition, domain: Option<DirectionDomain>) -> O
     is_taken.then(|| scattered(grid, incoming, outgoing, width))
 }
 
-/// Returns the grid of a BRDF, BTDF or BSDF of one sample, with its incoming and outgoing angles.
+/// Returns the grid of a BRDF, BTDF or BSDF, with its incoming and outgoing angles; `None` for other quantities and for
+/// series of several measurements.
 fn pairs_of_directions(acquisition: &Acquisition) -> Option<(&AngleGrid, &Angles, &Angles)> {
     let Samples::Grid(grid) = &acquisition.samples else { return None };
     let is_single = acquisition.quantity.has_cosine() && grid.index.is_empty();
     Some((grid, grid.incoming.as_ref()?, grid.outgoing.as_ref()?)).filter(|_| is_single)
 }
 
-/// Returns true if azimuths are scan planes, between which nothing is known.
+/// Returns true if the azimuths of a grid are scan planes, between which nothing is known.
 fn is_plane(angles: &Angles) -> bool {
     single_azimuth(angles).is_some() || widest_gap(angles) > PLANES
 }
 
-/// Returns true if the angles cover an area: they are neither a single ring nor scan planes.
+/// Returns true if the angles of a grid cover an area on the sphere: they are neither a single ring nor scan planes.
 pub(super) fn has_area(angles: &Angles) -> bool {
     angles.covers.0 < angles.covers.1 && !is_plane(angles)
 }
 
-/// Returns the azimuth of a sector that consists of a single plane.
+/// Returns the azimuth of a grid that has a single azimuth; `None` for other grids.
 pub(super) fn single_azimuth(angles: &Angles) -> Option<f64> {
     let azimuths = angles.phi.as_ref().filter(|azimuths| azimuths.extent == AzimuthExtent::Sector)?;
     if let [alone] = azimuths.phi[..] { Some(alone) } else { None }
 }
 
-/// Returns the largest difference between neighbouring azimuths, in degrees.
+/// Returns the largest difference between neighbouring azimuths of a grid, in degrees.
 fn widest_gap(angles: &Angles) -> f64 {
     let Some(azimuths) = &angles.phi else { return 0.0 };
     let within = azimuths.phi.array_windows().map(|[a, b]| b - a).fold(0.0, f64::max);
@@ -90,7 +94,7 @@ fn widest_gap(angles: &Angles) -> f64 {
     }
 }
 
-/// Returns each measured pair of directions with its spectrum.
+/// Converts a grid of angles to scattered samples: each measured pair of directions with its spectrum.
 fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usize) -> Scattered {
     let [into, out] = [incoming, outgoing].map(directions);
     let pairs = into.iter().flat_map(|wi| out.iter().map(move |wo| (*wi, *wo)));
@@ -118,7 +122,7 @@ fn scattered(grid: &AngleGrid, incoming: &Angles, outgoing: &Angles, width: usiz
     found
 }
 
-/// Returns `[theta, phi]` in degrees of every sample of one side.
+/// Returns `[theta, phi]` in degrees of every direction of a grid of angles.
 fn directions(angles: &Angles) -> Vec<[f64; 2]> {
     let phi = angles.phi.as_ref().map_or(&[0.0][..], |azimuths| &azimuths.phi);
     angles.theta.iter().flat_map(|&theta| phi.iter().map(move |&phi| [theta, phi])).collect()

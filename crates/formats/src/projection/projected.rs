@@ -7,54 +7,58 @@ use crate::domain::{Measurement, Note, Tensor};
 use crate::formats::Contradictions;
 use serde::{Deserialize, Serialize};
 
-/// A projected measurement.
+/// Result of a projection: a measurement resampled to final axes, with facts about the resampling.
 #[derive(Clone, Debug)]
 pub struct Projected {
-    /// The tensor with its quantity and unit.
+    /// Resampled tensor with its physical quantity and unit.
     pub measurement: Measurement,
-    /// Coverage of the cells by samples.
+    /// Coverage of the direction cells (triangles, grid directions, or pairs of them) by samples.
     pub coverage: Coverage,
-    /// Marks filled cells (continued, mirrored or exchanged, not measured): one entry for each spectrum of the tensor,
-    /// row-major. Empty if no cell is filled.
+    /// Marks of cells that were filled (continued, mirrored or exchanged, not measured): one for each spectrum of the
+    /// tensor, row-major. Empty if no cell is filled.
     pub filled: Vec<bool>,
-    /// Numbers of a file that states a separate factor, on the axes of the measurement. `None` if the factor is 1 or
-    /// the numbers were resampled.
+    /// Numbers as a file writes them if it states a separate factor, on the axes of the measurement. `None` if the
+    /// factor is 1 or the numbers were resampled.
     pub numbers: Option<Numbers>,
-    /// Samples at scattered directions, with which a material made of the measurement is compared.
+    /// Measured samples at scattered directions, with which the compressed material is compared; `None` for files with
+    /// a grid.
     pub scattered: Option<ScatteredSamples>,
-    /// Lobe narrower than the cells; the measurement is the sum of both.
+    /// Lobe narrower than the cells of the tensor; the measurement is the sum of the tensor and the lobe.
     pub lobe: Option<CarriedLobe>,
 }
 
 /// Numbers as the file writes them. A value of the measurement is `factor` times its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers {
-    /// The numbers as stated.
+    /// Numbers as the measurement file lists them, not yet multiplied by the factor that the file states apart from
+    /// them.
     pub tensor: Tensor,
     /// Product of all multipliers that the file states once for all numbers.
     pub factor: f64,
 }
 
-/// Coverage of a projection: how many cells are measured, interpolated, filled or empty.
+/// Coverage of a measurement resampled to direction cells: how many cells are measured, interpolated, filled or empty.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Coverage {
-    /// Number of cells of directions (spectra, not samples).
+    /// Number of direction cells (triangles, grid directions, or pairs of them), each of which holds one spectrum.
     pub cells: u64,
-    /// Number of cells that contain a sample, or all cells for data already on their final axes.
+    /// Number of direction cells that contain a sample, or of all cells for data already on their final axes.
     pub measured: u64,
-    /// Number of cells between samples.
+    /// Number of direction cells without a sample that lie between samples.
     pub interpolated: u64,
-    /// Number of cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
+    /// Number of direction cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub filled: u64,
-    /// Number of cells outside the measured range: masked, or 0 if the format's standard says so.
+    /// Number of direction cells outside the measured range: masked, or 0 if the standard of the file format says so.
     pub empty: u64,
-    /// Reasons for the chosen axes. JSON holds the sentences only.
+    /// Remarks for the user on why the program chose the axes of the resampled data. JSON holds the sentence of each
+    /// remark only.
     #[serde(with = "sentences")]
     #[cfg_attr(feature = "schema", schema(value_type = Vec<String>))]
     pub notes: Vec<Note>,
-    /// Differences between values that the file states for one direction; measured on the file's own grid only.
+    /// Differences between values that the file states several times for one direction; measured only if the file's own
+    /// grid is kept.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradictions: Option<Contradictions>,
     /// Noise and outliers of samples at scattered directions.
@@ -67,7 +71,7 @@ fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Notes in JSON as their sentences. Notes that were read have no codes.
+/// Serialisation of notes as their sentences. Notes that were read back have no codes.
 mod sentences {
     use crate::domain::{Note, NoteKind};
     use serde::{Deserialize, Deserializer, Serializer};

@@ -4,17 +4,18 @@
 use super::error::{ProjectionError, ReciprocalError};
 use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame, Measurement, Quantity, Tensor};
 
-/// A reciprocal measurement, and the deviation of the original from reciprocity.
+/// A measurement made reciprocal, and the deviation of the original from reciprocity.
 #[derive(Clone, Debug)]
 pub struct Reciprocal {
-    /// The measurement, on the original axes.
+    /// Measurement on the axes of the original in which each value f(ωi, ωo) is replaced by the mean of f(ωi, ωo) and
+    /// f(ωo, ωi).
     pub measurement: Measurement,
-    /// Median difference of the two values of an exchanged pair, relative to their mean if that is positive. `None` if
-    /// there is no such pair.
+    /// Median of |f(ωi, ωo) − f(ωo, ωi)| in the original, relative to the mean of both values where it is positive.
+    /// `None` if there is no such pair.
     pub difference: Option<f64>,
 }
 
-/// Makes a BRDF on a grid reciprocal: f(ωi, ωo) becomes the mean of f(ωi, ωo) and f(ωo, ωi), or the one that was
+/// Makes a BRDF on a grid reciprocal: f(ωi, ωo) becomes the mean of f(ωi, ωo) and f(ωo, ωi), or whichever of them was
 /// measured. The grid must hold every exchanged pair: its outgoing directions are its incoming ones, as in an MBSDF
 /// file.
 pub fn reciprocal(measurement: &Measurement) -> Result<Reciprocal, ProjectionError> {
@@ -62,12 +63,13 @@ pub fn reciprocal(measurement: &Measurement) -> Result<Reciprocal, ProjectionErr
     Ok(Reciprocal { measurement: Measurement { tensor, ..measurement.clone() }, difference })
 }
 
-/// Index arithmetic that finds the exchanged pair of directions.
+/// Index arithmetic that finds the position of f(ωo, ωi) from that of f(ωi, ωo) in an array.
 #[derive(Clone, Copy)]
 enum Exchange {
-    /// `[incoming elevation, outgoing elevation, azimuth between them]`, even in the azimuth.
+    /// Isotropic array `[incoming polar angle, outgoing polar angle, azimuth between them]`, whose values do not depend
+    /// on the sign of the azimuth.
     Isotropic { count: usize, azimuths: usize },
-    /// `[incoming direction, outgoing direction]`.
+    /// Anisotropic array `[incoming direction, outgoing direction]`.
     Anisotropic { count: usize },
 }
 
@@ -84,8 +86,8 @@ impl Exchange {
     }
 }
 
-/// Returns true if one value represents an azimuth and its negative. Exchanging the directions of an isotropic surface
-/// reverses the azimuth between them.
+/// Returns true if the values of a grid do not depend on the sign of the azimuth. Exchanging the directions of an
+/// isotropic surface reverses the azimuth between them.
 fn is_even(grid: &DirectionGrid) -> bool {
     grid.frame() == Frame::Surface && grid.azimuths().is_none_or(|azimuths| azimuths.extent == AzimuthExtent::Mirrored)
 }

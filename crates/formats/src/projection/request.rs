@@ -3,43 +3,45 @@
 use super::error::{DomainError, ProjectionError};
 use crate::domain::{WavelengthGrid, named};
 
-/// Domain of the directions after projection.
+/// Domain of directions onto which a measurement is resampled: a grid of angles or triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum DirectionDomain {
-    /// The polar angles and azimuths of the file, if it has a grid of them.
+    /// The grid of polar angles and azimuths of the file, if it has one.
     Grid,
     /// The triangles of a subdivided octahedron, over which samples are averaged.
     Triangles,
 }
 named!(DirectionDomain, "domain of directions", { Grid = "grid", Triangles = "triangles" });
 
-/// Domain of sources with a grid if the request gives neither a domain nor a level.
+/// Domain of directions for files with a grid, if the request gives neither a domain nor a triangle level.
 const DEFAULT: DirectionDomain = DirectionDomain::Grid;
 
-/// Requested axes; everything omitted is chosen from the density of the data.
+/// Axes requested for a measurement; everything omitted is chosen from the density of the data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AxesRequest {
-    /// Domain of directions: the grid of the file, or triangles. A level also selects triangles.
+    /// Domain of directions: the grid of the file, or triangles. Requesting a triangle level also selects triangles.
     pub domain: Option<DirectionDomain>,
-    /// Subdivision level of the incoming triangles.
+    /// Subdivision level of the triangles of incoming directions.
     pub incoming_level: Option<u8>,
-    /// Subdivision level of the outgoing triangles.
+    /// Subdivision level of the triangles of outgoing directions.
     pub outgoing_level: Option<u8>,
-    /// Wavelengths to resample to.
+    /// Wavelengths to which the spectra are resampled.
     pub wavelengths: Option<WavelengthGrid>,
-    /// Additional subdivisions of the outgoing triangles of scattered samples, beyond the level that fits their
-    /// spacing. Used if no level is given; fewer if the tensor would become too large.
+    /// Number of additional subdivisions of the outgoing triangles for scattered samples, beyond the level that fits
+    /// the sample spacing. Used if no level is requested; fewer if the tensor would become too large.
     pub finer: u8,
-    /// Relative error promised by the later compression: 0.01 is 1 %, also the default.
+    /// Root mean square of the relative error that the compression of the projected data guarantees; 0.01 (1 %) by
+    /// default.
     pub target: Option<f64>,
 }
 
-/// Relative error promised if the request gives none: 0.01 is 1 %.
+/// Relative error that the compression guarantees if the request gives none: 0.01 is 1 %.
 const TARGET: f64 = 0.01;
 
 impl AxesRequest {
-    /// Returns what the directions of a file with a grid of angles are projected onto: its grid, or triangles.
+    /// Returns the domain onto which the directions of a file with a grid of angles are resampled: its grid, or
+    /// triangles.
     pub(super) fn domain(&self) -> Result<DirectionDomain, ProjectionError> {
         let has_level = self.incoming_level.is_some() || self.outgoing_level.is_some();
         match (self.domain, has_level) {
@@ -49,7 +51,8 @@ impl AxesRequest {
         }
     }
 
-    /// Returns the promised relative error.
+    /// Returns the root mean square of the relative error that the compression of the projected data guarantees: the
+    /// requested one, or 0.01 (1 %).
     pub(super) fn target(&self) -> f64 {
         self.target.unwrap_or(TARGET)
     }

@@ -4,29 +4,31 @@ use super::averages::Averages;
 use super::bands::Bands;
 use rayon::prelude::*;
 
-/// Number of values that one task computes at a time.
+/// Number of output values that one task computes at a time.
 const BLOCK: usize = 1 << 12;
 
-/// Resampling of an axis of directions; its length is 1 if there are no directions.
+/// Resampling of an axis of directions. Data without directions count as having such an axis of length 1.
 pub(super) enum Directions {
     Kept(usize),
     Averaged {
-        /// Number of samples before averaging.
+        /// Number of directions in the file, from which averages over triangles of directions are computed.
         from: usize,
         averages: Averages,
     },
 }
 
-/// Resampling of the spectral axis; its length is 1 if there are no channels.
+/// Resampling of the spectral axis, which holds wavelengths or colour channels. Data without a spectral axis count as
+/// having one of length 1.
 #[derive(Clone, Debug)]
 pub(super) enum Channels {
     Kept(usize),
     Banded {
-        /// Number of samples before averaging.
+        /// Number of wavelengths in the file, from which averages over the bands of the requested wavelengths are
+        /// computed.
         from: usize,
         bands: Bands,
     },
-    /// Multiplies the single sample by each factor.
+    /// The single value of each direction is multiplied by the factor of each wavelength.
     Multiplied(Vec<f64>),
 }
 
@@ -53,7 +55,7 @@ impl Directions {
         }
     }
 
-    /// Returns true if no sample contributes to entry `index`.
+    /// Returns true if no sample contributes to position `index` on the resampled direction axis.
     pub(super) fn is_empty(&self, index: usize) -> bool {
         match self {
             Self::Kept(_) => false,
@@ -91,7 +93,7 @@ impl Channels {
 }
 
 impl Resampling {
-    /// Returns true if the samples stay unchanged.
+    /// Returns true if the resampling leaves all samples unchanged.
     pub(super) fn is_identity(&self) -> bool {
         matches!(
             self,
@@ -99,7 +101,8 @@ impl Resampling {
         )
     }
 
-    /// Returns the samples on the new axes; NaN is masked. `missing` is true if there may be NaN among `values`.
+    /// Returns the samples on the new axes, where NaN is masked. `missing` is true if there may be NaN among the input
+    /// `values`.
     ///
     /// Besides the output it needs memory for one plane `[outgoing, spectral]` of samples. One task sums each output
     /// value in the order of the samples, so that the bits do not depend on the number of threads.
@@ -157,7 +160,7 @@ impl Resampling {
     }
 }
 
-/// Converts to float32, with one bit pattern of NaN for all masked samples.
+/// Converts a value to float32, with one bit pattern of NaN for all masked samples.
 fn sample(value: f64) -> f32 {
     if value.is_nan() { f32::NAN } else { value as f32 }
 }

@@ -11,16 +11,16 @@ use crate::formats::{Acquisition, Angles, Samples, SpectralFactor};
 use crate::notes::ProjectionNote;
 use rayon::prelude::*;
 
-/// Number of samples compared at a time: memory is needed for two arrays of this length.
+/// Number of samples compared with a tensor at a time: memory is needed for two arrays of this length.
 const PIECE: usize = 1 << 20;
 
-/// A sample and the entry of the tensor's axis that contains it.
+/// Index of a direction in the file, and index of the position on the tensor axis that contains it.
 type Pair = (usize, usize);
 
-/// Mapping of samples `[index, incoming, outgoing, spectral]` to entries of the tensor.
+/// Mapping of the samples of a file `[index, incoming, outgoing, spectral]` to positions in a tensor.
 struct Pairing<'a> {
     values: &'a [f32],
-    /// Numbers of samples in the file: incoming directions, outgoing directions and channels.
+    /// Sizes of the sample array of the file: incoming directions, outgoing directions and channels.
     shape: (usize, usize, usize),
     outer: usize,
     incoming: Vec<Pair>,
@@ -28,8 +28,8 @@ struct Pairing<'a> {
     channels: Channels,
 }
 
-/// Measures the errors of `measurement`, projected or decoded, at the original samples of the file. Values are looked
-/// up piecewise constant in direction; samples are resampled to the wavelengths of the tensor.
+/// Measures the errors of `measurement`, projected or decoded, at the original samples of the file. The tensor is taken
+/// as piecewise constant in direction; the samples are resampled to its wavelengths.
 ///
 /// Returns `None` if the directions of the samples are those of the tensor, or if the tensor does not belong to this
 /// file. Also returns `None` for samples at scattered directions, which are compared with an evaluated material
@@ -77,8 +77,8 @@ pub fn error_at_samples(acquisition: &Acquisition, measurement: &Measurement) ->
     Some(errors.finish())
 }
 
-/// Returns a note if the cells of a grid, at levels chosen by its spacing, miss its samples by more than half the
-/// target.
+/// Returns a note if triangles of automatically chosen levels miss the samples of a grid by more than half the target
+/// error.
 pub(super) fn coarseness(acquisition: &Acquisition, measurement: &Measurement, request: &AxesRequest) -> Option<Note> {
     if request.incoming_level.is_some() || request.outgoing_level.is_some() {
         return None;
@@ -133,8 +133,8 @@ fn pair<'a>(acquisition: &Acquisition, samples: &'a Samples, measurement: &Measu
     }
 }
 
-/// Returns the conversion of the file's channels to those on the `axis` of the tensor; `None` if that is not from this
-/// file.
+/// Returns the conversion of the file's channels to those on the spectral `axis` of a tensor; `None` if the tensor does
+/// not belong to this file.
 fn channels(own: Option<&Axis>, factor: Option<&SpectralFactor>, axis: Option<&Axis>) -> Option<Channels> {
     let wanted = if let Some(Axis::Wavelength(grid)) = axis { Some(grid) } else { None };
     let spectral = spectral::plan(own, factor, wanted).ok()?;

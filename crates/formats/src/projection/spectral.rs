@@ -14,8 +14,8 @@ pub(super) struct Spectral {
     pub(super) notes: Vec<Note>,
 }
 
-/// Plans the spectral axis. `own` is that of the samples, `factor` a spectrum joined with them, `wanted` the requested
-/// wavelengths.
+/// Plans the spectral axis of a tensor. `own` is the spectral axis of the samples, `factor` a spectrum to multiply them
+/// by, `wanted` the requested wavelengths.
 pub(super) fn plan(
     own: Option<&Axis>,
     factor: Option<&SpectralFactor>,
@@ -58,7 +58,7 @@ pub(super) fn plan(
     }
 }
 
-/// Returns true if two grids have equal wavelengths, whatever their representation.
+/// Returns true if two wavelength grids have equal wavelengths, however they are represented.
 pub(super) fn same(a: &WavelengthGrid, b: &WavelengthGrid) -> bool {
     a.len() == b.len() && (0..a.len()).all(|i| a.at(i) == b.at(i))
 }
@@ -134,6 +134,9 @@ mod tests {
         );
         assert!(refusal(Some(&lambda), Some(&factor), "400:700:10").contains("of their own"));
         let short = SpectralFactor { grid: grid("400:402:1"), factors: vec![1.0; 2] };
-        assert_eq!(refusal(None, Some(&short), "400:700:10"), "spectrum: 2 factors for 3 wavelengths");
+        assert_eq!(
+            refusal(None, Some(&short), "400:700:10"),
+            "spectrum: found 2 factors for 3 wavelengths, expected one for each"
+        );
     }
 }

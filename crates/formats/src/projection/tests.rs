@@ -43,7 +43,7 @@ fn edf(outgoing: Angles, outside: Outside, f: impl Fn(f64, f64) -> f32) -> Acqui
     acquisition(Quantity::Edf, Samples::Grid(grid))
 }
 
-/// An anisotropic BRDF with colour channels, `f(wi, wo, channel)`.
+/// Test data: an anisotropic BRDF with colour channels, given by `f(wi, wo, channel)`.
 fn brdf(f: impl Fn(Direction, Direction, usize) -> f32) -> Acquisition {
     let incoming = angles(steps(0.0, 15.0, 7), (0.0, 90.0), Some((steps(0.0, 30.0, 12), AzimuthExtent::Circle)));
     let outgoing = angles(steps(0.0, 10.0, 10), (0.0, 90.0), Some((steps(0.0, 20.0, 18), AzimuthExtent::Circle)));
@@ -82,7 +82,7 @@ fn grid_of(acquisition: &mut Acquisition) -> &mut AngleGrid {
     }
 }
 
-/// A request for triangles.
+/// Axes request that demands triangles of directions.
 fn triangles() -> AxesRequest {
     AxesRequest { domain: Some(DirectionDomain::Triangles), ..AxesRequest::default() }
 }
@@ -270,13 +270,13 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
     assert_eq!((projected.coverage.cells, projected.coverage.empty), (48, 0));
     assert_eq!(
         refusal(&acquired, &levels(Some(2), None)),
-        "incoming_level: the data are isotropic (3 elevations), no incoming triangles to choose a level for"
+        "incoming_level does not fit the data: the data are isotropic (3 elevations), no incoming triangles to choose a level for"
     );
     let errors = error_at_samples(&acquired, &projected.measurement).unwrap();
     assert_eq!((errors.samples, errors.max_absolute_error), (210, 0.0));
 }
 
-/// A lobe around the mirror direction, as a scan of these azimuths.
+/// Test data: a BRDF lobe around the mirror direction, measured in scan planes at these azimuths.
 fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
     let incoming = angles(steps(0.0, 15.0, 5), (0.0, 60.0), Some((vec![phi_i], AzimuthExtent::Sector)));
     let outgoing = angles(steps(0.0, 5.0, 18), (0.0, 90.0), Some((phi_o, extent)));

@@ -31,7 +31,7 @@ fn wavelengths(count: usize) -> Axis {
     Axis::Wavelength(WavelengthGrid::even(380.0, 5.0, count).unwrap())
 }
 
-/// Positive test function of every axis; each seed gives another one.
+/// Returns a measurement with positive test values that vary along every axis; each seed gives other values.
 fn measurement(quantity: Quantity, axes: Vec<Axis>, seed: u64) -> Measurement {
     let mut rng = Pcg64::seed_from_u64(seed);
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -63,7 +63,7 @@ fn spectrum(seed: u64) -> Measurement {
     measurement(Quantity::Spectrum, vec![wavelengths(75)], seed)
 }
 
-/// Returns the measurement with the given samples masked.
+/// Returns the measurement with the samples masked whose flat index satisfies `is_masked`.
 fn masked(m: &Measurement, is_masked: impl Fn(usize) -> bool) -> Measurement {
     let samples = m.tensor.samples().iter().enumerate().map(|(i, &s)| if is_masked(i) { f32::NAN } else { s });
     let tensor = Tensor::new(m.tensor.axes().to_vec(), samples.collect()).unwrap();
@@ -74,7 +74,8 @@ fn file(m: &Measurement, settings: &Settings) -> Vec<u8> {
     compress::compress(m, settings, &Silent).unwrap().bytes
 }
 
-/// Settings of one of the paper's policies in bior4.4, with an error target of 5 %.
+/// Compresses a measurement in wavelet basis bior4.4 by the given policy (rule by which coefficients are kept) to a
+/// relative L2 error of 5 %.
 fn kept(m: &Measurement, policy: Policy) -> Vec<u8> {
     file(m, &settings(Target::ErL2(0.05), policy, "bior4.4"))
 }
@@ -88,7 +89,7 @@ fn combined(files: &[Vec<u8>], weights: &[f64]) -> Combined {
     combine(&operands(files, weights), &settings, Recompress::IfNeeded, &Silent).unwrap()
 }
 
-/// Returns the largest difference between the decoded result and the exact combination, relative to the largest sum of
+/// Returns the largest difference between a decoded sum of materials and the exact sum, relative to the largest sum of
 /// magnitudes, and the number of masked samples.
 fn off(files: &[Vec<u8>], weights: &[f64], result: &[u8]) -> (f64, usize) {
     let decoded: Vec<_> = files.iter().map(|bytes| decode(bytes).unwrap().measurement.tensor).collect();
@@ -165,7 +166,8 @@ fn a_difference_with_itself_is_zero_and_one_operand_is_scaled() {
     assert!(single.samples().iter().zip(double.samples()).all(|(a, b)| 2.0 * a == *b));
 }
 
-/// Masks that differ: below nodes with one live child nothing is coded, so what the other operand keeps there moves.
+/// Checks sums of two materials of which one has masked samples. Files store no details of a triangle with at most one
+/// unmasked child, so the details that the other material has there must pass into coarser coefficients.
 #[test]
 fn masked_in_either_is_masked_and_the_rest_stays_exact() {
     let row = 64 * 13;

@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::sync::Arc;
 
-/// Line lengths for the tests of products.
+/// Numbers of samples of the spectra with which sums and products in the compressed domain are tested.
 const LENGTHS: [usize; 7] = [1, 2, 3, 5, 8, 75, 91];
 
 fn space(basis: LineBasis, boundary: Boundary, length: usize) -> Arc<LineSpace> {
@@ -22,7 +22,7 @@ fn own(name: &str, length: usize) -> Arc<LineSpace> {
     LineSpace::new(AxisTransform::line(name.parse().unwrap()), length).unwrap()
 }
 
-/// A positive spectrum with structure at every scale, seeded.
+/// Returns a pseudo-random positive test spectrum with structure at every scale.
 fn samples(length: usize, seed: u64) -> Vec<f64> {
     let mut rng = Pcg64::seed_from_u64(seed);
     let phase = rng.random::<f64>() * 6.0;

@@ -5,7 +5,7 @@ use crate::algebra::{Accumulator, Couplings, Multiplier, SparseSpectrum};
 use crate::transform::Klt;
 use rayon::prelude::*;
 
-/// Checks all identities of products in one basis.
+/// Checks all identities of products of spectra in one basis.
 fn check(space: &Arc<LineSpace>, name: &str) {
     let couplings = Couplings::new(space).unwrap();
     let n = space.length();
@@ -94,8 +94,8 @@ fn one_is_the_neutral_factor() {
     }
 }
 
-/// On whole pairs, a fine function meets only a constant part of any coarser one. C(k; i, j) is then nonzero for k = j
-/// only, and the square of a function has one coefficient per level.
+/// Checks that the Haar basis has few coupling coefficients C(k; i, j). With a power of two samples, a fine function
+/// meets only a constant part of any coarser one, so that only k = j is nonzero.
 #[test]
 fn couplings_of_haar_are_few() {
     let length = 64;
@@ -125,7 +125,8 @@ fn multipliers_are_products_with_one_factor() {
     }
 }
 
-/// The Karhunen-Loève basis of the data: exact if complete, otherwise a projection on its span.
+/// Checks products in the Karhunen-Loève basis of the data: exact if the basis is complete, otherwise a projection on
+/// its span.
 #[test]
 fn products_in_the_datas_own_basis() {
     let rows: Vec<f32> = (0..60).flat_map(|seed| samples(20, seed)).map(|x| x as f32).collect();

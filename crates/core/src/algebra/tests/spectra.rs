@@ -11,8 +11,8 @@ fn every_space() -> Vec<(LineBasis, Boundary, usize)> {
     bases.flat_map(|(basis, boundary)| LENGTHS.map(|length| (basis, boundary, length))).collect()
 }
 
-/// Tolerances are wide because f64 rounding grows with the norms of the basis functions, which are large for splines
-/// with short duals.
+/// Checks in every basis that a spectrum decodes to its samples, and that dot products of coefficients equal those of
+/// samples. Tolerances are wide: rounding grows with the norms of basis functions, large for splines with short duals.
 #[test]
 fn samples_come_back_and_dot_products_are_theirs_in_every_basis() {
     every_space().into_par_iter().for_each(|(basis, boundary, length)| {

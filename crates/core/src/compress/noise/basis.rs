@@ -4,38 +4,46 @@ use crate::domain::TriangleMesh;
 use crate::numeric::dense::dot;
 use crate::numeric::orthogonal::remainder;
 
-/// Positions of the entries of an axis.
+/// Positions of the entries of an axis, for fitting polynomials to neighbouring samples.
 pub(super) enum Place {
-    /// Triangles of a mesh that is fine enough for cubics.
+    /// Triangles of a mesh that is fine enough for fitting cubic polynomials.
     Plane(TriangleMesh),
-    /// Positions on a line.
+    /// Positions of all entries of a one-dimensional axis, for example its wavelengths.
     Line(Vec<f64>),
-    /// Entries without neighbours; only their mean is removed.
+    /// Axis whose entries have no order (index, colours) or are too few. Only the mean over it is subtracted when noise
+    /// is estimated, not polynomials up to degree 3.
     Unordered,
 }
 
-/// Part of an orthonormal basis that separates noise from signal.
+/// Orthonormal vectors on a few neighbouring samples of an axis, by polynomial degree from 2 up. Smooth signals have
+/// small coefficients in the high degrees, noise has equal ones in all.
 pub(super) struct Basis {
-    /// Polynomials of degree 2, orthogonal to lower degrees.
+    /// Polynomials of degree 2 at the positions of the samples (on a line, or in the tangent plane of triangles),
+    /// orthogonal over these samples to all lower degrees.
     pub(super) second: Vec<Vec<f64>>,
-    /// Polynomials of degree 3, orthogonal to lower degrees.
+    /// Polynomials of degree 3 at the positions of the samples (on a line, or in the tangent plane of triangles),
+    /// orthogonal over these samples to all lower degrees.
     pub(super) third: Vec<Vec<f64>>,
-    /// Vectors orthogonal to every polynomial of degree ≤ 3 (for entries without neighbours: to the constant).
+    /// Vectors over the samples that are orthogonal to every polynomial of degree up to 3 in the samples' positions. On
+    /// an axis without order they are orthogonal to the constant alone.
     pub(super) high: Vec<Vec<f64>>,
 }
 
-/// Fraction of its length below which the remainder of a vector counts as linearly dependent.
+/// Fraction of a vector's length below which its remainder outside a span counts as 0, hence the vector as linearly
+/// dependent.
 const DEPENDENT: f64 = 1e-5;
 
 impl Basis {
-    /// Basis of a single sample.
+    /// Basis of the missing second axis of a block of samples along one axis only: the number 1. Stored as a vector of
+    /// high degree, it leaves the coefficients of the first axis unchanged.
     pub(super) fn single() -> Self {
         Self { second: Vec::new(), third: Vec::new(), high: vec![vec![1.0]] }
     }
 }
 
 impl Place {
-    /// Basis of the samples at `entries`; `None` if no vector orthogonal to the polynomials would remain.
+    /// Builds an orthonormal basis, polynomials first, on the samples at `entries`; `None` if no vector orthogonal to
+    /// the polynomials would remain.
     pub(super) fn basis(&self, entries: &[usize]) -> Option<Basis> {
         let n = entries.len();
         // Number of polynomials up to degree 3, plus one.
@@ -79,7 +87,7 @@ impl Place {
         Some(Basis { second, third, high })
     }
 
-    /// Coordinates scaled to about −1..1; the second only for triangles.
+    /// Coordinates of axis entries, scaled to about −1..1: one on a line, two in the tangent plane of triangles.
     fn coordinates(&self, entries: &[usize]) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
         match self {
             Self::Plane(mesh) => {
@@ -108,7 +116,7 @@ fn power(x: f64, exponent: i32) -> f64 {
     (0..exponent).fold(1.0, |product, _| product * x)
 }
 
-/// Shifts and scales the values to −1..1.
+/// Shifts and scales values linearly to the interval −1..1.
 fn centred(values: &[f64]) -> Vec<f64> {
     let (low, high) = values.iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     let half = ((high - low) / 2.0).max(f64::MIN_POSITIVE);

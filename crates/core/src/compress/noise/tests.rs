@@ -22,7 +22,7 @@ fn brdf_axes() -> Vec<Axis> {
     vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 4), lambda(31)]
 }
 
-/// Normal deviates (Box & Muller 1958).
+/// Generator of standard normal deviates (Box & Muller 1958).
 struct Normal(Pcg64);
 
 impl Normal {
@@ -32,7 +32,7 @@ impl Normal {
     }
 }
 
-/// Signal with noise in every sample (`own`) and in every row of the last axis (`gain`).
+/// Test measurement: a signal with noise in every sample (`own`) and in every row of the last axis (`gain`).
 fn measured(quantity: Quantity, axes: Vec<Axis>, signal: impl Fn(&[usize]) -> f64, own: f64, gain: f64) -> Measurement {
     let mut normal = Normal(Pcg64::seed_from_u64(11));
     let shape: Vec<usize> = axes.iter().map(Axis::len).collect();
@@ -61,7 +61,7 @@ fn points(level: u8, domain: Domain) -> Vec<Direction> {
     (0..mesh.len()).map(|i| mesh.centroid(i)).collect()
 }
 
-/// Diffuse red with a GGX lobe of roughness `alpha` and a little dispersion.
+/// Test signal: a red diffuse surface with a GGX lobe of roughness `alpha` and a little dispersion.
 fn glossy(alpha: f64) -> impl Fn(&[usize]) -> f64 {
     let (incoming, outgoing) = (points(1, Domain::Hemisphere), points(4, Domain::Hemisphere));
     move |place| {

@@ -13,27 +13,29 @@ use crate::transform::{AxisTransform, Klt, Plan, PlanError};
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Logarithms with their principal components.
+/// Coder of logarithms by the principal components of their own spectra, with fixed bases on the other axes.
 pub(crate) struct AdaptiveLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
     transforms: Vec<AxisTransform>,
     klt: Klt,
     logs: Vec<f32>,
-    /// Cache of the coefficients at the last fineness: size and error are requested one after the other.
+    /// Cache of the coefficients of the last quantiser setting, because a search asks for size and error of it one
+    /// after the other.
     last: RefCell<Option<(Fineness, Rc<Coefficients>)>>,
 }
 
-/// Coefficients on the basis of one fineness, transformed on the other axes.
+/// Coefficients of the logarithms: projected on a quantised spectral basis, then transformed along the other axes.
 struct Coefficients {
     basis: Basis,
     chunk: Vec<u8>,
-    /// `None` if the planes' axes cannot be transformed, which `AdaptiveLayer::new` excludes.
+    /// Transform along all axes but the spectral one, norms of its synthesis functions, coding order, and the
+    /// transformed coefficients. `None` if no transform fits the axes, which the constructor of the coder has excluded.
     planes: Option<(Plan, Scales, Rows, Vec<f32>)>,
 }
 
 impl<'a> AdaptiveLayer<'a> {
-    /// Analyses `logs` on `axes`, the last of which is spectral.
+    /// Computes the principal components of `logs` on `axes`, the last of which is spectral.
     pub(crate) fn new(axes: &[Axis], classes: Option<&'a [Class]>, logs: Vec<f32>) -> Result<Self, SettingError> {
         let length = axes.last().map_or(1, Axis::len);
         let klt = components(&logs, length, MAX_RANK)?;
@@ -42,7 +44,8 @@ impl<'a> AdaptiveLayer<'a> {
         Ok(Self { axes: axes.to_vec(), classes, transforms, klt, logs, last: RefCell::new(None) })
     }
 
-    /// Returns the coefficients at `fineness`.
+    /// Returns the coefficients for a quantiser setting (step and number of spectral vectors), from the cache if it was
+    /// the last.
     fn at(&self, fineness: Fineness) -> Rc<Coefficients> {
         if let Some((known, coefficients)) = &*self.last.borrow()
             && *known == fineness
@@ -57,7 +60,7 @@ impl<'a> AdaptiveLayer<'a> {
         coefficients
     }
 
-    /// Projects the logarithms on the basis, and transforms the other axes.
+    /// Projects the logarithms on the spectral basis, and transforms the projections along the other axes.
     fn planes(&self, basis: &Basis) -> Result<(Plan, Scales, Rows, Vec<f32>), PlanError> {
         let mut planes = basis.analyse(&self.logs);
         let (axes, plan) = plan_of_planes(&self.axes, &self.transforms, basis.rank())?;
@@ -108,7 +111,7 @@ impl FirstLayer for AdaptiveLayer<'_> {
     }
 }
 
-/// Decodes the logarithms of a basis chunk and a coefficients chunk.
+/// Decodes logarithms from a basis chunk (spectral vectors) and a coefficients chunk.
 pub(crate) fn decode(
     axes: &[Axis],
     transforms: &[AxisTransform],
@@ -134,7 +137,7 @@ pub(crate) fn decode(
     Ok(logs)
 }
 
-/// Axes of the coefficients on `rank` vectors, with their transform plan.
+/// Returns the axes of the projections on `rank` spectral vectors, with the transform plan of these axes.
 fn plan_of_planes(axes: &[Axis], transforms: &[AxisTransform], rank: usize) -> Result<(Vec<Axis>, Plan), PlanError> {
     let mut axes = axes.to_vec();
     let mut transforms = transforms.to_vec();
@@ -146,7 +149,8 @@ fn plan_of_planes(axes: &[Axis], transforms: &[AxisTransform], rank: usize) -> R
     Ok((axes, plan))
 }
 
-/// Marks the coefficients of rows that have a live sample; `None` without classes.
+/// Classes of the principal-component coefficients of every spectrum: positive if the spectrum has a nonzero, unmasked
+/// sample, else masked. `None` if the samples have no classes, as all are positive.
 fn plane_classes(axes: &[Axis], classes: Option<&[Class]>, rank: usize) -> Option<Vec<Class>> {
     let length = axes.last().map_or(1, Axis::len);
     let class_of = |row: &[Class]| {

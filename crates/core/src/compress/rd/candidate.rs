@@ -27,29 +27,30 @@ use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Upper bound on the correction of a sample, in steps; it keeps the integers within 32 bits.
+/// Upper bound on the correction of a sample, in correction steps; it keeps the integers within 32 bits.
 const LARGEST_CORRECTION: f64 = (1 << 30) as f64;
 
-/// Cache of a candidate's sizes.
+/// Cache of the file sizes that a search has found for one coding scheme.
 #[derive(Default)]
 pub(super) struct Sizes {
-    /// Sizes by step, in coefficients for a ratio, otherwise in bytes without the level index.
+    /// File size found for each quantiser step tried: number of nonzero coefficients if the target is a ratio,
+    /// otherwise bytes without the table of coarser resolution levels.
     pub(super) known: RefCell<BTreeMap<Notch, f64>>,
-    /// Bytes of the level index; an estimate until a file has been assembled.
+    /// Bytes of the table of coarser resolution levels in a file; an estimate until a file has been assembled.
     pub(super) index: Cell<Option<f64>>,
 }
 
-/// First layer in one scheme, ready to be tried at any step.
+/// Measurement prepared for coding in one scheme, ready to be tried at any quantiser step.
 pub(super) struct Candidate<'a> {
     pub(super) measurement: &'a Measurement,
     pub(super) settings: &'a Settings,
     pub(super) plane: ClassPlane<'a>,
     pub(super) layer: Counted<'a>,
-    /// Light corrections of each block and wavelength, with the step of their logarithms; `None` if no error of light
-    /// is bounded.
+    /// Integration weights for light corrections (of albedo or flux of each block and wavelength), and the step of
+    /// these corrections. `None` if no error of light is bounded.
     light: Option<(Light, f32)>,
     pub(super) floor: f32,
-    /// Error or size closest to the wanted one, reported if none is reached.
+    /// Smallest error or size found, reported if no trial reaches the wanted one.
     pub(super) closest: Cell<f64>,
     pub(super) sizes: Sizes,
 }
@@ -97,7 +98,8 @@ impl<'a> Candidate<'a> {
         Ok(Self { measurement, settings, plane, layer, light, floor, closest, sizes: Sizes::default() })
     }
 
-    /// Returns true if a file may state coarser levels.
+    /// Returns true if the file may contain coarser resolution levels: its samples are predicted from coarse to fine,
+    /// and incoming directions are not coded independently.
     pub(super) fn has_levels(&self) -> bool {
         (self.layer.is_predicted() || self.layer.is_gridded()) && !self.settings.random_access
     }
@@ -106,7 +108,7 @@ impl<'a> Candidate<'a> {
         self.measurement.tensor.samples()
     }
 
-    /// Writes the values that a decoder has at `fineness`, before corrections of single samples.
+    /// Computes the values that a decoder gets with this quantiser setting, before corrections of single samples.
     fn approximate(&self, fineness: Fineness, values: &mut [f32]) {
         self.layer.approximate(fineness, values);
         if let Some((light, step)) = &self.light {
@@ -116,7 +118,7 @@ impl<'a> Candidate<'a> {
         }
     }
 
-    /// Writes the decoded magnitudes of the samples at `fineness`.
+    /// Computes the magnitudes of the samples that a decoder gets with this quantiser setting.
     pub(super) fn magnitudes(&self, fineness: Fineness, values: &mut [f32]) {
         if self.light.is_none() {
             return self.layer.magnitudes(fineness, self.plane.values, values);
@@ -125,7 +127,7 @@ impl<'a> Candidate<'a> {
         self.plane.values.finish(values);
     }
 
-    /// Computes the light corrections of `values`, in steps.
+    /// Computes the corrections that decoded values need to keep the bound on albedo or flux, in steps.
     fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
         let mut samples = values.to_vec();
         self.plane.values.finish(&mut samples);
@@ -137,7 +139,7 @@ impl<'a> Candidate<'a> {
         light.steps(self.settings.albedo_error.unwrap_or(1.0), (step, largest[0]), (self.original(), &samples))
     }
 
-    /// Encodes the light corrections; `None` if no error of light is bounded.
+    /// Encodes the corrections of albedo or flux; `None` if no error of light is bounded.
     fn light_chunk(&self, fineness: Fineness) -> Option<(ChunkKind, Vec<u8>)> {
         let (light, step) = self.light.as_ref()?;
         let mut values = vec![0.0; self.original().len()];
@@ -148,7 +150,7 @@ impl<'a> Candidate<'a> {
         Some((ChunkKind::Light, encoder.finish()))
     }
 
-    /// Returns er(L2) of the samples decoded at `fineness`.
+    /// Returns the relative RMS error er(L2) of the samples decoded with this quantiser setting.
     pub(super) fn relative_error(
         &self,
         fineness: Fineness,
@@ -165,7 +167,8 @@ impl<'a> Candidate<'a> {
         Ok(magnitude_error(self.original(), decoded, self.plane.classes, self.floor))
     }
 
-    /// Encodes the corrections of single samples on top of the first layer; `None` if a decoded value is not finite.
+    /// Encodes for every sample the multiple of the correction step that takes the value decoded from coefficients
+    /// nearest to the original. `None` if a value decoded from coefficients is not finite.
     pub(super) fn corrections_chunk(&self, steps: Steps) -> Option<(ChunkKind, Vec<u8>)> {
         let mut logs = vec![0.0; self.original().len()];
         self.layer.approximate(steps.first, &mut logs);
@@ -227,9 +230,11 @@ impl<'a> Candidate<'a> {
     }
 }
 
-/// er(L2) over positive samples at or above the floor, or over negative ones if there are no positive ones; blocks are
-/// summed in order. Both have the same step and therefore nearly the same relative error, but only positive samples
-/// have a promised error.
+/// Computes the relative RMS error er(L2) of decoded magnitudes over the positive samples, or over the negative ones if
+/// there are no positive ones. Samples with a magnitude below `floor` do not count.
+///
+/// Positive and negative samples share one quantiser step and therefore have nearly the same relative error, but an
+/// error is promised for positive samples only. Partial sums are added in a fixed order.
 fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floor: f32) -> f64 {
     let block = 1 << 16;
     let sums: Vec<[(f64, u64); 2]> = original
@@ -256,8 +261,8 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
     mean(0).or(mean(1)).unwrap_or(0.0)
 }
 
-/// Returns the correction among k − 1, k and k + 1 steps that brings the decoder's sum, rounded to f32, nearest to
-/// `wanted`.
+/// Returns k − 1, k or k + 1: the number of correction steps, each `step`, that comes nearest to the original logarithm
+/// `wanted` when added to the decoded one, `log`, in f32 as a decoder does.
 fn nearest_in_f32(log: f32, k: i32, step: f32, wanted: f64) -> i32 {
     let distance = |k: i32| {
         let mut sum = [log];

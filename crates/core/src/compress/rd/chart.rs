@@ -29,34 +29,38 @@ use columns::{Columns, Entries, LANES, RUN, add_up};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Largest number of rows of a mesh on which the columns are made orthonormal. Raising it slows decoding, too.
+/// Largest number of pairs of incoming and outgoing direction, on triangle meshes, over which the basis functions of
+/// the scattering model are made orthonormal. Raising it slows encoding and decoding.
 const MESH_ROWS: usize = 1 << 12;
-/// Like [`MESH_ROWS`], for a grid, whose few rows around the normal have columns of their own.
+/// Largest number of pairs of incoming and outgoing direction, on grids of angles, over which the basis functions of
+/// the scattering model are made orthonormal. It is large, because some of these functions are nonzero only at the few
+/// pairs around the normal.
 pub(crate) const GRID_ROWS: usize = 1 << 16;
-/// Largest number of rows to which the model is fitted. Raising it slows encoding.
+/// Largest number of direction pairs to which the scattering model is fitted. Raising it slows encoding.
 const FITTED_ROWS: usize = 1 << 16;
-/// Rounding offset of coefficients, in steps: magnitudes are rounded down below 1 − this. Raising it keeps more of
-/// them.
+/// Rounding offset of the scattering model's coefficients, in quantiser steps: a magnitude rounds up if its fraction is
+/// at least 1 − this. Raising it keeps more coefficients.
 const ROUNDING: f64 = 0.4;
-/// Upper bound on quantised coefficients.
+/// Upper bound on the magnitude of a quantised coefficient of the scattering model, in quantiser steps.
 const LARGEST: f64 = (1 << 24) as f64;
-/// Largest number of blocks for which each block has a constant of its own.
+/// Largest number of incoming directions for which the scattering model has a constant of its own for each.
 const MOST_CONSTANTS: usize = 64;
 
-/// Model on the rows of a shape.
+/// Scattering model, a sum of basis functions, on all pairs of an incoming and an outgoing direction.
 pub(crate) struct Chart {
     columns: Columns,
     incoming: Vec<Vector>,
     outgoing: Vec<Vector>,
     factor: GramFactor,
-    /// Gram factor of the fitted rows; only in an encoder.
+    /// Cholesky factor of the basis functions' Gram matrix on the fitted direction pairs; only in an encoder.
     fitted: Option<GramFactor>,
-    /// Marks the rows that are fitted; `None` for all.
+    /// Marks the direction pairs to which the model is fitted; `None` for all.
     live: Option<Vec<bool>>,
 }
 
 impl Chart {
-    /// Builds the model of `kind` on the representatives of `shape`; `None` if the shape lacks the directions.
+    /// Builds the scattering model of `kind` on the coded (representative) blocks of a tensor of triangles; `None` if
+    /// the tensor lacks the directions.
     pub(crate) fn of_triangles(kind: ChartKind, shape: &Shape, representatives: &Representatives) -> Option<Self> {
         let incoming = incoming(shape, kind)?;
         let incoming = (0..representatives.len()).map(|k| incoming.get(representatives.block(k)).copied());
@@ -66,8 +70,8 @@ impl Chart {
         Some(Self::new(kind, incoming, outgoing, MESH_ROWS))
     }
 
-    /// Builds the model of `kind` on the rows of every incoming with every outgoing direction. Its columns are
-    /// orthonormal on at most `most` rows.
+    /// Builds the scattering model of `kind` on every pair of an incoming and an outgoing direction. Its basis
+    /// functions are orthonormal on at most `most` of these pairs.
     pub(crate) fn new(kind: ChartKind, incoming: Vec<Vector>, outgoing: Vec<Vector>, most: usize) -> Self {
         let constants = if kind == ChartKind::Zonal || incoming.len() > MOST_CONSTANTS { 0 } else { incoming.len() };
         let columns = Columns { kind, constants };
@@ -76,7 +80,7 @@ impl Chart {
         chart
     }
 
-    /// Prepares the model for fitting to the rows `live`, or to all.
+    /// Prepares the scattering model for fitting to the direction pairs that `live` marks, or to all.
     pub(crate) fn prepared(mut self, live: Option<Vec<bool>>) -> Self {
         self.live = live;
         let gram = self.gram(FITTED_ROWS);
@@ -92,7 +96,8 @@ impl Chart {
         self.incoming.len() * self.outgoing.len()
     }
 
-    /// Computes the columns of the next rows; entries beyond the last row repeat the first of them.
+    /// Evaluates the basis functions for the next direction pairs; entries beyond the last pair repeat the first of
+    /// them.
     fn fill(&self, rows: impl Iterator<Item = usize>, entries: &mut [Entries; LANES]) {
         let mut rows = rows.take(LANES);
         let first = rows.next().unwrap_or(0);
@@ -103,18 +108,19 @@ impl Chart {
         self.columns.fill(&places.map(row), entries);
     }
 
-    /// Stride with which at most `most` rows are used.
+    /// Stride with which at most `most` of all direction pairs are visited.
     fn stride(&self, most: usize) -> usize {
         // Odd, so that every position among siblings occurs.
         if self.rows() <= most { 1 } else { self.rows().div_ceil(most) | 1 }
     }
 
-    /// Returns true if the model is fitted to this row.
+    /// Returns true if the model is fitted to direction pair number `row`.
     fn is_live(&self, row: usize) -> bool {
         self.live.as_ref().is_none_or(|live| live[row])
     }
 
-    /// Gram matrix of all columns (lower triangle) on at most `most` of the fitted rows, scaled to all of them.
+    /// Gram matrix (lower triangle) of the scattering model's basis functions: sums of their products over at most
+    /// `most` of the direction pairs to which the model is fitted, scaled up to all of them.
     fn gram(&self, most: usize) -> Vec<f64> {
         let n = self.columns.count();
         let stride = self.stride(most);
@@ -138,7 +144,8 @@ impl Chart {
         gram
     }
 
-    /// Fits the coefficients of planes `[blocks, vectors, leaves]` on the orthonormal columns, by vector.
+    /// Fits the coefficients of the orthonormal basis functions to values `[incoming, channel, outgoing]`, for each
+    /// spectral channel.
     fn fit(&self, fitted: &GramFactor, planes: &[f32], vectors: usize) -> Vec<f64> {
         let (n, leaves) = (self.columns.count(), self.outgoing.len());
         let stride = self.stride(FITTED_ROWS);
@@ -174,12 +181,14 @@ impl Chart {
         sums
     }
 
-    /// Range of all representatives.
+    /// Range of the indices of all incoming directions of the scattering model.
     pub(crate) fn all(&self) -> Range<usize> {
         0..self.incoming.len()
     }
 
-    /// Evaluates the model's planes `[representatives, vectors, leaves]` from coefficients on the orthonormal columns.
+    /// Evaluates the scattering model, a sum of orthonormal functions of incoming and outgoing direction, with the
+    /// given coefficients. Returns values `[incoming, channel, outgoing]`, a channel being a wavelength or a spectral
+    /// coefficient.
     pub(crate) fn evaluate(
         &self,
         mut coefficients: Vec<f64>,
@@ -214,7 +223,8 @@ impl Chart {
         planes
     }
 
-    /// Codes the model of planes at `step` and returns its coefficients. `planes` is given to an encoder only.
+    /// Encodes or decodes the scattering model's coefficients, quantised with `step`, and returns them. Only an encoder
+    /// passes `planes`: the values to which it fits the model, `[incoming, channel, outgoing]`.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -258,17 +268,18 @@ impl Chart {
     }
 }
 
-/// Returns true if `shape` has the directions that a model of `kind` needs.
+/// Returns true if a tensor has the incoming and outgoing directions that a scattering model of `kind` needs.
 pub(super) fn has_chart(shape: &Shape, kind: ChartKind) -> bool {
     incoming(shape, kind).is_some()
 }
 
-/// Directions of the entries of an axis; `None` if it has none.
+/// Directions of the entries of an axis; `None` if the entries are not directions.
 fn directions(axis: &Axis) -> Option<Vec<Vector>> {
     (0..axis.len()).map(|entry| axis.direction(entry).map(Direction::xyz)).collect()
 }
 
-/// Incoming direction of every block; `None` if the shape does not fit the model.
+/// Lists the incoming directions of a tensor. `None` if its incoming or outgoing directions do not suit a scattering
+/// model of `kind`.
 fn incoming(shape: &Shape, kind: ChartKind) -> Option<Vec<Vector>> {
     let zonal = kind == ChartKind::Zonal;
     if zonal != (shape.mesh().domain() == Domain::Sphere) {

@@ -6,21 +6,23 @@ use crate::codec::{ChunkKind, Class};
 use crate::domain::{ErrorReport, Measurement};
 use rayon::prelude::*;
 
-/// Classes, counts and noise of a measurement; independent of basis and step.
+/// Classes (positive, negative, zero, masked), counts and noise of a measurement's samples; independent of basis and
+/// step.
 #[derive(Clone, Copy)]
 pub(super) struct ClassPlane<'a> {
     pub(super) values: Values,
     pub(super) classes: &'a [Class],
-    /// Encoded classes chunk; `None` if all samples are positive.
+    /// Encoded classes of all samples; `None` if all samples are positive.
     pub(super) coded: Option<&'a (ChunkKind, Vec<u8>)>,
     pub(super) counts: ErrorReport,
-    /// True if negative samples on grids of angles are approximated like positive ones.
+    /// True if negative samples on grids of angles are approximated as exactly as positive ones. If false, they take a
+    /// predicted magnitude that is at most the largest magnitude of a negative sample.
     pub(super) weighs_negative: bool,
-    /// Standard deviation of the relative noise; `None` if not requested or not estimable.
+    /// Standard deviation of the samples' relative noise; `None` if not requested or not estimable.
     pub(super) noise: Option<f64>,
 }
 
-/// Values for a first layer to approximate, filled smoothly at zero and masked samples.
+/// Values (logarithms or samples) that quantised coefficients approximate, filled smoothly at zero and masked samples.
 pub(super) fn approximated(measurement: &Measurement, plane: ClassPlane<'_>, floor: f32) -> Vec<f32> {
     let samples = measurement.tensor.samples();
     let mut values = vec![0.0_f32; samples.len()];

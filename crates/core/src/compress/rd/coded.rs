@@ -6,22 +6,25 @@ use crate::codec::{ChunkKind, Encoder};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// First layer coded at one fineness.
+/// Result of coding a measurement with one quantiser setting, before corrections.
 pub(super) struct Coded {
     pub(super) basis: Option<Basis>,
     pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
-    /// Decoded planes, `[unit, vector, leaf]`.
+    /// Decoded values `[unit, channel, direction]`, where a unit is an independently coded slice and a channel a
+    /// spectral coefficient.
     pub(super) planes: Vec<f32>,
-    /// Number of nonzero integers, including those of the basis.
+    /// Number of nonzero quantised integers, including those of the spectral basis.
     pub(super) kept: u64,
 }
 
-/// Cache of the last fineness with its result: size and error are requested one after the other.
+/// Cache of the last quantiser setting with its coded result, because a search asks for size and error of it one after
+/// the other.
 #[derive(Default)]
 pub(super) struct LastCoded(Mutex<Option<(Fineness, Arc<Coded>)>>);
 
 impl LastCoded {
-    /// Returns the layer at `fineness`, coded by `code` unless it was coded last.
+    /// Returns the measurement coded with the quantiser setting `fineness`: the cached result if the last call had the
+    /// same setting, otherwise a new one from `code`.
     pub(super) fn get(&self, fineness: Fineness, code: impl FnOnce() -> Coded) -> Arc<Coded> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match &*last {
@@ -35,8 +38,8 @@ impl LastCoded {
     }
 }
 
-/// Codes `count` streams in parallel: `code(encoder, k)` returns the decoded planes of stream k and the number of
-/// nonzero integers. Returns all planes in order, the total count, and the streams.
+/// Codes `count` byte streams in parallel: `code(encoder, k)` returns the decoded values of stream k and the number of
+/// nonzero integers. Returns all values in order, the total count, and the streams.
 pub(super) fn code_streams(
     count: usize,
     code: impl Fn(&mut Encoder, usize) -> (Vec<f32>, u64) + Sync,

@@ -15,18 +15,20 @@ use super::steps::Steps;
 use super::target_steps::{find_steps, refined, risk};
 use crate::domain::Progress;
 
-/// Samples per byte above which a file holds no noise; fixed bases, which win on noise, are then skipped.
+/// Number of samples per byte of a file above which it holds no noise; fixed bases, which win on noise, are then
+/// skipped.
 const FEW: f64 = 128.0;
-/// Largest number of schemes that are all searched; raising it costs trials.
+/// Largest number of coding schemes that are all searched for their best step; raising it costs trials.
 const FEW_SCHEMES: usize = 6;
-/// Largest number of samples for the shortlist of one trial each. In larger measurements one trial misjudges noise,
-/// whose error stays equal over many sizes.
+/// Largest number of samples for which coding schemes are shortlisted by one trial each. In larger noisy measurements
+/// one trial misjudges a scheme, whose error hardly changes over a wide range of file sizes.
 const SMALL: usize = 1 << 13;
-/// Number of schemes searched after one trial of each. Raising it costs trials, and seldom finds a better one.
+/// Number of coding schemes that are fully searched after one trial of each. Raising it costs trials, and seldom finds
+/// a better one.
 const SEARCHED: usize = 2;
 
-/// Returns the best scheme with its steps, and the ranking. Best means fewest bytes at a wanted error, least error at a
-/// wanted size.
+/// Returns the best of the competing coding schemes with its quantiser steps, and the ranking of all. Best means fewest
+/// bytes at a wanted error, least error at a wanted size.
 ///
 /// At a wanted error, wavelets of one measurement need nearly the same step, so the search of the first serves the
 /// others for the comparison. They compete only where the data's own basis follows noise, which costs bits for each
@@ -111,8 +113,9 @@ pub(super) fn best_of<'a>(
     Ok((chosen, steps, ranking.into_iter().map(|(_, ranked)| ranked).collect()))
 }
 
-/// Selects the schemes with the least expected error at a wanted size, and the step to start from. The first scheme is
-/// searched. The others are tried once at its step, and their errors are extrapolated to the allowed bytes.
+/// Selects the coding schemes with the least expected error at a wanted size, and the quantiser step to start from. The
+/// first scheme is searched. The others are tried once at its step, and their errors are extrapolated to the allowed
+/// bytes.
 fn looked_at<'a, 's>(
     work: &impl Fn(&Scheme) -> Result<Candidate<'a>, CompressError>,
     schemes: &'s [Scheme],

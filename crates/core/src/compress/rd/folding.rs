@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Means of rows over orbits: `[representatives, leaves, length]`.
+/// Averages the spectra of all direction pairs that a symmetry group maps to each other. The result is `[block,
+/// triangle, wavelength]`, with one block (incoming direction) for all that are equal by symmetry.
 pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Representatives, logs: &[f32]) -> Vec<f32> {
     let (n, leaves) = (shape.length(), shape.leaves());
     if group.order() == 1 && shape.inner() == 1 {
@@ -32,9 +33,10 @@ pub(super) fn fold_rows(shape: &Shape, group: &Group, representatives: &Represen
     folded
 }
 
-/// Converts planes `[representatives, vectors, leaves]` to logarithms. Every block takes the rows of its
-/// representative, moved by the first member that maps the representative to it. With `finish` the result is
-/// magnitudes, computed once for equal rows.
+/// Expands the spectral coefficients `[block, channel, triangle]` of coded blocks (incoming directions) to the
+/// logarithms of all samples. A block that is not coded takes the spectra of a coded one, with triangles permuted by
+/// the first symmetry that maps the coded block to the other. With `finish` the result is magnitudes, computed once for
+/// equal spectra.
 pub(super) fn synthesise(
     shape: &Shape,
     group: &Group,
@@ -69,7 +71,7 @@ pub(super) fn synthesise(
     );
 }
 
-/// Converts planes `[blocks, vectors, leaves]` to rows `[blocks, leaves, length]`.
+/// Converts spectral coefficients `[block, channel, triangle]` to spectra `[block, triangle, wavelength]`.
 pub(super) fn synthesise_rows(basis: Option<&Basis>, leaves: usize, planes: &[f32], rows: &mut [f32]) {
     let Some(basis) = basis else { return rows.copy_from_slice(planes) };
     let vectors = basis.rank();
@@ -80,7 +82,7 @@ pub(super) fn synthesise_rows(basis: Option<&Basis>, leaves: usize, planes: &[f3
     });
 }
 
-/// Transposes blocks of `rows × columns` to `columns × rows`.
+/// Transposes each of several consecutive matrices of `rows × columns` to `columns × rows`.
 pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_, [f32]> {
     if columns == 1 || rows == 1 {
         return Cow::Borrowed(values);
@@ -97,9 +99,9 @@ pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_,
     Cow::Owned(turned)
 }
 
-/// Rows for the principal component analysis. Each row occurs as often as the number of blocks it represents. Rows
-/// without a live sample are left out, because their filling is no spectrum. With more than `most` samples, rows are
-/// subsampled.
+/// Collects spectra for the principal component analysis. Each occurs as often as the number of blocks it represents.
+/// Spectra without a live (nonzero, unmasked) sample are left out, because their filling is no spectrum. Above `most`
+/// samples, they are subsampled.
 pub(super) fn spectra(
     shape: &Shape,
     group: &Group,
@@ -124,8 +126,8 @@ pub(super) fn spectra(
     if spectra.is_empty() { rows[..n].to_vec() } else { spectra }
 }
 
-/// For each representative of `range` and each leaf, true if any sample that it represents has a logarithm. `None` if
-/// every row has a live sample.
+/// Marks the triangles, for each coded block (incoming direction) of `range`, that represent a sample neither zero nor
+/// masked. `None` if every spectrum has such a sample.
 pub(super) fn live_leaves(
     shape: &Shape,
     group: &Group,

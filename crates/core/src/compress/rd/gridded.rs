@@ -52,67 +52,70 @@ fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
 }
 
-/// Fraction of the estimated bits that a model may leave to be tried. The estimate ignores the coder's gain from
-/// neighbouring details. Raising it tries more models.
+/// Fraction of the estimated bits that must at most remain after subtraction of a scattering model for it to be tried.
+/// The estimate ignores the coder's gain from neighbouring details. Raising it tries more models.
 const WORTH_A_TRIAL: f64 = 0.97;
 
 fn subtract(planes: &mut [f32], model: &[f32]) {
     planes.iter_mut().zip(model).for_each(|(x, m)| *x -= m);
 }
 
-/// Choice of the model that is subtracted before the pyramid of a grid is coded.
+/// Choice of the scattering model that is subtracted from the values on a grid of angles before the residual is coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Behind {
-    /// No model.
+    /// No scattering model is subtracted from the values before they are coded.
     Nothing,
-    /// A model of this kind.
+    /// A scattering model of the stated kind is subtracted from the values before they are coded.
     Model(ChartKind),
-    /// The model that gives the smallest file at the typical step, or none.
+    /// The scattering model is chosen that gives the smallest file at a typical step, or none.
     Judged,
 }
 
-/// Options of a grid layer.
+/// Options of coding samples on a grid of angles.
 #[derive(Clone, Copy, Debug)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a choice of its own")]
 pub(super) struct Form {
-    /// Codes principal components of rows, rather than their entries.
+    /// True to code principal components of spectra, false to code each wavelength or colour channel.
     pub(super) klt: bool,
-    /// Approximates samples, not logarithms.
+    /// True to approximate samples, false to approximate their logarithms.
     pub(super) is_linear: bool,
-    /// Codes every incoming entry as a stream of its own.
+    /// True to code every incoming direction as a byte stream of its own, which can be decoded alone.
     pub(super) random: bool,
-    /// Approximates negative samples like positive ones.
+    /// True to approximate negative samples as exactly as positive ones, false to give them a predicted magnitude that
+    /// is at most the largest magnitude of a negative sample.
     pub(super) weighs_negative: bool,
-    /// Predicts by least squares in addition to the fixed filters.
+    /// True to predict details by adaptive least squares in addition to the fixed filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
-    /// Typical step, for which the order of halvings is chosen.
+    /// Typical quantiser step, for which the order in which axes are halved is chosen.
     pub(super) step: f64,
 }
 
-/// Values of a tensor on a grid, prepared for coding at any step.
+/// Samples on a grid of angles, prepared for coding at any quantiser step.
 pub(crate) struct GridLayer<'a> {
     axes: Vec<Axis>,
     classes: Option<&'a [Class]>,
-    /// Upper bound on the logarithms of negative samples.
+    /// Upper bound on the logarithms of negative samples' magnitudes.
     negative_bound: Option<f32>,
     form: Form,
     planes: Planes,
     transforms: Vec<AxisTransform>,
     klt: Option<Klt>,
-    /// Values of all leaves, `[leaves, length]`.
+    /// Values of all distinct directions of the grid, `[directions, length of a spectrum]`.
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
-    /// Start of the stream, independent of the step: repeated slices and the order of halvings.
+    /// Start of the coded stream of a grid of angles that does not depend on the quantiser step: repeated slices and
+    /// the order in which axes are halved.
     opening: Encoder,
-    /// Means and details of each stream, if planes do not depend on the step.
+    /// Original means and details that each byte stream codes, if these do not depend on the quantiser step.
     sources: Option<Vec<Source>>,
     last: LastCoded,
 }
 
 impl<'a> GridLayer<'a> {
-    /// Analyses values of samples on axes whose last directions are a grid; `classes` if not all samples are positive.
+    /// Prepares values (logarithms or samples) for coding, on axes whose last directions are a grid of angles.
+    /// `classes` tells which samples are positive, negative, zero or masked; `None` if all are positive.
     pub(super) fn new(
         axes: &[Axis],
         shape: Shape,
@@ -197,8 +200,9 @@ impl<'a> GridLayer<'a> {
         Ok(layer)
     }
 
-    /// Adopts a model with its order of halvings. A judged model is adopted only if it makes the file of the typical
-    /// step smaller.
+    /// Adopts a scattering model that is subtracted from the values before coding, and the order of merging angles that
+    /// suits the residual. With `is_judged`, a model that makes the file at a typical quantiser step larger is
+    /// discarded again.
     fn take_model(&mut self, (model, is_judged): (GridModel, bool), opening: Encoder, pyramids: Vec<PairPyramid>) {
         let bytes = |layer: &Self| {
             if is_judged { chunk_bytes(&layer.code(Fineness::of(layer.form.step as f32)).chunks) } else { 0 }

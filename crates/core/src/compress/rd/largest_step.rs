@@ -5,13 +5,14 @@ use super::super::search::{largest, powers_of_two};
 use super::super::spectral_basis::SpectralBasis;
 use std::cell::Cell;
 
-/// Number of bisections of the step; the last interval is 2^(1/64), 1 % of the step.
+/// Number of bisections of the quantiser step; the last interval is 2^(1/64), 1 % of the step.
 const REFINEMENTS: u32 = 6;
-/// Steps from here on may quantise everything to 0. Errors then stay equal, and fall again at finer steps.
+/// Quantiser step (in natural logarithms) at and above which everything may be quantised to 0. Errors then stay equal,
+/// and fall again at finer steps.
 pub(super) const COARSE: f64 = 1.0;
 
-/// Finds the largest step that `keeps` accepts, starting at `start`. `None` if none is accepted, or if `keeps` reports
-/// that errors no longer fall with the step.
+/// Finds the largest quantiser step that `keeps` accepts, starting at `start`. `None` if none is accepted, or if
+/// `keeps` reports that errors no longer fall with the step.
 pub(super) fn largest_falling(
     start: f64,
     mut keeps: impl FnMut(f64) -> Result<Result<bool, ()>, CompressError>,
@@ -23,9 +24,12 @@ pub(super) fn largest_falling(
     found.or_else(|error| error.map_or(Ok(None), Err))
 }
 
-/// Finds the largest of [`powers_of_two`] that `keeps` accepts, as the last attempt before a refusal. `closest`, the
-/// error that the refusal suggests, is reset, so that these steps find it again. The Karhunen-Loève basis has too few
-/// vectors, not too coarse steps, so only `finest` is tried for it.
+/// Finds the largest quantiser step among [`powers_of_two`] that `keeps` accepts: the last attempt before a wanted
+/// error is refused.
+///
+/// The refusal suggests asking for `closest`, the smallest error found. This is therefore reset first, so that it comes
+/// from steps that a search for the suggested error tries again. In basis klt it stays, and only `finest` is tried:
+/// there the number of vectors limits the error, not the step.
 pub(super) fn largest_power(
     (start, finest): (f64, f64),
     basis: SpectralBasis,

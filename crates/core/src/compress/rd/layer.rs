@@ -12,42 +12,44 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, SphereBasis, Weights};
 use std::cell::Cell;
 
-/// Layer that approximates the logarithms of a measurement at any step.
+/// Coder that approximates the logarithms of a measurement with any quantiser step.
 pub(crate) trait FirstLayer {
-    /// Writes the values decoded at `fineness` into `logs`.
+    /// Writes the logarithms that a decoder gets with this quantiser setting into `logs`.
     fn approximate(&self, fineness: Fineness, logs: &mut [f32]);
-    /// Like [`Self::approximate`], but writes magnitudes of samples.
+    /// Writes the magnitudes of samples that a decoder gets with this quantiser setting.
     fn magnitudes(&self, fineness: Fineness, values: Values, magnitudes: &mut [f32]) {
         self.approximate(fineness, magnitudes);
         values.finish(magnitudes);
     }
-    /// Returns the chunks at `fineness`, in the order of a file.
+    /// Returns the file chunks coded with this quantiser setting, in the order of a file.
     fn chunks(&self, fineness: Fineness) -> Vec<(ChunkKind, Vec<u8>)>;
-    /// Number of nonzero coefficients at `fineness`.
+    /// Number of nonzero coefficients with this quantiser setting.
     fn kept(&self, fineness: Fineness) -> u64;
-    /// Returns true if `kept` only counts; other layers must code to find the number.
+    /// Returns true if the number of nonzero coefficients can be counted without coding them.
     fn counts_alone(&self) -> bool {
         false
     }
-    /// Transforms of the axes.
+    /// Basis change applied along each axis of the measurement: wavelets on a line, a basis on triangles, or the
+    /// identity.
     fn transforms(&self) -> &[AxisTransform];
-    /// Basis on the spectral axis.
+    /// Basis on the wavelength axis.
     fn basis(&self) -> SpectralBasis;
-    /// Returns true if triangles are predicted rather than transformed.
+    /// Returns true if samples on triangles are coded by prediction rather than by a transform.
     fn is_predicted(&self) -> bool {
         false
     }
-    /// Returns true if grids of angles are predicted.
+    /// Returns true if samples on grids of angles are coded by prediction rather than by a transform.
     fn is_gridded(&self) -> bool {
         false
     }
-    /// Largest logarithm that a decoder gives a negative sample; `None` without negative samples, or without a bound.
+    /// Upper bound on the logarithm of the magnitude to which a negative sample decodes. `None` if there are no
+    /// negative samples, or if their magnitudes are approximated like those of positive ones.
     fn negative_bound(&self) -> Option<f32> {
         None
     }
 }
 
-/// Coefficients in fixed bases on all axes.
+/// Coder of the logarithms of samples by wavelets or other fixed bases on all axes.
 pub(crate) struct FixedLayer {
     plan: Plan,
     basis: SpectralBasis,
@@ -58,7 +60,8 @@ pub(crate) struct FixedLayer {
 }
 
 impl FixedLayer {
-    /// Transforms `logs` on `axes`; `classes` if some samples have no logarithm.
+    /// Transforms `logs` on `axes` in fixed bases; `classes` marks samples without a logarithm, `None` if there are
+    /// none.
     pub(crate) fn new(
         axes: &[Axis],
         classes: Option<&[Class]>,
@@ -105,7 +108,7 @@ impl FirstLayer for FixedLayer {
     }
 }
 
-/// Layer that counts its trials: one for each change of the fineness.
+/// Coder that counts its trials: one whenever the quantiser setting changes.
 pub(crate) struct Counted<'a> {
     layer: Box<dyn FirstLayer + 'a>,
     tally: &'a Tally,
@@ -114,12 +117,13 @@ pub(crate) struct Counted<'a> {
 }
 
 impl<'a> Counted<'a> {
-    /// Counts trials of `layer`, each of `samples` samples, in `tally`.
+    /// Wraps the coder `layer` so that `tally` counts its trial quantisations and, for each of them, the `samples`
+    /// samples that it processes.
     pub(crate) fn new(layer: Box<dyn FirstLayer + 'a>, tally: &'a Tally, samples: usize) -> Self {
         Self { layer, tally, samples, last: Cell::new(None) }
     }
 
-    /// Returns the layer, and counts a trial if `fineness` is new.
+    /// Returns the wrapped coder, and counts a trial if the quantiser setting differs from the last one.
     fn tried(&self, fineness: Fineness) -> &(dyn FirstLayer + 'a) {
         if self.last.replace(Some(fineness)) != Some(fineness) {
             self.tally.add(self.samples);
@@ -170,12 +174,13 @@ impl FirstLayer for Counted<'_> {
     }
 }
 
-/// Transform of an axis that carries logarithms.
+/// Transform with which the logarithms of samples are coded along `axis`: `basis` along wavelengths, a basis
+/// orthonormal in the count of triangles over a mesh, fixed choices along other axes.
 pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
 }
 
-/// Total bytes of the chunks.
+/// Total payload bytes of the chunks.
 pub(super) fn chunk_bytes(chunks: &[(ChunkKind, Vec<u8>)]) -> usize {
     chunks.iter().map(|(_, payload)| payload.len()).sum()
 }

@@ -26,42 +26,45 @@ use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Step of the brightness, in natural-log units.
+/// Step of the brightness correction of a coarser level, in natural-log units.
 const BRIGHTNESS_STEP: f64 = 0.015;
-/// Relative deviation of the brightness that is left uncorrected.
+/// Largest relative deviation of a coarser resolution level's total light from that of the measurement, on the same
+/// triangles, that is left uncorrected.
 const TOLERATED: f64 = 0.0098;
-/// Upper bound on the number of steps: a factor of e^75.
+/// Upper bound on the number of steps, of 0.015 natural logarithms each, that correct the brightness of a coarser
+/// resolution level; all of them together are a factor of e^75.
 const MOST_STEPS: i32 = 5_000;
-/// Code of an error of 1, and number of codes to a doubling.
+/// Code that stands for an error of 1, and number of codes to a doubling of the error.
 const ONE: f64 = 140.0;
 const DOUBLING: f64 = 8.0;
 
-/// Index of the levels below the finest in a pyramid chunk.
+/// Index of the coarser resolution levels in a pyramid chunk: size, error and brightness correction of each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LevelIndex<'a> {
-    /// Levels, coarse first.
+    /// Size in bytes and error of each resolution level of the triangle mesh except the finest, coarsest level first.
     pub(crate) entries: Vec<LevelEntry>,
-    /// Coded steps of the brightness.
+    /// Range-coded brightness corrections of all coarser levels, in steps.
     brightness: &'a [u8],
 }
 
-/// Level of a pyramid.
+/// Entry of the level index for one coarser resolution level of a pyramid of triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LevelEntry {
-    /// Bytes needed after the index.
+    /// Bytes needed to decode this resolution level, counted from the end of the level index.
     pub(crate) end: usize,
     error: u8,
 }
 
 impl LevelEntry {
-    /// er(L2), rounded up.
+    /// Relative RMS error er(L2) of the resolution level, rounded up.
     pub(crate) fn er_l2(self) -> f64 {
         error_of(self.error)
     }
 }
 
 impl<'a> LevelIndex<'a> {
-    /// Reads the index of a pyramid of `levels` levels, at the start of a payload of `length` bytes.
+    /// Reads the table of coarser resolution levels (bytes, error and brightness correction of each) at the start of a
+    /// payload of `length` bytes. `levels` is the number of levels below the finest.
     pub(crate) fn read(r: &mut Reader<'a>, levels: u8, length: usize) -> Result<Self, CodecError> {
         let start = r.offset();
         let mut entries: Vec<LevelEntry> = Vec::new();
@@ -101,7 +104,7 @@ impl<'a> LevelIndex<'a> {
         w.into_bytes()
     }
 
-    /// Decodes the brightness steps of `level`, by representative.
+    /// Decodes the brightness corrections of one resolution level, in steps, for each coded block (incoming direction).
     fn steps(&self, level: usize, representatives: usize) -> Vec<i32> {
         let mut steps = vec![0; self.entries.len() * representatives];
         if !self.brightness.is_empty() {
@@ -111,24 +114,26 @@ impl<'a> LevelIndex<'a> {
     }
 }
 
-/// Typical number of bytes of the index of a measurement on triangles.
+/// Typical number of bytes of the level index in the file of a measurement on triangles.
 pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
     let grid = Grid::of(measurement.tensor.axes());
     grid.map_or(0, |grid| 2 * usize::from(grid.mesh.level()) + 1)
 }
 
-/// Inserts the level index in front of the pyramid in `parts`; no change without a pyramid.
+/// Inserts the index of coarser resolution levels into a file whose samples on triangles or grids are coded from coarse
+/// to fine; other files stay unchanged.
 pub(crate) fn insert(parts: &mut Parts, measurement: &Measurement) -> Result<(), CodecError> {
     insert_and(parts, measurement, |_, _| ()).map(drop)
 }
 
-/// Like [`insert`], and also returns the values of the whole pyramid if it has coarser levels: those that `decode`
-/// reads from the chunk.
+/// Inserts the index of coarser resolution levels into a file. Also returns the decoded values of the finest level if
+/// they lie on triangles and are coded from coarse to fine, all incoming directions together; otherwise `None`.
 pub(crate) fn insert_and_decode(parts: &mut Parts, measurement: &Measurement) -> Result<Option<Vec<f32>>, CodecError> {
     insert_and(parts, measurement, |header, levels| levels.decode(usize::MAX, finish_of(header)).0)
 }
 
-/// Inserts the index in front of the pyramid, and calls `more` with the pyramid opened for it.
+/// Inserts the index of coarser resolution levels into a file. Also calls `more` with the decoder of all levels of a
+/// triangle mesh, which is open for making the index, and returns the result; `None` without such levels.
 fn insert_and<T>(
     parts: &mut Parts,
     measurement: &Measurement,
@@ -196,7 +201,7 @@ fn insert_and<T>(
     Ok(Some(more))
 }
 
-/// States the levels of a grid chunk, without their errors.
+/// Inserts the index of coarser levels into a grid chunk, without their errors, which are not known yet.
 fn insert_in_grid(parts: &mut Parts) -> Result<(), CodecError> {
     let header = &parts.header;
     let classes = classes_of(header, |kind| parts.chunk(kind));
@@ -218,8 +223,8 @@ fn replace(parts: &mut Parts, payload: Vec<u8>) {
     }
 }
 
-/// Decodes the samples at `level`, below the finest. `chunks` holds the basis and the bytes after the index, at least
-/// up to the level's end.
+/// Decodes the samples at a resolution level below the finest. `chunks` holds the basis and the bytes after the level
+/// index, at least up to the level's end.
 pub(crate) fn level_samples(
     header: &Header,
     classes: Option<&[Class]>,
@@ -240,7 +245,7 @@ pub(crate) fn level_samples(
     Ok(samples)
 }
 
-/// Replaces the last triangle axis by that of `level`.
+/// Replaces the mesh of the last triangle axis by the coarser one of `level`.
 pub(crate) fn coarsen(axes: &mut [Axis], level: u8) {
     if let Some(Axis::Triangles(mesh)) = axes.iter_mut().rfind(|axis| matches!(axis, Axis::Triangles(_))) {
         *mesh = coarser(*mesh, level);
@@ -257,7 +262,8 @@ fn coarser(mesh: TriangleMesh, level: u8) -> TriangleMesh {
     mesh
 }
 
-/// Averages at `level` before the brightness correction, and the number of bytes after the index that they depend on.
+/// Decodes the averages over the triangles of a coarser level before the brightness correction. Also returns the number
+/// of bytes after the level index that they depend on.
 fn averages_at(
     header: &Header,
     classes: Option<&[Class]>,
@@ -272,7 +278,8 @@ fn averages_at(
     (averages, end)
 }
 
-/// Tensor as outer entries, triangles, entries between, and samples of a row.
+/// Layout of a tensor around its last triangle axis: mesh, product of the lengths of all axes between it and the last
+/// axis, and length of the last axis.
 #[derive(Clone, Copy)]
 struct Grid {
     mesh: TriangleMesh,
@@ -295,7 +302,7 @@ impl Grid {
         Self { mesh: coarser(self.mesh, level), ..self }
     }
 
-    /// Means of unmasked samples over the triangles of `level`; masked if all are.
+    /// Means of unmasked samples over the triangles of a coarser level; masked (NaN) if all samples of a triangle are.
     fn averages(self, samples: &[f32], level: u8) -> Vec<f32> {
         let inner = self.between * self.length;
         let parts = 1 << (2 * u32::from(self.mesh.level() - level.min(self.mesh.level())));
@@ -324,7 +331,8 @@ impl Grid {
         averages
     }
 
-    /// Light leaving the blocks of each representative, up to a common factor.
+    /// Light leaving all blocks (incoming directions) that a coded block represents by symmetry, summed with
+    /// integration weights, up to a common factor.
     fn brightness(self, quantity: Quantity, samples: &[f32], orbits: &[u32], representatives: usize) -> Vec<f64> {
         let cells = self.mesh.len();
         let weights = weights(quantity, self.mesh);
@@ -336,7 +344,8 @@ impl Grid {
         sums
     }
 
-    /// Multiplies every block by the factor of its representative.
+    /// Multiplies every block (incoming direction) by the brightness correction of the coded block that represents it
+    /// by symmetry.
     fn brighten(self, steps: &[i32], orbits: &[u32], samples: &mut [f32]) {
         let factor = |&step: &i32| libm::exp(f64::from(step.clamp(-MOST_STEPS, MOST_STEPS)) * BRIGHTNESS_STEP) as f32;
         let factors: Vec<f32> = steps.iter().map(factor).collect();
@@ -350,13 +359,14 @@ impl Grid {
         }
     }
 
-    /// Block of a row.
+    /// Number of the block (incoming direction) that contains a row of samples.
     fn block(self, row: usize) -> usize {
         row / (self.mesh.len() * self.between) * self.between + row % self.between
     }
 }
 
-/// Returns the number of brightness steps that brings `found` nearest to `wanted`; 0 within the tolerance.
+/// Returns the number of brightness steps, factors of e^0.015, that brings the total light `found` of a resolution
+/// level nearest to `wanted`; 0 if both nearly agree already.
 fn step_of(wanted: f64, found: f64) -> i32 {
     let ratio = wanted / found;
     if !(wanted > 0.0 && found > 0.0 && ratio.is_finite()) || (ratio - 1.0).abs() <= TOLERATED {
@@ -366,7 +376,8 @@ fn step_of(wanted: f64, found: f64) -> i32 {
     libm::round(libm::log(ratio) / BRIGHTNESS_STEP).clamp(-limit, limit) as i32
 }
 
-/// Returns the smallest code whose error is not below `error`.
+/// Returns the smallest 8-bit code that stands for an er(L2) (relative RMS error) of at least `error`; codes are
+/// logarithmic.
 fn error_code(error: f64) -> u8 {
     (0..=u8::MAX).find(|&code| error_of(code) >= error).unwrap_or(u8::MAX)
 }

@@ -15,31 +15,31 @@ use crate::domain::{Cancelled, ErrorReport, Measurement, Progress};
 use std::borrow::Cow;
 use std::cell::Cell;
 
-/// Error measure of the decoded samples.
+/// Measure of the error of decoded samples that a search for a quantiser step bounds.
 enum Metric {
-    /// Figure of the error report, with its bound.
+    /// Error of all samples in one number, for example the mean relative error er(L1), with its upper bound.
     Samples(Bound),
-    /// Colours of the spectra, and the largest allowed difference.
+    /// Colours of the measurement's spectra, and the largest colour difference allowed.
     Colours(Box<SpectraColours>, f64),
 }
 
-/// Inputs of a search for a step.
+/// Inputs of a search for the largest quantiser step that keeps an error.
 pub(super) struct Trial<'a, F> {
-    /// Original measurement.
+    /// Original measurement, against which errors are measured.
     pub(super) measurement: &'a Measurement,
-    /// Classes of the samples; `None` if all are positive.
+    /// Classes (positive, negative, zero, masked) of the samples; `None` if all are positive.
     pub(super) classes: Option<&'a [Class]>,
-    /// Absolute floor.
+    /// Magnitude below which samples do not count in relative errors, in the unit of the samples.
     pub(super) floor: f32,
-    /// True if steps are in the unit of the samples.
+    /// True if quantiser steps are in the unit of the samples, false if in natural logarithms.
     pub(super) linear: bool,
-    /// Function that writes the decoded magnitudes at a step.
+    /// Function that computes the decoded magnitudes for a quantiser step.
     pub(super) magnitudes: F,
 }
 
 impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
-    /// Finds the largest step that keeps `target`, which must bound an error. If none does, `closest` is the smallest
-    /// error found.
+    /// Finds the largest quantiser step that keeps `target`, which must bound an error. If none does, `closest` is the
+    /// smallest error found.
     pub(super) fn largest_step(
         &self,
         target: Target,
@@ -109,12 +109,14 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
         Err(refusal::cannot_follow(wanted, closest.get(), (basis, self.linear)))
     }
 
-    /// Returns true if the error of samples below the floor stays within it, as `promise::keep` demands.
+    /// Returns true if every sample below the floor (smallest sample whose relative error counts) decodes with an
+    /// absolute error of at most the floor, or if there are no such samples.
     fn keeps_floor(&self, errors: &ErrorReport) -> bool {
         errors.below_floor_samples == 0 || errors.max_absolute_error_unscored <= f64::from(self.floor)
     }
 
-    /// Initial guess of the step: the error of a uniform quantiser, allowing for coefficients that are mostly 0.
+    /// Initial guess of the quantiser step for a wanted error: that of a uniform quantiser, larger because most
+    /// coefficients become 0.
     fn first_step(&self, target: Target) -> f64 {
         match target {
             Target::ErL1(error) => 5.0 * error,
@@ -129,7 +131,7 @@ impl<F: Fn(f32, &mut [f32])> Trial<'_, F> {
     }
 }
 
-/// √(Σ s² / n) over samples that are not NaN, summed in order.
+/// Root mean square √(Σ s² / n) of the samples that are not NaN, summed in order.
 pub(super) fn root_mean_square(samples: &[f32]) -> f64 {
     let measured = samples.iter().filter(|s| !s.is_nan());
     let (sum, count) = measured.fold((0.0, 0_u64), |(sum, n), &s| (sum + f64::from(s) * f64::from(s), n + 1));

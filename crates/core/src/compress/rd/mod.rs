@@ -48,8 +48,8 @@ use schemes::{Scheme, schemes};
 use sized::settled;
 use target_steps::{find_steps, refined};
 
-/// Compresses with every candidate basis and keeps the best: the smallest file at a wanted error, the least error at a
-/// wanted size. `tally` counts the trials.
+/// Compresses with every candidate coding scheme and keeps the best file: the smallest at a wanted error, the one of
+/// least error at a wanted size. `tally` counts the trials.
 pub(crate) fn compress(
     measurement: &Measurement,
     settings: &Settings,
@@ -83,21 +83,24 @@ pub(crate) fn compress(
     if is_better { dark } else { clipped }
 }
 
-/// Treatment of positive samples below the floor.
+/// Way to code positive samples below the floor, the smallest sample whose relative error counts.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Below {
-    /// Raised to the floor, and approximated like others.
+    /// Positive samples below the floor (smallest sample whose relative error counts) are coded like others, the
+    /// smallest of them raised to a fixed fraction of the floor.
     Clipped,
-    /// Set to 0 by their class.
+    /// Positive samples below the floor (smallest sample whose relative error counts) are coded as 0.
     Zero,
 }
 
-/// Treatment of negative samples that lie further below 0 than the floor.
+/// Way to code negative samples whose magnitude is at least the floor, the smallest sample whose relative error counts.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Negative {
-    /// They take the predicted value, bounded by the largest of them; their error may exceed the floor.
+    /// Coding in which a negative sample on a grid of angles takes the magnitude predicted from its neighbours, at most
+    /// the largest magnitude of a negative sample. Its error may exceed the floor (smallest sample whose relative error
+    /// counts).
     Bounded,
-    /// They are approximated like positive ones.
+    /// Coding in which negative samples on a grid of angles are approximated as exactly as positive ones.
     Weighed,
 }
 

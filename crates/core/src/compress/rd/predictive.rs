@@ -37,17 +37,17 @@ use crate::transform::{AxisTransform, Klt};
 use opening::number_of;
 use std::sync::Arc;
 
-/// Rows folded by a group of symmetries, and their principal components; common to all models.
+/// Spectra averaged over the symmetries of the data, and their principal components; common to all scattering models.
 pub(crate) struct Folded {
     shape: Shape,
-    /// Generators as the number that is written.
+    /// Generators of the symmetry group, encoded as the one number that the file stores.
     generators: u64,
     group: Group,
     representatives: Representatives,
     pyramid: Pyramid,
-    /// Principal components of rows longer than one sample.
+    /// Principal components of the spectra; `None` if a spectrum is a single sample.
     klt: Option<Klt>,
-    /// Folded rows, `[representatives, leaves, length]`.
+    /// Spectra averaged over the symmetries of the data, as `[coded incoming direction, triangle, wavelength]`.
     rows: Vec<f32>,
 }
 
@@ -82,18 +82,18 @@ impl Folded {
 }
 
 impl Folded {
-    /// Returns true if no symmetry folds the rows.
+    /// Returns true if the symmetry group is trivial, so that no two blocks or triangles share a spectrum.
     pub(crate) fn is_trivial(&self) -> bool {
         self.generators == 0
     }
 }
 
-/// Layer of folded rows, with or without a model.
+/// Coder of spectra on triangles as a predicted pyramid, with or without a scattering model.
 pub(crate) struct PredictiveLayer {
     folded: Arc<Folded>,
     transforms: Vec<AxisTransform>,
     chart: Option<Chart>,
-    /// True if every block is a stream of its own.
+    /// True if every coded block (incoming direction) is a byte stream of its own, which can be decoded alone.
     random: bool,
     last: LastCoded,
 }
@@ -199,8 +199,8 @@ impl FirstLayer for PredictiveLayer {
     }
 }
 
-/// Codes the planes of every representative independently; returns the decoded planes, the number of nonzero details,
-/// and the streams.
+/// Codes every block (incoming direction) that represents others by symmetry as a byte stream of its own. Returns the
+/// decoded values, the number of nonzero details, and the streams.
 fn code_blocks(pyramid: &Pyramid, (step, vectors): (f32, usize), planes: &[f32]) -> (Vec<f32>, u64, Vec<Vec<u8>>) {
     let block = planes.len() / pyramid.all().len();
     code_streams(pyramid.all().len(), |encoder, k| {

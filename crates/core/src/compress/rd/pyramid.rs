@@ -11,35 +11,40 @@ use crate::domain::TriangleMesh;
 use crate::transform::{Householder, Prediction};
 use std::ops::Range;
 
-/// Upper bound on magnitudes in contexts, so that sums cannot overflow.
+/// Upper bound on magnitudes of details in coding contexts, so that sums cannot overflow.
 const CAP: u32 = 1 << 16;
 
-/// Pyramid of planes `[representatives, vectors, leaves]`, for any number of vectors.
+/// Coder of values on triangles, `[coded block, channel, triangle]`, as means over ever larger triangles (a pyramid). A
+/// block is an incoming direction, a channel a spectral coefficient.
 pub(crate) struct Pyramid {
     levels: usize,
     bases: usize,
     predictions: Vec<Prediction>,
-    /// Index in `folds` of each representative.
+    /// For each coded block (incoming direction), number of its stabiliser, the symmetries that leave it in place, as
+    /// an index into `folds`.
     fold_of: Vec<u8>,
-    /// Level folds of each stabiliser; empty if no representative has it.
+    /// For each stabiliser (set of symmetries that leave an incoming direction in place) and level, the equalities that
+    /// it implies between triangles; empty if no coded direction has it.
     folds: Vec<Vec<LevelFold>>,
-    /// Live children, as bits, of each node of each representative, by level; empty if all are live.
+    /// Live (not entirely zero or masked) children of each triangle, as 4 bits, by level, coded incoming direction and
+    /// triangle; empty if all are live.
     live: Vec<Vec<u8>>,
     householders: [Householder; 3],
 }
 
-/// Equalities that a stabiliser implies at one level.
+/// Equalities between triangles of one level that are implied by the symmetries leaving an incoming direction in place.
 #[derive(Clone, Debug)]
 struct LevelFold {
-    /// Source of each node: the equal node of lowest number, possibly itself.
+    /// For each triangle, the lowest-numbered triangle that it equals by symmetry, possibly itself.
     source: Vec<u32>,
-    /// For each node, child c equals child `children[c]` of the source; for a source itself, the first child equal to
-    /// child c.
+    /// Equal children of each triangle by symmetry: child c equals child `children[c]` of the lowest-numbered triangle
+    /// that this one equals. For that triangle itself, `children[c]` is its first child equal to child c.
     children: Vec<[u8; 4]>,
 }
 
 impl Pyramid {
-    /// Builds the pyramids of the representatives in `range`; `live` is by representative and leaf.
+    /// Builds the pyramids of means over triangles for the coded blocks (incoming directions) in `range`; `live` marks
+    /// triangles with nonzero, unmasked samples, by block and triangle.
     pub(crate) fn new(
         mesh: TriangleMesh,
         group: &Group,
@@ -73,13 +78,13 @@ impl Pyramid {
         self.bases << (2 * level)
     }
 
-    /// Live children of node `t` of a representative's plane, as bits.
+    /// Live (not entirely zero or masked) children of triangle `t`, as 4 bits, for one coded incoming direction.
     fn live(&self, representative: usize, level: usize, t: usize) -> u8 {
         self.live.get(level).map_or(15, |live| live[representative * self.nodes(level) + t])
     }
 
-    /// Means at all levels, coarse first, of `planes`, whose representatives start at `first`; dead children do not
-    /// count.
+    /// Computes the means of values `[block, channel, triangle]` over the triangles of all levels, coarse first;
+    /// `first` is the number of the first block. Triangles of only zero or masked samples do not count.
     fn means(&self, first: usize, planes: Vec<f32>, vectors: usize) -> Vec<Vec<f32>> {
         let mut levels = vec![planes];
         for level in (0..self.levels).rev() {
@@ -106,13 +111,16 @@ impl Pyramid {
         levels
     }
 
-    /// Range of all representatives.
+    /// Range of the indices of all coded blocks (incoming directions).
     pub(crate) fn all(&self) -> Range<usize> {
         0..self.fold_of.len()
     }
 
-    /// Codes planes of `representatives` at `step`; `planes` is given to an encoder only. Returns the decoded planes
-    /// and the number of nonzero details. Details below level `finest` are 0 and take no bits.
+    /// Encodes or decodes the values `[block, channel, triangle]` of some coded blocks (incoming directions): means
+    /// over the coarsest triangles, then details level by level. Only an encoder passes the values, `planes`.
+    ///
+    /// Returns the decoded values and the number of nonzero integers. Details at level `finest` and finer are 0 and
+    /// take no bits.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -187,17 +195,18 @@ impl Pyramid {
     }
 }
 
-/// Plane whose magnitudes are the best context for those of `plane`.
+/// Returns the number of the spectral channel whose decoded details predict best how large those of channel `plane`
+/// are.
 fn plane_before(plane: usize, vectors: usize) -> Option<usize> {
     if plane.is_multiple_of(vectors) { plane.checked_sub(vectors) } else { Some(plane - 1) }
 }
 
-/// Step of means over 4^`below` leaves.
+/// Quantiser step of means over 4^`below` triangles: the step of single triangles divided by 2^`below`.
 fn step_at(step: f32, below: usize) -> f32 {
     step / (1_u32 << below) as f32
 }
 
-/// Coding state of one level of one plane.
+/// Inputs for coding the details of one pyramid level of one spectral channel.
 struct Plane<'a> {
     pyramid: &'a Pyramid,
     level: usize,
@@ -283,7 +292,8 @@ impl Plane<'_> {
         kept
     }
 
-    /// Context shared by all details of node `t`; `magnitudes` are those of the nodes already coded.
+    /// Coding context shared by all details of triangle `t`; `magnitudes` are the sums of the details of the triangles
+    /// already coded.
     fn surroundings(&self, t: usize, prediction: &Prediction, magnitudes: &[u32]) -> Surroundings {
         if !self.is_coded {
             return Surroundings::default();
@@ -303,7 +313,8 @@ impl Plane<'_> {
         }
     }
 
-    /// Adds the context of detail `m` of node `t`.
+    /// Adds to the coding context `around` of triangle `t` what is known for its detail `m` (0 to 2): the magnitudes of
+    /// its earlier details and of the details of this triangle in the spectral channel before.
     fn set_place(&self, t: usize, m: usize, quantised: &[i32], around: &mut Surroundings) {
         let known = &quantised[3 * t..3 * t + m];
         around.siblings = (m > 0).then(|| 16 * known.iter().map(|&q| magnitude(q)).sum::<u32>() / m as u32);
@@ -315,12 +326,12 @@ fn magnitude(q: i32) -> u32 {
     q.unsigned_abs().min(CAP)
 }
 
-/// Sum of the magnitudes of a node's details.
+/// Sum of the magnitudes of a triangle's three details (transformed prediction errors of its children).
 fn three(q: &[i32], node: usize) -> u32 {
     q[3 * node..][..3].iter().map(|&q| magnitude(q)).sum()
 }
 
-/// Children of a node, live ones first.
+/// Numbers of a triangle's four children, live (not entirely zero or masked) ones first.
 fn live_first(live: u8) -> [usize; 4] {
     if live == 15 {
         return [0, 1, 2, 3];
@@ -338,7 +349,8 @@ fn live_first(live: u8) -> [usize; 4] {
     order
 }
 
-/// Live children of each node of each plane, as bits, by level; a child is live if any of its leaves is.
+/// Computes which children of each triangle are live (not entirely zero or masked), as 4 bits, by level, incoming
+/// direction and triangle.
 fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
     let mut levels: Vec<Vec<u8>> = Vec::new();
     for _ in 0..mesh.level() {
@@ -354,7 +366,7 @@ fn live_levels(mesh: TriangleMesh, leaves: &[bool]) -> Vec<Vec<u8>> {
     levels
 }
 
-/// Equalities that these members of a group imply, by level.
+/// Computes for each level which triangles the symmetries `members` make equal.
 fn level_folds(mesh: TriangleMesh, group: &Group, members: &[u8]) -> Vec<LevelFold> {
     let level = |level: u8| {
         let count = mesh.bases() << (2 * level);

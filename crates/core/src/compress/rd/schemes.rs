@@ -16,35 +16,39 @@ use crate::codec::Class;
 use crate::domain::{Axis, Measurement};
 use std::sync::Arc;
 
-/// Largest number of entries of an index axis for which the data's own basis is tried.
+/// Largest length of a trailing index axis for which a basis of the data's own principal components is tried.
 const MOST_INDICES: usize = 64;
-/// Largest number of entries of a last axis behind a grid that are tried as planes of their own.
+/// Largest number of entries of the axis behind a grid of angles (wavelengths, colours) that are tried as channels
+/// coded one by one.
 const MOST_CHANNELS: usize = 8;
-/// Largest number of rows of a grid for which fixed prediction alone is tried.
+/// Largest number of direction pairs on grids of angles for which prediction by fixed filters alone is tried.
 const FEW_ROWS: usize = 20_000;
-/// Number of symmetries of a hemisphere's mesh.
+/// Number of symmetries that map a hemisphere's triangle mesh to itself.
 const ALL_SYMMETRIES: usize = 8;
 
-/// Way in which the first layer codes a tensor.
+/// Way to code the logarithms or samples of a tensor, before corrections of single samples.
 #[derive(Clone)]
 pub(super) enum Scheme {
-    /// Fixed bases on all axes.
+    /// Transform by wavelets or other fixed bases along all axes, none of them computed from the data.
     Fixed(SpectralBasis),
-    /// The data's own spectral basis, and fixed bases on the other axes.
+    /// Transform to principal components of the data's own spectra, and by fixed bases along the other axes.
     Adaptive,
-    /// The data's own spectral basis with triangles predicted, folded by a symmetry group, with or without a model.
+    /// Transform to principal components of the data's own spectra, after spectra that a symmetry group maps to each
+    /// other are averaged. Values on triangles are then predicted from coarser triangles, with or without a scattering
+    /// model.
     Predicted(Arc<Folded>, Option<ChartKind>),
-    /// Grids of angles, predicted.
+    /// Samples on grids of angles, coded by prediction.
     Gridded {
-        /// Lines of the tensor.
+        /// Layout of the tensor as axes of angles and spectra.
         shape: GridShape,
-        /// True for the data's own spectral basis, false for channel by channel.
+        /// True to code principal components of the spectra, false to code channel by channel.
         klt: bool,
-        /// True if least squares predict in addition to the fixed filters.
+        /// True to predict by adaptive least squares in addition to the fixed filters.
         learns: bool,
-        /// Model in front of the pyramid.
+        /// Scattering model that is subtracted before the residual is coded.
         model: Behind,
-        /// Typical step.
+        /// Quantiser step expected for the target; the coder chooses the scattering model and the order in which it
+        /// merges neighbouring angles as if values were quantised with it.
         step: f64,
     },
 }
@@ -75,8 +79,8 @@ impl Scheme {
     }
 }
 
-/// Returns the competing schemes. Triangles are predicted if the spectral basis is the data's own, or if there is no
-/// spectral axis.
+/// Returns the coding schemes that compete for a measurement. Samples on triangles are predicted from coarser triangles
+/// if the spectral basis is the data's own principal components, or if there is no spectral axis.
 pub(super) fn schemes(
     measurement: &Measurement,
     plane: ClassPlane<'_>,
@@ -111,7 +115,8 @@ pub(super) fn schemes(
     Ok(schemes)
 }
 
-/// Schemes of directions on a grid: spectra on their own basis, colours by channel, and both for few channels.
+/// Returns the competing coding schemes of a grid of angles: principal components for spectra, single channels for
+/// colours, and both for few channels.
 fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plane: ClassPlane<'_>) -> Vec<Scheme> {
     let tolerance = match settings.target {
         Target::ErL1(error) | Target::ErL2(error) | Target::RelativeRmse(error) => error,
@@ -154,7 +159,8 @@ fn short(axes: &[Axis]) -> bool {
     })
 }
 
-/// Predicted schemes worth a trial, depending on the symmetries that hold.
+/// Returns the coding schemes worth a trial that predict values on triangles from coarser triangles. The choice depends
+/// on the symmetries that the data have.
 fn predicted(
     shape: &Shape,
     classes: Option<&[Class]>,

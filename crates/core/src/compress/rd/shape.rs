@@ -2,21 +2,23 @@
 
 use crate::domain::{Axis, TriangleMesh};
 
-/// Tensor as planes.
+/// Layout of a tensor around its last triangle axis: one block for each entry of the axes beside it, one leaf for each
+/// triangle, one row for each spectrum.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     axes: Vec<Axis>,
     mesh: TriangleMesh,
-    /// Axes of the blocks.
+    /// Axes before the last triangle axis, then those between it and the last axis. One entry of each of these axes
+    /// together select a block.
     block_axes: Vec<Axis>,
-    /// Number of blocks of axes after the triangles.
+    /// Product of the lengths of the axes between the last triangle axis and the last axis; 1 if there are none.
     inner: usize,
-    /// Number of samples in a row; 1 if the triangles are the last axis.
+    /// Number of samples in a row (an entry of all axes but the last); 1 if the triangles are the last axis.
     length: usize,
 }
 
 impl Shape {
-    /// Returns the shape of a tensor; `None` without triangles.
+    /// Returns the layout of a tensor around its last triangle axis; `None` without triangles.
     pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_)))?;
         let Axis::Triangles(mesh) = axes[at] else { return None };
@@ -41,7 +43,7 @@ impl Shape {
         self.mesh
     }
 
-    /// Number of leaves of a plane.
+    /// Number of triangles of the last triangle axis.
     pub(crate) fn leaves(&self) -> usize {
         self.mesh.len()
     }
@@ -50,12 +52,12 @@ impl Shape {
         &self.block_axes
     }
 
-    /// Number of blocks of axes after the triangles.
+    /// Product of the lengths of the axes between the last triangle axis and the last axis; 1 if there are none.
     pub(crate) fn inner(&self) -> usize {
         self.inner
     }
 
-    /// Number of samples in a row.
+    /// Number of samples in a row, usually the number of wavelengths.
     pub(crate) fn length(&self) -> usize {
         self.length
     }
@@ -68,7 +70,7 @@ impl Shape {
         self.blocks() * self.mesh.len()
     }
 
-    /// Row of leaf `leaf` in block `block`.
+    /// Number of the row (spectrum) of triangle `leaf` in block `block`, in the order of the tensor.
     pub(crate) fn row(&self, block: usize, leaf: usize) -> usize {
         ((block / self.inner) * self.mesh.len() + leaf) * self.inner + block % self.inner
     }

@@ -18,20 +18,22 @@ use super::steps::{Fineness, Steps};
 use crate::codec::Class;
 use crate::domain::{Cancelled, Progress};
 
-/// First step to try when nothing is known.
+/// First quantiser step to try when nothing is known, in natural logarithms.
 const USUAL_STEP: f32 = 0.05;
-/// Magnitude up to which samples stay finite at any useful step: half of the float32 exponents lie above it.
+/// Magnitude of the largest sample up to which decoded samples stay finite at any useful quantiser step: half of the
+/// float32 exponents lie above it.
 const SAFE: f32 = 1e19;
-/// Number of doublings of the step to try if samples decode beyond float32.
+/// Number of doublings of the quantiser step to try if samples decode beyond float32.
 const DOUBLINGS: u32 = 24;
-/// Number of corrections of the estimated size of the level index; each decodes the levels once.
+/// Number of times that the estimated size of the level index is corrected; each decodes the levels once.
 const CORRECTIONS: u32 = 4;
 /// Approximate bytes of every file besides coefficients, classes and metadata.
 const LEAST_HEADER: usize = 36;
-/// Fraction of the allowed bytes above which a file is good enough.
+/// Fraction of the allowed bytes above which a file is large enough, so that the search ends.
 const FULL: f64 = 0.995;
 
-/// Finds the finest steps that keep the wanted size, or nearly so for comparisons (`until`), starting at `start`.
+/// Finds the finest quantiser step whose file has at most the wanted size. The search begins at the step of `start`;
+/// depending on `until` it may end at a slightly coarser step, which is enough for comparing coding schemes.
 pub(super) fn sized_steps(
     candidate: &Candidate<'_>,
     start: Option<Steps>,
@@ -47,7 +49,7 @@ pub(super) fn sized_steps(
     }
 }
 
-/// Size of the coefficients relative to the space that the wanted size leaves them: 1 if they fill it.
+/// Ratio of the coefficients' size to the space that the wanted size leaves them: 1 if they fill it.
 pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progress) -> Result<f64, CompressError> {
     let (size, most) = (size(candidate, Notch::below(steps.first.step), progress)?, most(candidate));
     let own = match candidate.settings.target {
@@ -57,8 +59,8 @@ pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progr
     Ok(own.max(1.0) / (most - (size - own)).max(1.0))
 }
 
-/// Exponent with which errors fall as the coefficients' bytes grow around `steps`, assuming that an error is
-/// proportional to its step.
+/// Estimates the exponent p of the law error ∝ b^−p, with b the bytes of the coefficients, from sizes already found
+/// near the quantiser step of `steps`. It assumes that an error is proportional to its quantiser step.
 pub(super) fn exponent(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     let known = candidate.sizes.known.borrow();
     let here = Notch::below(steps.first.step);
@@ -75,13 +77,14 @@ pub(super) fn exponent(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     if exponent.is_finite() { exponent.clamp(0.3, 6.0) } else { 1.0 }
 }
 
-/// Bytes of everything but the coefficients.
+/// Bytes of a whole file less those of its coefficients.
 fn assembled_without(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     let known = candidate.sizes.known.borrow().get(&Notch::below(steps.first.step)).copied().unwrap_or_default();
     known - chunk_bytes(&candidate.layer.chunks(steps.first)) as f64
 }
 
-/// Finds the steps nearest to `steps` for which the whole file, level index included, has the wanted bytes.
+/// Finds the finest quantiser step with which the complete file, its index of coarser resolution levels included, has
+/// at most the wanted size. The search begins at `steps`.
 pub(super) fn settled(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -130,8 +133,8 @@ pub(super) fn settled(
     }
 }
 
-/// Finest useful step. Below it float32 logarithms resolve no more, or the largest coefficients exceed the integers; a
-/// file with more bytes would be worse.
+/// Finest useful quantiser step. Below it float32 logarithms resolve no more, or the largest coefficients exceed the
+/// integers; a file with more bytes would be worse.
 pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
     let samples = candidate.original();
     let live = samples.iter().filter(|s| **s != 0.0 && !s.is_nan());
@@ -148,13 +151,13 @@ pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
     Notch::below((coefficient / f64::from(LARGEST / 4.0)).max(least) as f32)
 }
 
-/// Returns true if sizes are counts of coefficients, which need no trial.
+/// Returns true if the target is a number of coefficients that can be counted without a trial.
 pub(super) fn is_counted(candidate: &Candidate<'_>) -> bool {
     matches!(candidate.settings.target, Target::Ratio(_)) && candidate.layer.counts_alone()
 }
 
-/// Finds the finest notch that fits. Sizes are taken without their constant part: the rest is nearly a power of the
-/// step.
+/// Finds the finest quantiser step whose file fits the wanted size. The search leaves out the constant part of sizes:
+/// the rest is nearly a power of the step.
 fn fitting(
     candidate: &Candidate<'_>,
     from: (Notch, Notch),
@@ -176,7 +179,7 @@ fn fitting(
     finest_fitting(from, (most - fixed, until), |at| Ok((size(candidate, at, progress)? - fixed).max(0.0)))
 }
 
-/// Wanted size, in bytes or coefficients.
+/// Largest size that the target allows, in bytes or coefficients.
 fn most(candidate: &Candidate<'_>) -> f64 {
     match candidate.settings.target {
         Target::Ratio(ratio) => candidate.original().len() as f64 / ratio,
@@ -185,7 +188,7 @@ fn most(candidate: &Candidate<'_>) -> f64 {
     }
 }
 
-/// Size at a step, in the unit of `most`.
+/// Size of the file at a quantiser step, in bytes or, for a ratio, in coefficients.
 fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<f64, CompressError> {
     if progress.is_cancelled() {
         return Err(Cancelled.into());
@@ -203,13 +206,13 @@ fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result
     Ok(if matches!(candidate.settings.target, Target::Ratio(_)) { size } else { size + index(candidate) })
 }
 
-/// Bytes of the level index.
+/// Bytes of the index of coarser levels; an estimate until a file has been assembled.
 fn index(candidate: &Candidate<'_>) -> f64 {
     let usual = if candidate.has_levels() { levels::usual_bytes(candidate.measurement) as f64 } else { 0.0 };
     candidate.sizes.index.get().unwrap_or(usual)
 }
 
-/// Bytes of the whole file at a step.
+/// Bytes of the whole file at a quantiser step, level index included.
 fn file_size(candidate: &Candidate<'_>, at: Notch) -> f64 {
     assembled(candidate, Fineness::of(at.value()), true)
 }
@@ -226,7 +229,7 @@ fn assembled(candidate: &Candidate<'_>, fineness: Fineness, with_levels: bool) -
     (assemble(&parts, metadata.as_deref()).len() + stated) as f64
 }
 
-/// Steps at `at`, or coarser ones if samples decode beyond float32 there.
+/// Returns `at` as the quantiser step, or a coarser one if samples decode beyond float32 there.
 fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<Steps, CompressError> {
     let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
     if low.abs().max(high.abs()) <= SAFE {
@@ -248,7 +251,7 @@ fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Resu
     Err(UnreachableError::Overflow.into())
 }
 
-/// Error for a size that no step reaches.
+/// Builds the error for a wanted size that no quantiser step reaches.
 fn too_large(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<CompressError, CompressError> {
     let least = match candidate.settings.target {
         Target::Ratio(_) => size(candidate, Notch::COARSEST, progress)?,

@@ -19,33 +19,37 @@ use crate::numeric::wide;
 use crate::transform::{AxisTransform, Klt, KltError, LineBasis, Plan};
 use rayon::prelude::*;
 
-/// Largest number of vectors when number and coarseness share a byte; spectra of one material need far fewer.
+/// Largest number of spectral basis vectors in a file without a grid of angles, which states it in one byte together
+/// with the precision of the vectors. Spectra of one material need far fewer.
 pub(super) const MAX_RANK: usize = 24;
-/// Largest number of vectors when these have a byte each: noisy spectra of 200 bands need more than 24.
+/// Largest number of spectral basis vectors in a file on a grid of angles, which states it in a byte of its own. Noisy
+/// spectra of 200 bands need more than 24.
 pub(super) const MAX_GRID_RANK: usize = 64;
-/// Largest number of samples for the principal component analysis. Raising it costs time.
+/// Largest number of samples used in the principal component analysis of spectra. Raising it costs time.
 pub(super) const ANALYSED: usize = 1 << 23;
-/// Smallest root mean square of a vector's coefficients worth keeping, in steps; smaller ones would quantise to 0.
+/// Smallest root mean square of a basis vector's coefficients with which the vector is kept, in quantiser steps;
+/// smaller ones would quantise to 0.
 const WORTH_KEEPING: f64 = 0.35;
-/// Usual and largest coarseness of vectors, in doublings of their step.
+/// Usual and largest coarseness of the quantised spectral basis vectors: number of times their quantiser step is
+/// doubled.
 const USUAL: u8 = 2;
 const COARSEST: u8 = 7;
-/// Rows approximated together.
+/// Number of spectra projected or reconstructed by one parallel task.
 const BLOCK: usize = 256;
-/// Rows analysed side by side within a block.
+/// Number of spectra whose coefficients in the spectral basis are computed side by side within a parallel task.
 const LANES: usize = 16;
 
-/// Largest row length for which all principal components are computed at once.
+/// Largest length of a spectrum for which all principal components are computed at once.
 const LONG: usize = 256;
 
-/// Computes the first `most` principal components of rows of length `length`.
+/// Computes the first `most` principal components of spectra of `length` samples.
 pub(super) fn components(rows: &[f32], length: usize, most: usize) -> Result<Klt, KltError> {
     let mut klt = if length > LONG { Klt::leading(rows, length, most) } else { Klt::of(rows, length) }?;
     klt.truncate(most);
     Ok(klt)
 }
 
-/// Decoded spectral basis.
+/// Spectral basis as decoded: a mean spectrum and orthonormal vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     mean: Vec<f64>,
@@ -53,8 +57,8 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// Encodes the first vectors of `klt` that are worth their bits for `count` rows, at most `most`. Returns the
-    /// decoded basis and its chunk.
+    /// Encodes the mean and the first principal components that are worth their bits for `count` spectra, at most
+    /// `most`. Returns the decoded basis and its chunk.
     pub(super) fn encode(
         klt: &Klt,
         axes: &[Axis],
@@ -85,7 +89,7 @@ impl Basis {
         (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
-    /// Decodes the basis of a chunk, at most `most` vectors, for `count` rows along the last of `axes`.
+    /// Decodes the spectral basis from its chunk, at most `most` vectors, for `count` spectra along the last of `axes`.
     pub(super) fn decode(
         chunk: &[u8],
         axes: &[Axis],
@@ -116,17 +120,17 @@ impl Basis {
         Ok(coder.basis(&quantised, &steps))
     }
 
-    /// Number of vectors.
+    /// Number of vectors in the spectral basis, the mean not included.
     pub(super) fn rank(&self) -> usize {
         self.vectors.len()
     }
 
-    /// Number of entries of the mean and of all vectors.
+    /// Number of samples in the mean and all vectors of the spectral basis together.
     pub(super) fn entries(&self) -> usize {
         self.mean.len() * (self.vectors.len() + 1)
     }
 
-    /// Computes ⟨row − mean, vector⟩ for every row and vector.
+    /// Projects every spectrum, less the mean, on every basis vector: ⟨spectrum − mean, vector⟩.
     pub(super) fn analyse(&self, logs: &[f32]) -> Vec<f32> {
         let (n, r) = (self.mean.len(), self.vectors.len());
         let mut planes = vec![0.0; logs.len() / n * r];
@@ -151,7 +155,8 @@ impl Basis {
         planes
     }
 
-    /// Computes mean + Σ coefficient · vector, in f64 and in the order of the vectors.
+    /// Reconstructs every spectrum from its coefficients: mean + Σ coefficient · vector, in f64 and in the order of the
+    /// vectors.
     pub(super) fn synthesise(&self, planes: &[f32], logs: &mut [f32]) {
         let (n, r) = (self.mean.len(), self.vectors.len());
         logs.par_chunks_mut(BLOCK * n).zip(planes.par_chunks(BLOCK * r)).for_each(|(logs, planes)| {
@@ -173,7 +178,8 @@ impl Basis {
     }
 }
 
-/// Σ row · vector for rows side by side, as `Iterator::sum` adds them: starting at −0, in order.
+/// Scalar products of a basis vector with several spectra side by side, summed as `Iterator::sum` does: starting at −0,
+/// in order.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
@@ -184,25 +190,27 @@ fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
     sums
 }
 
-/// Steps of the mean and of each vector: their error in a sample is 1.5 · 2^coarse / √rows of the quantiser's own.
+/// Quantiser steps of the mean spectrum and of each basis vector, finer than the `step` of the spectra's coefficients.
+/// The error they cause in a sample is that of the coefficients times at most 1.5 · 2^`coarse` / √`rows`, with `rows`
+/// the number of spectra.
 fn steps(step: f32, rows: usize, coarse: u8, spreads: &[u8]) -> Vec<f32> {
     let part = (1.5 * f64::from(1_u32 << coarse) / (rows as f64).sqrt()).min(1.0);
     let own = f64::from(step) * part;
     std::iter::once(own as f32).chain(spreads.iter().map(|&code| (own / spread_of(code)) as f32)).collect()
 }
 
-/// Root mean square of a code.
+/// Root mean square of a basis vector's coefficients that an 8-bit code stands for.
 fn spread_of(code: u8) -> f64 {
     let exponent = code / 8;
     f64::from(8 + code % 8) * f64::from(1_u32 << exponent) / f64::from(1_u32 << 23)
 }
 
-/// Code of the largest root mean square that is not above `spread`, or 0.
+/// 8-bit code of the largest representable root mean square that is not above `spread`, or 0.
 fn spread_code(spread: f64) -> u8 {
     (0..=u8::MAX).rev().find(|&code| spread_of(code) <= spread).unwrap_or(0)
 }
 
-/// Coder of rows of the spectral axis as quantised wavelet coefficients.
+/// Coder of the mean and vectors of a spectral basis as quantised wavelet coefficients.
 struct BasisCoder {
     plan: Option<Plan>,
     order: Rows,
@@ -220,7 +228,7 @@ impl BasisCoder {
         Self { plan, order, scales, length }
     }
 
-    /// Coding order of `count` rows, one after another.
+    /// Coding order of the wavelet coefficients of `count` spectra, one spectrum after another.
     fn rows(&self, count: usize) -> Rows {
         let natural = Rows::natural(count, self.length);
         Rows { order: natural.order, level: natural.level, neighbours: natural.neighbours, ..self.order.clone() }
@@ -236,7 +244,7 @@ impl BasisCoder {
         quantised
     }
 
-    /// Decodes the mean and the orthonormalised vectors from their integers.
+    /// Decodes the mean and the orthonormalised vectors of a spectral basis from quantised wavelet coefficients.
     fn basis(&self, quantised: &[i32], steps: &[f32]) -> Basis {
         let mut rows = quantised.chunks_exact(self.length).zip(steps).map(|(quantised, &step)| {
             let mut row = vec![0.0; self.length];

@@ -2,34 +2,35 @@
 
 use super::super::search::Notch;
 
-/// Fineness of a layer's quantisation.
+/// Quantiser setting of a coder: step, number of spectral basis vectors and width of the zero bin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fineness {
-    /// Step of all normalised coefficients.
+    /// Quantiser step of all normalised coefficients.
     pub(crate) step: f32,
-    /// Number of vectors of the data's own basis beyond those that the step suggests.
+    /// Number of spectral basis vectors more (or fewer, if negative) than the quantiser step suggests.
     pub(crate) more_vectors: i8,
-    /// Doublings of the usual step of these vectors.
+    /// Number of times the usual quantiser step of the spectral basis vectors is doubled; halved if negative.
     pub(crate) coarser_vectors: i8,
-    /// Extra width of the zero bin of a grid's pyramid, in sixteenths of a step: residuals within half a step and this
-    /// become 0.
+    /// Extra width of the quantiser's zero bin on grids of angles, in sixteenths of a step: residuals within half a
+    /// step plus this become 0.
     pub(crate) dead_zone: u8,
 }
 
 impl Fineness {
-    /// Default choices at `step`.
+    /// Returns the quantiser setting with step `step`, and otherwise the usual number and precision of spectral basis
+    /// vectors and the usual zero bin.
     pub(crate) fn of(step: f32) -> Self {
         Self { step: 0.0, more_vectors: 0, coarser_vectors: 0, dead_zone: 0 }.at(step)
     }
 
-    /// Keeps the other choices and sets the step to `step`, rounded down to a number that a header can hold: 8
-    /// significant bits.
+    /// Sets the quantiser step to `step`, rounded down to a number that a header can hold (8 significant bits). Number
+    /// and precision of the spectral basis vectors and width of the zero bin stay.
     pub(crate) fn at(self, step: f32) -> Self {
         Self { step: Notch::below(step).value(), ..self }
     }
 }
 
-/// Fineness of the first layer and step of the corrections, 0 without.
+/// Quantiser setting of the coefficients, and step of the corrections of single samples, 0 without corrections.
 #[derive(Clone, Copy)]
 pub(super) struct Steps {
     pub(super) first: Fineness,
@@ -37,7 +38,8 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Steps of a single layer.
+    /// Builds the quantiser setting in which coefficients are quantised with `step`, and single samples are not
+    /// corrected.
     pub(super) fn of(step: f64) -> Self {
         Self { first: Fineness::of(step as f32), correction: 0.0 }
     }

@@ -9,7 +9,8 @@
 
 use crate::codec::{CodecError, Decoder, Reader, Writer};
 
-/// Streams of a pyramid chunk.
+/// Byte streams of a pyramid chunk whose blocks (incoming directions) can be decoded one by one: that of the scattering
+/// model, and one for each block.
 pub(super) struct Streams<'a> {
     model: &'a [u8],
     blocks: Vec<&'a [u8]>,
@@ -24,7 +25,8 @@ impl<'a> Streams<'a> {
         w.into_bytes()
     }
 
-    /// Reads `blocks` streams, after that of the model if `has_model`.
+    /// Reads the byte streams of `blocks` blocks (incoming directions), after that of the scattering model if
+    /// `has_model`.
     pub(super) fn read(r: &mut Reader<'a>, has_model: bool, blocks: usize) -> Result<Self, CodecError> {
         let mut lengths = Vec::new();
         for _ in 0..usize::from(has_model) + blocks {
@@ -41,7 +43,7 @@ impl<'a> Streams<'a> {
         self.model
     }
 
-    /// Stream of representative `k`.
+    /// Decoder of the byte stream of coded block (incoming direction) `k`.
     pub(super) fn block(&self, k: usize) -> Decoder<'a> {
         Decoder::new(self.blocks.get(k).copied().unwrap_or_default())
     }

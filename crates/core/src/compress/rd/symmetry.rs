@@ -6,9 +6,10 @@
 use super::shape::Shape;
 use crate::domain::{Axis, Domain, Symmetry, TriangleMesh};
 
-/// Permutations of a triangle's corners; its children 0, 1 and 2 are permuted alike, child 3 stays.
+/// Permutations of a triangle's three corners, as orders of its four children: children 0, 1 and 2 are permuted alike,
+/// child 3 stays.
 const EXCHANGES: [[u8; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [2, 1, 0, 3]];
-/// Table of each permutation for four levels of children at once.
+/// Table of each corner permutation applied to four subdivision levels (four 2-bit child numbers) at once.
 const FOUR_LEVELS: [[u8; 256]; 6] = four_levels();
 
 const fn four_levels() -> [[u8; 256]; 6] {
@@ -34,12 +35,12 @@ const fn four_levels() -> [[u8; 256]; 6] {
 /// Images of the triangles of a domain under a symmetry, at any level.
 #[derive(Clone, Debug)]
 struct Moves {
-    /// For each base triangle, its image, and the number of the permutation of its corners.
+    /// Image of each base triangle under a symmetry, and the number of the permutation of its corners.
     bases: Vec<(u8, u8)>,
 }
 
 impl Moves {
-    /// Returns `None` if the symmetry leaves the domain.
+    /// Computes the images of a domain's triangles under a symmetry; `None` if these leave the domain.
     fn of(symmetry: Symmetry, domain: Domain) -> Option<Self> {
         let children = symmetry.permutation(TriangleMesh::new(domain, 1)?)?;
         let base = |four: &[u32]| {
@@ -49,7 +50,7 @@ impl Moves {
         Some(Self { bases: children.chunks_exact(4).map(base).collect::<Option<_>>()? })
     }
 
-    /// Image of triangle `t` in the mesh of `level`, at most 8.
+    /// Image of triangle `t` in the mesh of `level`, at most 8, under the symmetry.
     #[inline]
     fn image(&self, level: u8, t: usize) -> usize {
         let below = 2 * u32::from(level);
@@ -59,13 +60,14 @@ impl Moves {
         usize::from(base) << below | moved & ((1 << below) - 1)
     }
 
-    /// For each child of triangle `t`, its number among the children of the image.
+    /// Index (0 to 3) that each child of triangle `t` gets when the symmetry maps it: its place among the children of
+    /// the triangle to which `t` is mapped.
     fn children(&self, level: u8, t: usize) -> [u8; 4] {
         EXCHANGES[usize::from(self.bases[t >> (2 * level)].1)]
     }
 }
 
-/// All products of the generators, in the order of the domain's symmetries.
+/// Returns all products of the symmetries `generators`, in the order of the domain's symmetries.
 pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
     let mut all = vec![Symmetry::IDENTITY];
     let mut next = 0;
@@ -82,31 +84,34 @@ pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
     all
 }
 
-/// Group of symmetries acting on blocks (all axes but the last triangles and the spectral one) and leaves. The members
-/// are numbered, the identity first.
+/// Group of mesh symmetries acting on blocks (entries of all axes but the last triangles and the spectral one) and on
+/// triangles. The members are numbered, the identity first.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     mesh: TriangleMesh,
-    /// Moves of the leaves, by member.
+    /// Images of the triangles of the last triangle axis, for each member of the symmetry group.
     leaves: Vec<Moves>,
     blocks: Vec<BlockAxis>,
 }
 
-/// Axis of the blocks.
+/// Axis of a tensor that is neither the last triangle axis nor the last axis. If its entries are triangles, symmetries
+/// permute them.
 #[derive(Clone, Debug)]
 struct BlockAxis {
     length: usize,
-    /// For a triangle axis, its level and the moves of each member.
+    /// Level and, for each member of the symmetry group, images of the triangles; `None` if this is not a triangle
+    /// axis.
     moves: Option<(u8, Vec<Moves>)>,
 }
 
 impl Group {
-    /// Group of all products of `generators`, on the planes of `shape`; `None` if one of them leaves a domain.
+    /// Builds the group of all products of the symmetries `generators` on a tensor; `None` if one of them leaves a
+    /// domain.
     pub(crate) fn of(shape: &Shape, generators: &[Symmetry]) -> Option<Self> {
         Self::new(shape, &closure(generators))
     }
 
-    /// Group of `symmetries`, the identity first; `None` if one of them leaves a domain.
+    /// Builds the group of the given symmetries of a tensor, the identity first; `None` if one of them leaves a domain.
     pub(super) fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
         let moves = |domain| symmetries.iter().map(|&s| Moves::of(s, domain)).collect::<Option<Vec<_>>>();
         let axis = |axis: &Axis| {
@@ -120,17 +125,17 @@ impl Group {
         Some(Self { mesh: shape.mesh(), leaves: moves(shape.mesh().domain())?, blocks })
     }
 
-    /// Number of members.
+    /// Number of members of the symmetry group.
     pub(crate) fn order(&self) -> usize {
         self.leaves.len()
     }
 
-    /// Returns true if any member may move a block.
+    /// Returns true if any member of the symmetry group may map a block (incoming direction) to another one.
     fn moves_blocks(&self) -> bool {
         self.order() > 1 && self.blocks.iter().any(|axis| axis.moves.is_some())
     }
 
-    /// Image of a block under member `m`.
+    /// Number of the block (incoming direction) to which member `m` of the symmetry group maps a block.
     pub(crate) fn block(&self, m: usize, block: usize) -> usize {
         if m == 0 {
             return block;
@@ -145,18 +150,19 @@ impl Group {
         image
     }
 
-    /// Image of a leaf under member `m`.
+    /// Number of the triangle to which member `m` of the symmetry group maps a triangle of the last triangle axis.
     #[inline]
     pub(crate) fn leaf(&self, m: usize, leaf: usize) -> usize {
         self.leaves[m].image(self.mesh.level(), leaf)
     }
 
-    /// Image of node `t` of a level of the leaves' pyramid under member `m`, with the numbers of its children there.
+    /// Number of the triangle to which member `m` of the symmetry group maps triangle `t` of a coarser level, and the
+    /// numbers that its children have there.
     pub(crate) fn node(&self, m: usize, level: u8, t: usize) -> (usize, [u8; 4]) {
         (self.leaves[m].image(level, t), self.leaves[m].children(level, t))
     }
 
-    /// The first block of every orbit, in ascending order.
+    /// Finds the first block of every orbit (blocks that the symmetries map to each other), in ascending order.
     pub(crate) fn representatives(&self) -> Representatives {
         let blocks: usize = self.blocks.iter().map(|axis| axis.length).product();
         if !self.moves_blocks() {
@@ -183,21 +189,22 @@ impl Group {
     }
 }
 
-/// Blocks that are coded, numbered in ascending order.
+/// Blocks (incoming directions) that are coded, one for each orbit under the symmetry group, numbered in ascending
+/// order.
 #[derive(Clone, Debug)]
 pub(crate) struct Representatives {
     blocks: Vec<u32>,
-    /// Number of each representative's stabiliser.
+    /// For each coded block (incoming direction), number of its stabiliser, the symmetries that leave it in place.
     kinds: Vec<u8>,
     stabilisers: Vec<Stabiliser>,
 }
 
-/// Members of a group that leave a block in place.
+/// Stabiliser: the symmetries of a group that leave a given block (incoming direction) in place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Stabiliser {
-    /// Numbers of these members.
+    /// Indices, within the symmetry group, of the symmetries that map the block (incoming direction) to itself.
     pub(crate) members: Vec<u8>,
-    /// First member of the group that maps the block to each of its images.
+    /// For each image of the block (incoming direction), number of the first group member that maps the block to it.
     pub(crate) leaders: Vec<u8>,
 }
 
@@ -223,17 +230,17 @@ impl Representatives {
         self.blocks.len()
     }
 
-    /// Block of representative `k`.
+    /// Number, among all blocks (incoming directions), of the block that is coded as number `k`.
     pub(crate) fn block(&self, k: usize) -> usize {
         self.blocks[k] as usize
     }
 
-    /// Number of each representative's stabiliser.
+    /// For each coded block (incoming direction), number of its stabiliser, the symmetries that leave it in place.
     pub(crate) fn kinds(&self) -> &[u8] {
         &self.kinds
     }
 
-    /// All stabilisers that occur.
+    /// All different stabilisers (sets of symmetries that leave an incoming direction in place) of the coded blocks.
     pub(crate) fn stabilisers(&self) -> &[Stabiliser] {
         &self.stabilisers
     }
@@ -242,7 +249,8 @@ impl Representatives {
         &self.stabilisers[usize::from(self.kinds[k])]
     }
 
-    /// Representative of a block, and the member that maps the representative to the block.
+    /// Number of the coded block (incoming direction) that represents a block, and of the symmetry that maps it to the
+    /// block.
     pub(crate) fn of_block(&self, group: &Group, block: usize) -> Option<(usize, usize)> {
         let first = (0..group.order()).map(|m| group.block(m, block)).min()?;
         let k = self.blocks.binary_search(&(first as u32)).ok()?;
@@ -250,7 +258,8 @@ impl Representatives {
         Some((k, usize::from(*leader)))
     }
 
-    /// For each block, its representative, and the member that maps the representative to the block.
+    /// For each block (incoming direction), numbers of the coded block that represents it and of the symmetry that maps
+    /// it to the block.
     pub(crate) fn by_block(&self, group: &Group, blocks: usize) -> Vec<(u32, u8)> {
         let mut all = vec![(0, 0); blocks];
         for k in 0..self.len() {

@@ -6,23 +6,25 @@ use crate::codec::Class;
 use crate::domain::Symmetry;
 use rayon::prelude::*;
 
-/// Largest number of rows compared with their images. Raising it costs time.
+/// Largest number of spectra compared with their images when symmetries are sought. Raising it costs time.
 const MOST_COMPARED: usize = 1 << 15;
 
-/// Symmetries that hold.
+/// Symmetries of the data that hold within a tolerance.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Found {
-    /// Generators of their group.
+    /// Generators of the group of symmetries that the data have.
     pub(crate) generators: Vec<Symmetry>,
-    /// Number of members of their group.
+    /// Number of members of the group of symmetries that the data have.
     pub(crate) order: usize,
-    /// Largest deviation under a generator.
+    /// Largest deviation of the data from a generating symmetry, root mean square of logarithms.
     pub(crate) deviation: f64,
 }
 
-/// Finds the largest group under which the logarithms differ by at most `tolerance`, root mean square.
+/// Finds the largest group of symmetries that map the logarithms of samples to themselves, up to a root mean square
+/// deviation of `tolerance`.
 ///
-/// The deviation is that of one entry from its orbit's mean if entries differ by independent noise.
+/// The deviation is the root mean square difference between samples and their images, divided by √2: that of one entry
+/// from its orbit's mean if entries differ by independent noise.
 pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Found {
     let mut accepted: Vec<(f64, Symmetry)> = Symmetry::of(shape.mesh().domain())
         .into_par_iter()
@@ -51,8 +53,8 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
     Found { order: closure(&generators).len(), generators, deviation: largest }
 }
 
-/// Root mean square of the difference between rows and their images under member 1, divided by √2. `None` as soon as it
-/// must exceed `tolerance`, or if nothing can be compared.
+/// Root mean square of the difference between spectra and their images under member 1 of a symmetry group, divided by
+/// √2. `None` as soon as it must exceed `tolerance`, or if nothing can be compared.
 fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Option<f64> {
     let n = shape.length();
     let stride = shape.rows().div_ceil(MOST_COMPARED);
@@ -84,7 +86,7 @@ fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class
     (count > 0).then(|| (sum / count as f64 / 2.0).sqrt())
 }
 
-/// Σ (a − b)², in four partial sums that are added at the end.
+/// Squared distance Σ (a − b)² of two spectra, in four partial sums that are added at the end.
 fn squared_distance(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0_f64; 4];
     let square = |a: f32, b: f32| {

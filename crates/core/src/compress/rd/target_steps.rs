@@ -15,29 +15,34 @@ use super::sized::{finest, sized_steps};
 use super::steps::{Fineness, Steps};
 use crate::domain::Progress;
 
-/// Selection penalty: a coefficient chosen by magnitude carries this multiple of the noise variance of a fixed one.
+/// Selection penalty: noise variance of a coefficient chosen by magnitude, as a multiple of that of one chosen
+/// beforehand. Raising it keeps fewer coefficients.
 const SELECTED: f64 = 3.0;
 
-/// Largest size in bytes of a grid's chunks for which all steps around the found one are tried. Raising it costs time:
-/// about 13 trials.
+/// Largest size in bytes of a grid's chunks for which all quantiser steps around the found one are tried. Raising it
+/// costs time: about 13 trials.
 const SMALL_GRID: usize = 1 << 14;
 
-/// Largest number of samples for which more vectors are tried. Raising it costs time: about 40 trials of all samples.
+/// Largest number of samples for which additional spectral basis vectors are tried. Raising it costs time: about 40
+/// trials of all samples.
 const FEW_SAMPLES: usize = 1 << 20;
 
-/// Number of steps tried on either side of the found one, in 72nds of a doubling. The range is half the distance
-/// between two trials with more vectors.
+/// Number of quantiser steps tried on either side of the step that the search for the wanted error found, each 1/72 of
+/// a doubling apart. They reach half-way to the next of the steps tried with more basis vectors.
 const NEAR: i32 = 9;
 
-/// Dead zones tried on small grids, in sixteenths of a step, at a third of the steps around. Each costs seven trials.
+/// Extra widths of the quantiser's zero bin tried on small grids, in sixteenths of a step. Each is tried with seven
+/// quantiser steps: every third of those near the step found.
 const DEAD_ZONES: [u8; 3] = [1, 2, 3];
 
-/// Largest number of vectors tried beyond those that the step suggests. Raising it costs trials.
+/// Largest number of spectral basis vectors tried beyond those that the quantiser step suggests. Raising it costs
+/// trials.
 const MORE_VECTORS: i8 = 3;
-/// Largest increase of the step tried with them, in quarters of a doubling.
+/// Largest increase of the quantiser step tried together with additional basis vectors, in quarters of a doubling.
 const COARSER: i32 = 12;
 
-/// Finds the steps that serve the wanted target best.
+/// Finds the quantiser steps that serve the target best: the smallest file at a wanted error, the least error at a
+/// wanted size.
 pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
     match candidate.settings.target {
         Target::ErL2(error) => {
@@ -109,8 +114,9 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
     }
 }
 
-/// Tries a few more vectors of a grid's basis, each with the coarser step that it allows, and returns the best. In
-/// smooth functions most coefficients are 0, so a vector that the step alone rejects may be worth its bytes.
+/// Tries a few more spectral basis vectors on a grid of angles, each with the coarser quantiser step that it allows,
+/// and returns the best setting. In smooth functions most coefficients are 0, so a vector that the step alone rejects
+/// may be worth its bytes.
 fn with_more_vectors(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -141,7 +147,7 @@ fn with_more_vectors(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// Returns the best choice around `steps` that keeps a wanted er(L2).
+/// Returns the quantiser setting near `steps` with the smallest file that keeps a wanted er(L2).
 pub(super) fn refined(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -179,8 +185,11 @@ pub(super) fn refined(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// Returns the best of nearby steps, numbers of vectors and dead zones for a grid's layer. The errors of small files
-/// are not monotone in the step. Those of large files are, and their trials take long, so they stay as found.
+/// Finds the smallest file on a grid of angles that keeps the wanted error, among quantiser steps, numbers of basis
+/// vectors and zero-bin widths near `steps`. Only small files are refined, as their errors are not monotone in the
+/// step.
+///
+/// Those of large files are monotone and their trials take long, so `steps` is returned for them.
 fn refined_grid(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -219,7 +228,8 @@ fn refined_grid(
     Ok(Steps { first: best.1, ..steps })
 }
 
-/// Finds the step whose file is nearest to the noise-free truth, as far as the noise permits an estimate.
+/// Finds the quantiser step whose decoded samples are nearest to the noise-free truth, as far as the noise permits an
+/// estimate.
 fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Steps, CompressError> {
     let mut decoded = vec![0.0; candidate.original().len()];
     let mut best: Option<(f64, Steps)> = None;
@@ -233,9 +243,9 @@ fn find_truth(candidate: &Candidate<'_>, progress: &dyn Progress) -> Result<Step
     best.map(|(_, steps)| steps).ok_or(UnreachableError::NoBasis.into())
 }
 
-/// Estimates the mean square distance from the truth, up to a constant: the distance from the measurement, plus the
-/// noise that each coefficient carries (Mallows 1973, *Some comments on Cp*). Coefficients kept because they are large
-/// carry more noise than those chosen beforehand.
+/// Estimates the mean square distance of a file from the noise-free truth, up to a constant: the distance from the
+/// measurement, plus the noise that each coefficient carries (Mallows 1973, *Some comments on Cp*). Coefficients kept
+/// because they are large carry more noise than those chosen beforehand.
 pub(super) fn risk(
     candidate: &Candidate<'_>,
     steps: Steps,
@@ -253,7 +263,8 @@ fn noise(candidate: &Candidate<'_>) -> Result<f64, CompressError> {
     candidate.plane.noise.ok_or(SettingError::NoNoise.into())
 }
 
-/// Finds the first layer's step for which both layers together are smallest.
+/// Finds the quantiser step of the coefficients for which they and the corrections of single samples take the fewest
+/// bytes together.
 fn find_bounded(candidate: &Candidate<'_>, correction: f64, progress: &dyn Progress) -> Result<Steps, CompressError> {
     // The largest step tried is a few times larger, and must be finite too.
     let mut correction = correction.min(f64::from(f32::MAX) / 8.0) as f32;

@@ -6,34 +6,37 @@ use super::{Constraint, Dictionary};
 use crate::transform::{AxisTransform, Boundary, LineBasis};
 use rayon::prelude::*;
 
-/// Choice of coefficients in each basis.
+/// Method of choosing a given number of coefficients in a basis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// Largest coefficients, unchanged.
+    /// The largest coefficients are chosen, and keep their values.
     Largest,
-    /// Largest coefficients, refitted for er(L2).
+    /// The largest coefficients of the spectrum are chosen, and their values refitted for the least relative RMS error
+    /// er(L2).
     Refitted,
-    /// Coefficients chosen one by one for er(L2), refitted, and exchanged while that lowers the error.
+    /// Coefficients of the spectrum are chosen one by one for the least relative RMS error er(L2), refitted, and
+    /// exchanged while that lowers the error.
     Greedy,
 }
 
-/// Basis with the error it reaches.
+/// Basis of a spectrum with its approximation by few terms and the error of this.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranked {
     /// Name of the basis.
     pub basis: String,
-    /// Approximation in this basis.
+    /// Approximation of the spectrum by the chosen number of functions of the basis `basis`.
     pub approximation: Approximation,
-    /// Errors of the approximation.
+    /// Relative errors of the approximated spectrum against the original one.
     pub errors: RelativeErrors,
 }
 
-/// Number of best bases in which functions are exchanged after greedy selection. Raising it costs time.
+/// Number of bases, those of least error after greedy selection of functions, in which selected functions are then
+/// exchanged for others to lower the error. Raising it costs time.
 const EXCHANGED: usize = 24;
 const ROUNDS: usize = 6;
 
-/// Every basis with every boundary rule, on a line of `length` samples. A basis with its default rule is named
-/// `bior4.4`, with another rule `bior4.4 periodic`.
+/// Lists every wavelet basis with every boundary rule, on a line of `length` samples. A basis with its default rule is
+/// named `bior4.4`, with another rule `bior4.4 periodic`.
 pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
     let pairs: Vec<(LineBasis, Boundary)> =
         LineBasis::distinct().flat_map(|basis| Boundary::ALL.iter().map(move |&boundary| (basis, boundary))).collect();
@@ -48,8 +51,11 @@ pub fn line_dictionaries(length: usize) -> Vec<Dictionary> {
     dictionaries.into_iter().flatten().collect()
 }
 
-/// Returns the `count`-term approximations of `samples` in every dictionary, least er(L2) first, ties in the order
-/// given. Constraints apply to refitted and greedy choices; dictionaries that cannot meet them are left out.
+/// Approximates `samples` by `count` functions of each basis. Returns the approximations by relative RMS error er(L2),
+/// least first, ties in the order given.
+///
+/// Constraints (weighted sums of the samples that must stay exact) apply unless `choice` keeps the coefficients'
+/// values; bases that cannot meet them are left out.
 pub fn best_basis(
     dictionaries: &[Dictionary],
     samples: &[f64],

@@ -3,19 +3,20 @@
 use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError};
 
-/// Analysis and synthesis matrices of one basis at one length, in f64 (their entries come from the f32 transform).
+/// Analysis and synthesis matrices of one basis for a given number of samples, in f64 (their entries come from the f32
+/// transform).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dictionary {
     name: String,
     length: usize,
     /// Analysis matrix: row k holds the weights of coefficient k.
     analysis: Vec<f64>,
-    /// Synthesis functions: row k is that of coefficient k.
+    /// Synthesis matrix: row k holds the function that coefficient k multiplies.
     atoms: Vec<f64>,
 }
 
 impl Dictionary {
-    /// Builds the matrices of `transform` on `length` samples, with the display name `name`.
+    /// Builds the analysis and synthesis matrices of `transform` on `length` samples, with the display name `name`.
     pub fn new(name: impl Into<String>, length: usize, transform: AxisTransform) -> Result<Self, PlanError> {
         let index = || Axis::Index { count: length, labels: Vec::new() };
         let plan = Plan::new(&[index(), index()], &[transform, AxisTransform::Identity])?;
@@ -31,7 +32,7 @@ impl Dictionary {
         Ok(Self { name: name.into(), length, analysis, atoms })
     }
 
-    /// Name of the dictionary.
+    /// Name of the basis and of its boundary rule.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -50,7 +51,7 @@ impl Dictionary {
         &self.atoms[k * self.length..][..self.length]
     }
 
-    /// Computes the coefficients of `samples`.
+    /// Computes the coefficients of `samples` in this basis.
     ///
     /// # Panics
     /// If the number of samples differs from the dictionary's length.
@@ -60,7 +61,7 @@ impl Dictionary {
         self.analysis.chunks(self.length).map(dot).collect()
     }
 
-    /// Computes the samples from `coefficients` of the functions `kept`.
+    /// Computes the samples from `coefficients` of the basis functions `kept`.
     ///
     /// # Panics
     /// If an index is out of range.

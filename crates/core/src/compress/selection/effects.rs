@@ -4,9 +4,9 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError};
 use rayon::prelude::*;
 
-/// For every coefficient of a tensor on `axes`, computes the norm √Σ (w·ψ)² of its synthesis function ψ, with w from
-/// `weights`, one for each sample. With w = 1/s, |c| times this norm is the effect on er(L2) of dropping only this
-/// coefficient (times √n).
+/// For every coefficient c of a tensor on `axes`, computes the norm √Σ (w·ψ)² of its synthesis function ψ, with the
+/// weights w of the n samples. If w is 1/sample, dropping c alone gives the relative RMS error er(L2) = |c| · norm /
+/// √n.
 ///
 /// The squared norm is a product over the axes, so each axis costs its sparse synthesis matrix.
 pub fn effects(axes: &[Axis], transforms: &[AxisTransform], weights: &[f32]) -> Result<Vec<f32>, PlanError> {
@@ -35,7 +35,8 @@ pub fn effects(axes: &[Axis], transforms: &[AxisTransform], weights: &[f32]) -> 
     Ok(sums)
 }
 
-/// For each coefficient of one axis, lists the samples that it reaches with its squared weights there.
+/// For each coefficient of one axis, lists the samples at which its synthesis function is not 0, with the function's
+/// squared value there.
 fn squared_synthesis(axis: &Axis, transform: AxisTransform) -> Result<Vec<Vec<(u32, f32)>>, PlanError> {
     const UNITS: usize = 256;
     let n = axis.len();

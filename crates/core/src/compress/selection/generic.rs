@@ -10,62 +10,69 @@ use crate::domain::Axis;
 use crate::transform::{AxisTransform, Plan, PlanError, Weights};
 use rayon::prelude::*;
 
-/// Rule that applies thresholds to coefficients.
+/// Rule for dropping transform coefficients below thresholds: one of three from the paper \[CPB06\].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Rule {
-    /// One threshold on the final coefficients.
+    /// One threshold on the final coefficients, those transformed along all axes.
     Conventional,
-    /// One threshold for each space.
+    /// One threshold for each axis. Coefficients of the transform along an axis are functions of the later axes; those
+    /// with a norm below the axis's threshold are dropped, together with all coefficients that they would be
+    /// transformed to.
     Generic,
-    /// One threshold ε for each space; ε√d inside a function of range d = max − min.
+    /// Rule like `Generic`, with the threshold ε of each axis replaced by ε√d, where d is the range (max − min) of the
+    /// function being transformed along this axis.
     Adaptive,
 }
 
-/// Coefficients of a tensor with the norms of its generic coefficients, space by space.
+/// Coefficients of a tensor that is transformed along one axis after another. After each axis, coefficients are
+/// functions of the remaining axes; the norms of these functions are kept for comparison with thresholds.
 #[derive(Clone, Debug)]
 pub struct GenericTransform {
     plan: Plan,
     coefficients: Vec<f32>,
     spaces: Vec<Space>,
-    /// √(max − min) of the tensor itself.
+    /// Square root of the range, √(max − min), of all samples of the tensor before any transform.
     spread: f32,
 }
 
 #[derive(Clone, Debug)]
 struct Space {
-    /// Norm of each generic coefficient over the axes transformed in this space.
+    /// Norm of each coefficient after the transforms along this axis and all before it. Such a coefficient is a
+    /// function of the axes not yet transformed, or a single number after the last axis.
     norms: Vec<f32>,
-    /// √(max − min) of the function that each coefficient stands for; empty for the last space, where a coefficient is
-    /// a number and no function of further axes.
+    /// Square root of the range, √(max − min), of each coefficient of the transform along this axis, as a function of
+    /// all later axes. Empty for the last axis, after which coefficients are numbers.
     spreads: Vec<f32>,
-    /// Number of this space's coefficients that derive from one coefficient of the space before.
+    /// Number of coefficients, after this axis is transformed, that derive from one coefficient before.
     length: usize,
 }
 
-/// Thresholds found, with the coefficients they keep.
+/// Result of a search for thresholds: the thresholds and the coefficients they keep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Search {
-    /// One threshold for each space, outermost first; 0 drops nothing.
+    /// Threshold on coefficients for each axis, outermost first; 0 drops nothing.
     pub thresholds: Vec<f64>,
     /// Number of coefficients above the thresholds.
     pub kept: usize,
-    /// Value of the judge for the decoded samples.
+    /// Error of the decoded samples, in the measure (for example relative RMS error) that the caller of the search
+    /// supplies.
     pub error: f64,
-    /// Kept coefficients, the others 0.
+    /// Coefficients with the dropped ones set to 0.
     pub coefficients: Vec<f32>,
-    /// The decoded samples.
+    /// Samples reconstructed from the kept coefficients.
     pub decoded: Vec<f32>,
 }
 
-/// Thresholds of outer spaces to try, as multiples of the last space's. √d and the norms of functions of different size
-/// make the best multiples span decades.
+/// Thresholds to try for an axis before the last, as multiples of the last axis's threshold. They span four decades,
+/// because the norms of coefficients differ widely between axes.
 const RATIOS: [f64; 8] = [1.0 / 16.0, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
-/// Factors to try around the best of [`RATIOS`].
+/// Factors on the best of the coarsely spaced ratios between an outer axis's threshold and that of the last axis. The
+/// products are tried as finer ratios.
 const REFINEMENTS: [f64; 2] = [0.5, 2.0];
 
 impl GenericTransform {
-    /// Transforms `samples` axis after axis and computes every norm in the counting measure of er(L2). If `normalised`,
-    /// a coefficient is weighted by the norm of its synthesis function, otherwise not.
+    /// Transforms `samples` axis after axis, and computes the norm of every coefficient in the counting measure of
+    /// er(L2). If `normalised`, a coefficient is weighted by the norm of its synthesis function, otherwise not.
     pub fn new(
         axes: &[Axis],
         transforms: &[AxisTransform],
@@ -91,17 +98,18 @@ impl GenericTransform {
         Ok(Self { plan, coefficients, spaces, spread })
     }
 
-    /// Coefficients in the plan's order.
+    /// Coefficients after all axes are transformed, in the order of the transform plan.
     pub fn coefficients(&self) -> &[f32] {
         &self.coefficients
     }
 
-    /// Plan that made the coefficients.
+    /// Transform plan that produced the coefficients.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Returns the coefficients that `thresholds` (one for each space) keep, the others 0, and the number of kept ones.
+    /// Returns the coefficients that `thresholds` (one for each axis) keep, with the others set to 0, and the number of
+    /// kept ones.
     ///
     /// # Panics
     /// If the number of thresholds is not the number of spaces.
@@ -110,9 +118,12 @@ impl GenericTransform {
         self.keep(|i| critical[i] > 1.0)
     }
 
-    /// Finds the thresholds that keep at most `count` coefficients with the least error by `judge`, which is given
-    /// decoded samples. Generic rules start from the conventional threshold. They are never worse than it, except for
-    /// the effect of their √d.
+    /// Finds the thresholds, one for each axis, that keep at most `count` coefficients with the least error, as `judge`
+    /// measures it on the decoded samples. The search starts from one threshold on the last axis, and adds those of
+    /// other axes.
+    ///
+    /// With `Rule::Generic` the result is no worse than with `Rule::Conventional`. With `Rule::Adaptive` it may be,
+    /// because each threshold is multiplied by the root of a function's range.
     pub fn search_count(&self, count: usize, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Search {
         let last = self.spaces.len() - 1;
         let mut ratios = vec![0.0; self.spaces.len()];
@@ -145,8 +156,9 @@ impl GenericTransform {
         best
     }
 
-    /// Finds the thresholds that keep the fewest coefficients with an error of at most `error` by `judge`; `None` if
-    /// even all of them do not reach it. Assumes that the error falls as coefficients are added.
+    /// Finds the thresholds that keep the fewest coefficients with an error, as `judge` measures it, of at most
+    /// `error`. `None` if even all coefficients do not reach it. Assumes that the error falls as coefficients are
+    /// added.
     pub fn search_error(&self, error: f64, rule: Rule, judge: &(dyn Fn(&[f32]) -> f64 + Sync)) -> Option<Search> {
         let (mut low, mut high) = (0, self.coefficients.len());
         let mut best = Some(self.search_count(high, rule, judge)).filter(|found| found.error <= error)?;
@@ -193,8 +205,9 @@ impl GenericTransform {
         (selected, kept)
     }
 
-    /// For each final coefficient, the largest common factor on the thresholds `ratios` before it, or a function that
-    /// it derives from, is dropped.
+    /// For each coefficient of the complete transform, computes the largest common factor on the thresholds `ratios`
+    /// that still keeps it. A larger one drops it, alone or with an intermediate function (after some axes) from which
+    /// it derives.
     fn critical(&self, ratios: &[f64], rule: Rule) -> Vec<f32> {
         assert_eq!(ratios.len(), self.spaces.len(), "one threshold a space");
         let mut outer = vec![f32::INFINITY];
@@ -231,13 +244,15 @@ impl Space {
     }
 }
 
-/// √(max − min) of the row.
+/// Square root of the range, √(max − min), of the values of one function (`row`); the adaptive rule multiplies its
+/// thresholds by it.
 fn spread(row: &[f32]) -> f32 {
     let (low, high) = row.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &c| (l.min(c), h.max(c)));
     (high - low).max(0.0).sqrt()
 }
 
-/// Threshold above which `count` values lie, fewer if the next ones are equal: half way between neighbours.
+/// Threshold above which `count` values lie, fewer if the next ones are equal; it is half way between two neighbouring
+/// values.
 fn threshold_of(values: &[f32], count: usize) -> f32 {
     if count >= values.len() {
         return 0.0;
@@ -274,7 +289,8 @@ mod tests {
         move |decoded| ErrorReport::measure(samples, decoded, 0.0).er_l2
     }
 
-    /// Reference implementation of the policy as the paper describes it: space after space, whole functions dropped.
+    /// Applies the generic or adaptive rule of \[CPB06\] literally, for comparison: if the coefficient after one axis
+    /// is below its threshold, all coefficients that derive from it by transforms along later axes are set to 0.
     fn by_the_letter(t: &GenericTransform, thresholds: &[f64], adaptive: bool) -> Vec<f32> {
         let (n1, n2) = (64, 19);
         let mut kept = t.coefficients.clone();

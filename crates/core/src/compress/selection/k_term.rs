@@ -7,35 +7,35 @@ use crate::numeric::dense::{dot, scale};
 use crate::numeric::least_squares::constrained;
 use crate::numeric::orthogonal::{take_away, take_away_twice};
 
-/// Selected functions of a dictionary, their coefficients, and the resulting samples.
+/// Approximation of a spectrum by few basis functions: their numbers, their coefficients, and the resulting samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Approximation {
-    /// Indices of the selected functions.
+    /// Indices of the selected functions within the basis.
     pub kept: Vec<usize>,
-    /// Coefficient of each selected function.
+    /// Coefficient of each selected basis function.
     pub coefficients: Vec<f64>,
-    /// Sum of the selected functions times their coefficients.
+    /// Approximated samples: sum of the selected basis functions times their coefficients.
     pub samples: Vec<f64>,
 }
 
-/// Relative errors over the samples > 0.
+/// Relative errors of an approximation over the samples above 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RelativeErrors {
-    /// Mean |s' − s|/s.
+    /// Mean relative error |s' − s|/s of approximated samples s' over original ones s > 0.
     pub l1: f64,
-    /// √ mean ((s' − s)/s)².
+    /// Root mean square of the relative error (s' − s)/s of approximated samples s' over original ones s > 0.
     pub l2: f64,
 }
 
-/// Linear functional of the samples that an approximation keeps exactly.
+/// Linear functional (weighted sum) of the samples that an approximation must keep exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
-    /// Weight of each sample.
+    /// Weight of each sample in the sum that an approximation must keep exactly.
     pub weights: Vec<f64>,
 }
 
 impl RelativeErrors {
-    /// Computes the errors of `found` against `samples`.
+    /// Computes the relative errors of the samples `found` against the original `samples`.
     pub fn between(samples: &[f64], found: &[f64]) -> Self {
         let (mut l1, mut l2, mut n) = (0.0, 0.0, 0.0);
         for (&s, f) in samples.iter().zip(found).filter(|(s, _)| **s > 0.0) {
@@ -48,13 +48,13 @@ impl RelativeErrors {
     }
 }
 
-/// Weight of each sample: 1/s, and 0 for samples ≤ 0, which have no relative error.
+/// Weight of each sample in er(L2): 1/s, and 0 for samples ≤ 0, which have no relative error.
 fn weights(samples: &[f64]) -> Vec<f64> {
     samples.iter().map(|&s| if s > 0.0 { 1.0 / s } else { 0.0 }).collect()
 }
 
-/// Plain selection of `count` coefficients, with unchanged values. If `relative`, those with the largest effect on the
-/// relative error, |c|·‖ψ/s‖, otherwise those of largest L2 norm, |c|·‖ψ‖.
+/// Selects the `count` largest coefficients of `samples`, with unchanged values. If `relative`, those with the largest
+/// effect on the relative error, |c|·‖ψ/s‖, otherwise those of largest L2 norm, |c|·‖ψ‖.
 pub(super) fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, relative: bool) -> Approximation {
     let c = dictionary.coefficients(samples);
     let w = if relative { weights(samples) } else { vec![1.0; samples.len()] };
@@ -70,8 +70,8 @@ pub(super) fn largest(dictionary: &Dictionary, samples: &[f64], count: usize, re
     Approximation { kept, coefficients, samples }
 }
 
-/// Refits the coefficients of the functions `kept` for the least er(L2) under exact constraints. `None` if the
-/// constraints cannot be met or the functions are linearly dependent.
+/// Refits the coefficients of the basis functions `kept` to `samples` for the least relative RMS error er(L2), while
+/// the weighted sums in `constraints` stay exact. `None` if these cannot, or if the functions are linearly dependent.
 pub(super) fn refitted(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -90,9 +90,11 @@ pub(super) fn refitted(
     Some(Approximation { kept: kept.to_vec(), coefficients, samples })
 }
 
-/// Greedy selection for er(L2), refitted: orthogonal least squares (Chen, Billings & Luo 1989). Each step adds the
-/// function that lowers the error most with all coefficients free. While selecting, constraints count as heavily
-/// weighted samples.
+/// Selects functions of a basis one by one for the least relative RMS error er(L2) of `samples`, then refits them:
+/// orthogonal least squares (Chen, Billings & Luo 1989).
+///
+/// Each step adds the function that lowers the error most with all coefficients free. While selecting, `constraints`
+/// (weighted sums of the samples to keep) count as heavily weighted samples.
 pub(super) fn greedy(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -107,7 +109,8 @@ pub(super) fn greedy(
     refitted(dictionary, samples, &kept, constraints)
 }
 
-/// Improves `start` by exchanging one function at a time, until no exchange lowers the error or after `rounds` rounds.
+/// Improves an approximation by exchanging one basis function at a time, until no exchange lowers the error or after
+/// `rounds` rounds.
 pub(super) fn exchange(
     dictionary: &Dictionary,
     samples: &[f64],
@@ -138,13 +141,15 @@ pub(super) fn exchange(
     best
 }
 
-/// Weighted samples and functions, with an extra row for each constraint.
+/// Least-squares problem of selecting functions to approximate a spectrum: samples s and functions, both weighted by
+/// 1/s, with an extra row for each weighted sum of samples that must stay exact.
 struct Problem {
     columns: Vec<Vec<f64>>,
     target: Vec<f64>,
 }
 
-/// Weight of a constraint relative to all samples together, while selecting.
+/// Weight of a constraint (a weighted sum of the spectrum's samples that must stay exact) while basis functions are
+/// selected for the least error, relative to all samples together. Raising it favours functions that help to meet it.
 const CONSTRAINT_WEIGHT: f64 = 30.0;
 
 impl Problem {
@@ -159,7 +164,8 @@ impl Problem {
         Self { columns, target: extended(samples) }
     }
 
-    /// Function outside `kept` that lowers the squared error most when added.
+    /// Number of the basis function outside `kept` that lowers the squared error most when added; `None` if none is
+    /// left.
     fn best_addition(&self, kept: &[usize]) -> Option<usize> {
         let mut basis: Vec<Vec<f64>> = Vec::with_capacity(kept.len());
         for &k in kept {

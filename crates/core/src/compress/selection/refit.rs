@@ -3,10 +3,10 @@
 use crate::transform::Plan;
 use rayon::prelude::*;
 
-/// Improves the kept (nonzero) coefficients in place by minimising Σ (w·(Sc − s))² over them. The method is
-/// preconditioned conjugate gradients on the normal equations (CGLS, Björck 1996, section 7.4), with at most
-/// `iterations` iterations. The preconditioner uses `effects`, the norms of the weighted synthesis functions. Returns
-/// the root of the sum reached.
+/// Improves the kept (nonzero) coefficients c in place by minimising Σ (w·(Sc − s))², with S the synthesis, s the
+/// samples and w their weights. The method is preconditioned conjugate gradients on the normal equations (CGLS, Björck
+/// 1996, section 7.4), with at most `iterations` iterations. The preconditioner uses `effects`, the norms of the
+/// weighted synthesis functions. Returns the root of the sum reached.
 ///
 /// # Panics
 /// If the lengths differ.
@@ -64,7 +64,7 @@ fn product(a: &[f32], b: &[f32]) -> f64 {
     blocks(a, b, |a, b| f64::from(a) * f64::from(b))
 }
 
-/// Sums in the order of blocks, so that the result does not depend on threads.
+/// Sums products over fixed blocks in order, so that the result does not depend on the number of threads.
 fn blocks(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64 + Sync) -> f64 {
     let parts: Vec<f64> = a
         .par_chunks(BLOCK)

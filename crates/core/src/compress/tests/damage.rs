@@ -5,10 +5,10 @@ use super::*;
 use crate::domain::Direction;
 use std::collections::BTreeSet;
 
-/// Every single bit, and all of them.
+/// Bit masks that damage a byte: each single bit, and all eight at once.
 const FLIPS: [u8; 9] = [0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xFF];
 
-/// Function of the directions that a lobe model fits well.
+/// Test measurement over two direction axes whose function `f` a lobe model fits well.
 fn scattering(
     quantity: Quantity,
     (domain, level): (Domain, u8),
@@ -49,7 +49,7 @@ fn measurements() -> Vec<Measurement> {
     all
 }
 
-/// One small file of every kind, with the name of its scheme.
+/// One small test file of every kind of coding, with the name of its coding scheme.
 fn files() -> Vec<(String, Vec<u8>)> {
     let wanted = [
         (Target::ErL2(0.02), Policy::Rd, "auto"),
@@ -86,7 +86,8 @@ fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// Corrects every wrong checksum of `bytes`, computed over the letter, length and payload in front of it.
+/// Corrects every wrong checksum in a damaged file. Each checksum covers one chunk of the file: the letter that names
+/// it, the length and the payload.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let mut last = None;
     while let Err(DecodeError::Checksum { at, chunk }) = inspect(&bytes) {
@@ -102,7 +103,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Letter that a checksum covers in front of its chunk.
+/// Returns the letter that names a chunk in the file and is covered by its checksum.
 fn letter(chunk: &str) -> u8 {
     match chunk {
         "header chunk" => b'H',

@@ -10,7 +10,8 @@ fn like(m: &Measurement, value: impl Fn(usize, f32) -> f32) -> Measurement {
     Measurement { tensor: Tensor::new(m.tensor.axes().to_vec(), samples).unwrap(), ..m.clone() }
 }
 
-/// A few axes for every kind of coding: lines alone, triangles alone, both, and the data's own basis.
+/// Small test measurements with axes for every kind of coding: lines alone, triangles alone, both, and the data's own
+/// basis.
 fn small_shapes() -> Vec<Measurement> {
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(17)], 0.02),
@@ -25,7 +26,7 @@ fn small_shapes() -> Vec<Measurement> {
     ]
 }
 
-/// Names and samples of extreme measurements.
+/// Test measurements of extreme samples, with the axes of `m`, and their names.
 fn extremes(m: &Measurement) -> Vec<(String, Measurement)> {
     let largest = m.tensor.range().unwrap().1;
     let mut all: Vec<(String, Measurement)> = [1e30_f32, 1e34, 1e36, 1e37, 1e38, 3.4e38]
@@ -88,7 +89,7 @@ fn targets() -> Vec<Target> {
     ]
 }
 
-/// Checks that a file's statements about itself hold, and that a refusal suggests a remedy.
+/// Checks that the errors that a compressed file states are true, and that a refusal suggests a remedy.
 fn holds(label: &str, m: &Measurement, settings: &Settings) {
     let compressed = match compress(m, settings, &Silent) {
         Ok(compressed) => compressed,
@@ -119,7 +120,7 @@ fn holds(label: &str, m: &Measurement, settings: &Settings) {
     }
 }
 
-/// Every kind of samples meets every target, with shapes and policies in turn.
+/// Compresses every kind of extreme samples to every target, with shapes and policies in turn, and checks the files.
 #[test]
 fn whatever_is_written_comes_back_with_the_errors_that_are_stated() {
     let shapes: Vec<_> = small_shapes().iter().map(extremes).collect();
@@ -138,8 +139,8 @@ fn whatever_is_written_comes_back_with_the_errors_that_are_stated() {
     }
 }
 
-/// Regression cases from the full product of shapes, samples, targets and bases: files that did not decode, and
-/// refusals without a remedy.
+/// Compresses the combinations of tensor shape, samples, target and basis that once failed when all combinations were
+/// tried: the file did not decode, or the error message named no remedy.
 #[test]
 fn what_once_failed_does_not_fail_again() {
     let shapes = small_shapes();

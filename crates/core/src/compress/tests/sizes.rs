@@ -3,7 +3,7 @@
 use super::*;
 use crate::transform::LineBasis;
 
-/// A spectrum of 40 samples, patches, and triangles with and without wavelengths.
+/// Test measurements: a spectrum of 40 samples, colour patches, and triangles with and without wavelengths.
 fn various() -> Vec<Measurement> {
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(40)], 0.02),

@@ -3,7 +3,8 @@
 use super::*;
 use crate::domain::colour::{ColourError, Illuminant, Lab, SpectraColours, Tristimulus, ciede2000};
 
-/// Positive data, data with zeros, negatives and masks, negative data, and data of a high dynamic range.
+/// Test measurements: positive data, data with zeros, negatives and masks, negative data, and data of a high dynamic
+/// range.
 fn kinds() -> Vec<Measurement> {
     let positive = measurement(Quantity::Edf, vec![mesh(Domain::Sphere, 2), wavelengths(81)], 0.01);
     let brdf = vec![mesh(Domain::Hemisphere, 1), mesh(Domain::Hemisphere, 2), wavelengths(73)];
@@ -40,7 +41,8 @@ fn kept(m: &Measurement, target: Target, policy: Policy) -> (Compressed, Decoded
     (compressed, decoded)
 }
 
-/// Every policy with the bounds to try; one bound is enough for the paper's policies.
+/// Compression policies, each with the error bounds to try: two bounds for rate–distortion coding, one for each policy
+/// that drops coefficients below thresholds.
 const TRIALS: [(Policy, &[f64]); 4] = [
     (Policy::Rd, &[0.002, 0.03]),
     (Policy::Conventional, &[0.03]),
@@ -105,7 +107,8 @@ fn the_relative_rmse_is_kept() {
     }
 }
 
-/// Colour differences of every spectrum, computed independently: masked samples are filled and white is computed here.
+/// Colour differences of every spectrum, computed without the library's code: masked samples are filled and white is
+/// computed here.
 fn differences(m: &Measurement, decoded: &Decoded, illuminant: Illuminant) -> Vec<f64> {
     let Some(Axis::Wavelength(grid)) = m.tensor.axes().last() else { panic!("no wavelengths") };
     let lit = Tristimulus::reflectance(grid, illuminant).unwrap();

@@ -7,13 +7,13 @@ use super::xyz::Xyz;
 const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 const BACK: Matrix = inverse(CONES);
 
-/// Chromatic adaptation from one white to another, as one matrix.
+/// Chromatic adaptation of colours from one white point to another, as one matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Adaptation(Matrix);
 
 impl Adaptation {
-    /// Creates the adaptation from white `from` to white `to`; both must have positive luminance. A cone to which
-    /// `from` does not respond (single spectral lines) keeps its scale.
+    /// Creates the chromatic adaptation from white point `from` to white point `to`; both must have positive luminance.
+    /// A cone to which `from` does not respond (single spectral lines) keeps its scale.
     pub fn between(from: Xyz, to: Xyz) -> Self {
         let (from, to) = (product(&CONES, unit(from)), product(&CONES, unit(to)));
         let mut rows = CONES;
@@ -26,7 +26,7 @@ impl Adaptation {
         Self([0, 1, 2].map(|i| [a[i], b[i], c[i]]))
     }
 
-    /// Returns the corresponding colour under the other white.
+    /// Returns the colour that looks, under the second white point, as `colour` does under the first.
     pub fn apply(&self, colour: Xyz) -> Xyz {
         let [x, y, z] = product(&self.0, [colour.x, colour.y, colour.z]);
         Xyz { x, y, z }

@@ -50,7 +50,7 @@ fn chroma(a: f64, b: f64) -> f64 {
     (a * a + b * b).sqrt()
 }
 
-/// Returns `√(C⁷ / (C⁷ + 25⁷))`, without overflow at any chroma.
+/// Returns the chroma term `√(C⁷ / (C⁷ + 25⁷))` of CIEDE2000, without overflow at any chroma C.
 fn saturation(c: f64) -> f64 {
     let r = c / 25.0;
     if r > 1.0 {
@@ -67,7 +67,7 @@ fn seventh(x: f64) -> f64 {
     cube * cube * x
 }
 
-/// Returns the hue angle in degrees, 0 to 360; 0 for grey.
+/// Returns the hue angle of a colour in degrees, 0 to 360; 0 for grey.
 fn hue(a: f64, b: f64) -> f64 {
     if a == 0.0 && b == 0.0 {
         return 0.0;

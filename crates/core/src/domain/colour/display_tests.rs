@@ -86,7 +86,8 @@ fn oklab_is_ottossons() {
     }
 }
 
-/// Colours in and out of gamut: a lattice of linear channels from −0.6 to 1.8.
+/// Returns test colours in and out of the sRGB gamut: all combinations of linear channels from −0.6 to 1.8 in steps of
+/// 0.2.
 fn lattice() -> impl Iterator<Item = [f64; 3]> {
     let at = |i: usize| -0.6 + 0.2 * i as f64;
     (0..13 * 13 * 13).map(move |i| [at(i / 169), at(i / 13 % 13), at(i % 13)])

@@ -18,24 +18,26 @@ const FROM_CONES: Matrix = [
     [-0.004_196_086_3, -0.703_418_614_7, 1.707_614_701_0],
 ];
 
-/// Tolerance of the gamut: a linear channel may leave 0..=1 by this much, less than half an 8-bit step near white.
+/// Tolerance of the sRGB gamut test: a linear channel may leave 0..=1 by this much, less than half an 8-bit step near
+/// white.
 const TOLERANCE: f64 = 2e-3;
-/// Number of bisection steps of the chroma.
+/// Number of bisection steps in the search for the largest chroma inside the gamut. Raising it makes the chroma more
+/// accurate.
 const STEPS: usize = 24;
 
-/// Colour in Oklab.
+/// Colour in the Oklab colour space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oklab {
-    /// Lightness; 1 for white.
+    /// Lightness L of the Oklab colour; 1 for white.
     pub l: f64,
-    /// Green (negative) to red (positive).
+    /// Oklab coordinate a, from green (negative) to red (positive).
     pub a: f64,
-    /// Blue (negative) to yellow (positive).
+    /// Oklab coordinate b, from blue (negative) to yellow (positive).
     pub b: f64,
 }
 
 impl Oklab {
-    /// Converts from linear sRGB, inside or outside the gamut.
+    /// Converts a colour from linear sRGB, inside or outside the gamut, to Oklab.
     pub fn of(linear: [f64; 3]) -> Self {
         let [l, m, s] = product(&TO_CONES, linear).map(libm::cbrt);
         Self {
@@ -45,7 +47,7 @@ impl Oklab {
         }
     }
 
-    /// Converts to linear sRGB, inside or outside the gamut.
+    /// Converts an Oklab colour to linear sRGB, inside or outside the gamut.
     pub fn linear(self) -> [f64; 3] {
         let Self { l, a, b } = self;
         let cones = [
@@ -63,7 +65,7 @@ pub fn in_gamut(linear: [f64; 3]) -> bool {
     linear.iter().all(|c| (-TOLERANCE..=1.0 + TOLERANCE).contains(c))
 }
 
-/// Returns the colour of the same Oklab hue and lightness with the largest chroma, up to the original one, inside the
+/// Returns the colour of equal Oklab hue and lightness with the largest chroma, up to the original one, inside the sRGB
 /// gamut. Every channel of the result is in 0..=1. Colours that are not finite become black.
 pub fn map_to_gamut(linear: [f64; 3]) -> [f64; 3] {
     if linear.iter().all(|c| (0.0..=1.0).contains(c)) {

@@ -1,6 +1,6 @@
 //! 3 × 3 matrices: product with a vector, and inverse.
 
-/// 3 × 3 matrix as rows.
+/// 3 × 3 matrix, stored as three rows.
 pub(super) type Matrix = [[f64; 3]; 3];
 
 /// Returns the product of a matrix and a vector.

@@ -24,38 +24,38 @@ use crate::domain::{Axis, Measurement, Quantity, Unit};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// CIEDE2000 differences between the spectra of two measurements.
+/// CIEDE2000 colour differences between the spectra of two measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ColourReport {
-    /// Illuminant of the colours.
+    /// Illuminant under which the colours are computed.
     pub illuminant: Illuminant,
-    /// Largest difference of a scored spectrum.
+    /// Largest CIEDE2000 difference of a spectrum whose colour could be computed.
     pub largest: f64,
-    /// Mean difference of the scored spectra.
+    /// Mean CIEDE2000 difference of the spectra whose colour could be computed.
     pub mean: f64,
-    /// Number of scored spectra.
+    /// Number of spectra whose colour could be computed.
     pub spectra: u64,
     /// Number of spectra with too few measured wavelengths for a colour.
     pub unscored_spectra: u64,
 }
 
-/// Colours of all spectra of a measurement.
+/// Colours of all spectra of a measurement, as reference for colour differences.
 #[derive(Clone, Debug)]
 pub struct SpectraColours {
     illuminant: Illuminant,
     weights: Tristimulus,
     lambdas: Vec<f64>,
-    /// White in the scale of the XYZ of the samples: without the factor π of radiance factors.
+    /// White point in the scale of the samples' tristimulus values: without the factor π of radiance factors.
     white: Xyz,
     colours: Vec<Option<Lab>>,
 }
 
-/// Number of spectra in a block; blocks are added in order.
+/// Number of spectra whose colours one parallel task computes; the results are added in order.
 const BLOCK: usize = 256;
 
 impl SpectraColours {
-    /// Computes the colours of `measurement` under `illuminant`.
+    /// Computes the colours of all spectra of `measurement` under `illuminant`.
     pub fn of(measurement: &Measurement, illuminant: Illuminant) -> Result<Self, ColourError> {
         let tensor = &measurement.tensor;
         let Some(Axis::Wavelength(grid)) = tensor.axes().last() else { return Err(ColourError::NoWavelengths) };
@@ -85,7 +85,8 @@ impl SpectraColours {
         &self.colours
     }
 
-    /// Returns the colour differences of `samples` from the original; both have the same axes and masks.
+    /// Returns the CIEDE2000 differences between the spectra of `samples` and those of the original; both have the same
+    /// axes and masks.
     ///
     /// # Panics
     /// If the number of samples differs from that of the original.
@@ -117,12 +118,13 @@ impl SpectraColours {
     }
 }
 
-/// Returns the XYZ of each row; `None` if too few of its wavelengths were measured.
+/// Returns the tristimulus values XYZ of each spectrum; `None` if too few of its wavelengths were measured.
 fn tristimulus(weights: &Tristimulus, lambdas: &[f64], samples: &[f32]) -> Vec<Option<Xyz>> {
     samples.par_chunks(lambdas.len()).with_min_len(BLOCK).map(|s| xyz_of(weights, lambdas, s)).collect()
 }
 
-/// Returns the XYZ of a spectrum, with masked samples interpolated; `None` if too few of its wavelengths were measured.
+/// Returns the tristimulus values XYZ of a spectrum, with masked samples interpolated; `None` if too few of its
+/// wavelengths were measured.
 pub fn xyz_of(weights: &Tristimulus, lambdas: &[f64], spectrum: &[f32]) -> Option<Xyz> {
     if spectrum.iter().any(|s| s.is_nan()) {
         bridged(lambdas, spectrum).map(|whole| weights.xyz(&whole))
@@ -131,7 +133,7 @@ pub fn xyz_of(weights: &Tristimulus, lambdas: &[f64], spectrum: &[f32]) -> Optio
     }
 }
 
-/// Returns the spectrum with masked samples interpolated linearly; `None` if too few samples were measured.
+/// Replaces the masked samples of a spectrum by linear interpolation; `None` if too few samples were measured.
 fn bridged(lambdas: &[f64], spectrum: &[f32]) -> Option<Vec<f32>> {
     let known: Vec<usize> = (0..spectrum.len()).filter(|&i| !spectrum[i].is_nan()).collect();
     let measured: Vec<f64> = known.iter().map(|&i| lambdas[i]).collect();

@@ -26,12 +26,13 @@ pub fn linear_to_bytes(linear: [f64; 3]) -> [u8; 3] {
     linear.map(|c| (255.0 * linear_to_srgb(c.clamp(0.0, 1.0)) + 0.5) as u8)
 }
 
-/// Converts the linear value of a channel to its sRGB value; values below 0 continue the straight part.
+/// Converts the linear value of a colour channel to its sRGB value; values below 0 continue the straight part of the
+/// curve.
 pub fn linear_to_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
 }
 
-/// Converts the sRGB value of a channel to its linear value.
+/// Converts the sRGB value of a colour channel to its linear value.
 pub fn srgb_to_linear(srgb: f64) -> f64 {
     if srgb <= 0.040_45 { srgb / 12.92 } else { libm::pow((srgb + 0.055) / 1.055, 2.4) }
 }

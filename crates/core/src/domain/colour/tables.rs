@@ -5,48 +5,48 @@ use crate::domain::{Axis, Tensor, named};
 use crate::numeric::bracket::Bracket;
 use std::sync::OnceLock;
 
-/// Supported standard illuminants.
+/// CIE standard illuminants that colours can be computed for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Illuminant {
-    /// Incandescent light, 2856 K.
+    /// Illuminant A: incandescent light, 2856 K.
     A,
-    /// Direct sunlight (obsolete with the CIE).
+    /// Illuminant B: direct sunlight (obsolete with the CIE).
     B,
-    /// Average daylight (obsolete with the CIE).
+    /// Illuminant C: average daylight (obsolete with the CIE).
     C,
-    /// Daylight, 5003 K.
+    /// Illuminant D50: daylight, 5003 K.
     D50,
-    /// Daylight, 6504 K.
+    /// Illuminant D65: daylight, 6504 K.
     #[default]
     D65,
-    /// A narrow-band fluorescent lamp, 4000 K; also called FL11.
+    /// Illuminant F11 (also called FL11): a narrow-band fluorescent lamp, 4000 K.
     F11,
-    /// Equal-energy illuminant: constant power over wavelength.
+    /// Illuminant E (equal energy): constant power over wavelength.
     E,
 }
 named!(Illuminant, "illuminant", { A = "A", B = "B", C = "C", D50 = "D50", D65 = "D65", F11 = "F11", E = "E" });
 
-/// Supported standard observers.
+/// CIE standard observers that colours can be computed for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum StandardObserver {
-    /// CIE 1931 observer, for fields of 2°.
+    /// CIE 1931 standard observer, for visual fields of 2°.
     #[default]
     Cie1931,
-    /// CIE 1964 observer, for fields of 10°.
+    /// CIE 1964 standard observer, for visual fields of 10°.
     Cie1964,
 }
 named!(StandardObserver, "observer", { Cie1931 = "1931", Cie1964 = "1964" });
 
-/// Tabulated function of wavelength: linear between its entries, constant beyond its ends.
+/// Tabulated function of wavelength, interpolated linearly between its entries and constant beyond its ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     lambdas: Vec<f64>,
     values: Vec<f64>,
 }
 
-/// Three colour-matching functions; those of the CIE are tabulated from 360 to 830 nm in steps of 1 nm.
+/// Three colour-matching functions of an observer; those of the CIE are tabulated from 360 to 830 nm in steps of 1 nm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer {
     /// Colour-matching function x̄.
@@ -57,58 +57,61 @@ pub struct Observer {
     pub z: Curve,
 }
 
-/// Reasons why a table is not a curve or an observer.
+/// Reasons why a table cannot serve as the spectrum of a light or as colour-matching functions.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// The axes are not columns over wavelength.
-    #[error("axes {}, expected wavelengths", axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × "))]
+    /// The axes of the table are not columns over wavelength.
+    #[error(
+        "the table has axes {}, expected wavelengths as the last axis",
+        axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ")
+    )]
     Axes {
-        /// Axes of the table.
+        /// Axes of the refused table of a light's spectrum or of colour-matching functions.
         axes: Vec<Axis>,
     },
-    /// The column does not exist.
-    #[error("no column {found}, expected 0 to {}", columns - 1)]
+    /// The requested column does not exist in the table.
+    #[error("the table has no column {found}, expected 0 to {}", columns - 1)]
     Column {
-        /// Requested column, from 0.
+        /// Requested column of the table, counted from 0.
         found: usize,
-        /// Number of columns.
+        /// Number of columns of the table.
         columns: usize,
     },
-    /// No column has the given name or number.
-    #[error("no column `{found}`, expected a number from 1 to {columns} or a name in the table")]
+    /// No column of the table has the requested name or number.
+    #[error("the table has no column `{found}`, expected a number from 1 to {columns} or a name in the table")]
     ColumnName {
-        /// First 40 characters of the name.
+        /// First 40 characters of the requested column name.
         found: String,
-        /// Number of columns.
+        /// Number of columns of the table.
         columns: usize,
     },
-    /// The table has several columns, and none is selected.
-    #[error("{columns} columns, expected one, or the name of one")]
+    /// The table has several columns, and the request selects none.
+    #[error("the table has {columns} columns, expected one, or the name of the column to use")]
     SeveralColumns {
-        /// Number of columns.
+        /// Number of columns of the table.
         columns: usize,
     },
-    /// A table of an observer does not have three columns.
-    #[error("{columns} columns over wavelength, expected 3: x, y and z")]
+    /// A table of colour-matching functions does not have three columns.
+    #[error("the observer table has {columns} columns over wavelength, expected 3: x, y and z")]
     ObserverColumns {
-        /// Number of columns.
+        /// Number of columns of the table.
         columns: usize,
     },
-    /// A function of an observer is never positive.
-    #[error("{function} of the observer is nowhere above 0")]
+    /// A colour-matching function is nowhere above 0.
+    #[error("colour-matching function {function} is nowhere above 0, expected positive values")]
     Dark {
-        /// Name of the function: x, y or z.
+        /// Name of the colour-matching function: x, y or z.
         function: &'static str,
     },
-    /// The wavelengths do not suffice for a colour.
+    /// The wavelengths of the table do not suffice to compute a colour.
     #[error(transparent)]
     Wavelengths(#[from] ColourError),
 }
 
 impl Curve {
-    /// Reads column `column` of a table `[lambda]` or `[index, lambda]`, such as the spectrum of a light. Masked
-    /// samples are skipped; the others must cover 400 to 700 nm in steps of at most 20 nm.
+    /// Reads column `column` of a table with axes `[lambda]` or `[index, lambda]`, such as the spectrum of a light.
+    /// Masked samples are skipped; the others must cover 400 to 700 nm in steps of at most 20 nm.
     pub fn of_tensor(tensor: &Tensor, column: usize) -> Result<Self, TableError> {
         let (grid, columns) = match tensor.axes() {
             [Axis::Wavelength(grid)] => (grid, 1),
@@ -125,17 +128,17 @@ impl Curve {
         Ok(Self { lambdas, values })
     }
 
-    /// Returns the wavelengths in nm, strictly increasing.
+    /// Returns the wavelengths of the tabulated function in nm, strictly increasing.
     pub fn lambdas(&self) -> &[f64] {
         &self.lambdas
     }
 
-    /// Returns the values at [`Self::lambdas`].
+    /// Returns the values of the tabulated function at its wavelengths ([`Self::lambdas`]).
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
-    /// Returns the value at `lambda` nm.
+    /// Returns the tabulated function at `lambda` nm, interpolated linearly.
     pub fn at(&self, lambda: f64) -> f64 {
         let (lambdas, values) = (&self.lambdas, &self.values);
         let Bracket { below, above, t } = Bracket::held(lambdas, lambda);
@@ -161,7 +164,7 @@ impl Curve {
 }
 
 impl Observer {
-    /// Returns a standard observer.
+    /// Returns the colour-matching functions of a standard observer.
     pub fn standard(which: StandardObserver) -> &'static Self {
         match which {
             StandardObserver::Cie1931 => Self::cie_1931(),
@@ -169,7 +172,7 @@ impl Observer {
         }
     }
 
-    /// Reads an observer from a table `[3, lambda]` of x̄, ȳ and z̄.
+    /// Reads colour-matching functions x̄, ȳ and z̄ from a table with axes `[3, lambda]`.
     pub fn of_tensor(tensor: &Tensor) -> Result<Self, TableError> {
         let columns = match tensor.axes() {
             [Axis::Wavelength(_)] => 1,
@@ -189,14 +192,14 @@ impl Observer {
         Ok(observer)
     }
 
-    /// Returns the CIE 1964 10° standard observer.
+    /// Returns the colour-matching functions of the CIE 1964 10° standard observer.
     pub fn cie_1964() -> &'static Self {
         const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1964_10_Degree_Standard_Observer.csv");
         static PARSED: OnceLock<Observer> = OnceLock::new();
         PARSED.get_or_init(|| Self::of_table(TABLE))
     }
 
-    /// Returns the CIE 1931 2° standard observer.
+    /// Returns the colour-matching functions of the CIE 1931 2° standard observer.
     pub fn cie_1931() -> &'static Self {
         const TABLE: &str = include_str!("../../../../../data/cmfs_CIE_1931_2_Degree_Standard_Observer.csv");
         static PARSED: OnceLock<Observer> = OnceLock::new();
@@ -209,7 +212,8 @@ impl Observer {
 }
 
 impl Illuminant {
-    /// Returns the relative spectral power as tabulated by the CIE; A, D50, D65 and E are 100 at 560 nm.
+    /// Returns the relative spectral power of the illuminant as tabulated by the CIE; A, D50, D65 and E are 100 at 560
+    /// nm.
     pub fn power(self) -> &'static Curve {
         const A: &str = include_str!("../../../../../data/illuminant_A.csv");
         const B: &str = include_str!("../../../../../data/illuminant_B.csv");

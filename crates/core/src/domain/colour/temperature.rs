@@ -8,26 +8,27 @@ use super::xyz::Xyz;
 /// Correlated colour temperature of a light and its distance from the Planckian locus.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ColourTemperature {
-    /// Correlated colour temperature, K.
+    /// Correlated colour temperature of the light in K.
     pub kelvin: f64,
-    /// Distance from the Planckian locus in (u, v); positive above it (towards green).
+    /// Distance of the light from the Planckian locus in CIE 1960 (u, v); positive above it (towards green).
     pub duv: f64,
 }
 
 /// Second radiation constant h·c/k in nm·K (CODATA 2018; exact in the SI of 2019).
 const C2: f64 = 1.438_776_877e7;
-/// Largest distance in (u, v) at which a correlated colour temperature is meaningful (CIE 015:2018, section 9.5).
+/// Largest distance from the Planckian locus, in CIE 1960 (u, v), at which a correlated colour temperature is
+/// meaningful (CIE 015:2018, section 9.5).
 const MOST_DISTANCE: f64 = 5e-2;
-/// Range of the search in reciprocal megakelvin: 1 MK to 1000 K.
+/// Range of the search for the correlated colour temperature, in reciprocal megakelvin: from 1 MK to 1000 K.
 const MIREDS: (f64, f64) = (1.0, 1000.0);
 const COARSE: usize = 64;
-/// Golden-section ratio, (√5 − 1) / 2.
+/// Golden-section ratio, (√5 − 1) / 2, by which the search for the colour temperature narrows its interval.
 const RATIO: f64 = 0.618_033_988_749_894_9;
 const REFINEMENTS: usize = 60;
 
 impl ColourTemperature {
-    /// Returns the colour temperature of a light; `None` if it has no chromaticity, or one more than 0.05 from the
-    /// Planckian locus.
+    /// Returns the correlated colour temperature of a light. `None` if the light has no chromaticity or is more than
+    /// 0.05 from the Planckian locus in CIE 1960 (u, v).
     pub fn of(light: Xyz, observer: &Observer) -> Option<Self> {
         let here = uv(light)?;
         let distance = |mired: f64| {
@@ -65,7 +66,7 @@ impl ColourTemperature {
     }
 }
 
-/// Returns CIE 1960 (u, v); `None` without light.
+/// Returns the CIE 1960 chromaticity (u, v) of tristimulus values; `None` without light.
 fn uv(light: Xyz) -> Option<[f64; 2]> {
     let sum = light.x + 15.0 * light.y + 3.0 * light.z;
     let finite = sum.is_finite() && sum > 0.0;

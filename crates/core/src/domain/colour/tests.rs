@@ -5,7 +5,8 @@ use super::*;
 use crate::domain::WavelengthGrid;
 use serde_json::Value;
 
-/// G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of both colours and their difference.
+/// Test colours of CIEDE2000 by G. Sharma, W. Wu, E. N. Dalal (2005), table 1: L*, a*, b* of two colours and their
+/// difference.
 #[rustfmt::skip]
 const SHARMA: [[f64; 7]; 34] = [
     [50.0, 2.6772, -79.7751, 50.0, 0.0, -82.7485, 2.0425],

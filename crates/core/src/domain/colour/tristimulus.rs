@@ -20,20 +20,21 @@ use crate::domain::WavelengthGrid;
 /// Maximum luminous efficacy in lm/W, as rounded in CIE 015:2018 (the 683.002 of photometry is 3 ppm more).
 const EFFICACY: f64 = 683.0;
 
-/// Weights that convert samples on one wavelength grid to XYZ.
+/// Weights that convert a spectrum on one grid of wavelengths to tristimulus values XYZ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tristimulus {
     weights: Vec<[f64; 3]>,
 }
 
 impl Tristimulus {
-    /// Computes the weights for reflectance or radiance factors (1 = perfect reflector) under `illuminant`:
-    /// `X = k Σ β S x̄ Δλ` with `k = 100 / Σ S ȳ Δλ`, so that the perfect reflector has Y = 100.
+    /// Computes the XYZ weights of reflectance or radiance factors β (1 = perfect reflector) under `illuminant`. They
+    /// give `X = k Σ β S x̄ Δλ` with `k = 100 / Σ S ȳ Δλ`, so that the perfect reflector has Y = 100.
     pub fn reflectance(grid: &WavelengthGrid, illuminant: Illuminant) -> Result<Self, ColourError> {
         Self::reflectance_by(grid, illuminant.power(), Observer::cie_1931())
     }
 
-    /// Like [`Self::reflectance`], but under any light and for any observer. Fails if the light has no luminance.
+    /// Computes the XYZ weights of reflectance or radiance factors like [`Self::reflectance`], but under any light and
+    /// for any observer. Fails if the light has no luminance.
     pub fn reflectance_by(grid: &WavelengthGrid, power: &Curve, observer: &Observer) -> Result<Self, ColourError> {
         let mut it = Self::new(grid, power.lambdas(), |lambda| power.at(lambda), observer)?;
         let k = 100.0 / it.white().y;
@@ -44,23 +45,23 @@ impl Tristimulus {
         Ok(it)
     }
 
-    /// Computes the weights for emitted spectra: `X = 683 lm/W Σ Φ x̄ Δλ`. Y is in lm/sr (cd) if samples are in
+    /// Computes the XYZ weights of emitted spectra Φ: `X = 683 lm/W Σ Φ x̄ Δλ`. Y is in lm/sr (cd) if samples are in
     /// W/sr/nm.
     pub fn emission(grid: &WavelengthGrid) -> Result<Self, ColourError> {
         Self::emission_by(grid, Observer::cie_1931())
     }
 
-    /// Like [`Self::emission`], but for any observer.
+    /// Computes the XYZ weights of emitted spectra like [`Self::emission`], but for any observer.
     pub fn emission_by(grid: &WavelengthGrid, observer: &Observer) -> Result<Self, ColourError> {
         Self::new(grid, &[], |_| EFFICACY, observer)
     }
 
-    /// Returns the XYZ of a unit sample at each wavelength.
+    /// Returns the tristimulus values XYZ that a sample of 1 at each wavelength contributes.
     pub fn weights(&self) -> &[[f64; 3]] {
         &self.weights
     }
 
-    /// Returns the XYZ of one spectrum; terms are added in the order of the wavelengths.
+    /// Returns the tristimulus values XYZ of one spectrum; terms are added in the order of the wavelengths.
     ///
     /// # Panics
     /// If the number of samples is not that of wavelengths.
@@ -75,7 +76,8 @@ impl Tristimulus {
         Xyz { x: sum[0], y: sum[1], z: sum[2] }
     }
 
-    /// Returns the XYZ of samples that are all 1: the perfect reflector, or the equal-energy emitter.
+    /// Returns the tristimulus values XYZ of a spectrum whose samples are all 1: the perfect reflector, or the
+    /// equal-energy emitter.
     pub fn white(&self) -> Xyz {
         let [x, y, z] = self.weights.iter().fold([0.0; 3], |s, w| [s[0] + w[0], s[1] + w[1], s[2] + w[2]]);
         Xyz { x, y, z }
@@ -108,7 +110,8 @@ impl Tristimulus {
     }
 }
 
-/// Returns every whole nm of [`RANGE`] and every wavelength of the grid and of `lines` within it, each once.
+/// Returns the quadrature nodes of the colour integrals in nm: every whole nm of [`RANGE`] and every wavelength of the
+/// grid and of `lines` within it, each once.
 fn nodes(grid: &WavelengthGrid, lines: &[f64]) -> Vec<f64> {
     let (low, high) = RANGE;
     let mut nodes: Vec<f64> = (0..=(high - low) as usize).map(|i| low + i as f64).collect();

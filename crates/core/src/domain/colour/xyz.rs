@@ -3,16 +3,16 @@
 /// CIE 1931 tristimulus values.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Xyz {
-    /// Tristimulus value X.
+    /// CIE tristimulus value X.
     pub x: f64,
-    /// Tristimulus value Y: the luminance factor × 100, or the absolute luminous quantity of an emission.
+    /// CIE tristimulus value Y: the luminance factor × 100, or the absolute luminous quantity of an emission.
     pub y: f64,
-    /// Tristimulus value Z.
+    /// CIE tristimulus value Z.
     pub z: f64,
 }
 
 impl Xyz {
-    /// Multiplies all three values by `factor`.
+    /// Multiplies all three tristimulus values by `factor`.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         Self { x: factor * self.x, y: factor * self.y, z: factor * self.z }

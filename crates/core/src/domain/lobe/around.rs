@@ -3,21 +3,23 @@
 use super::centre::LobeCentre;
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub};
 
-/// Plane of a lobe under one incoming direction.
+/// Map of the outgoing directions for one incoming direction to points of a plane, with the centre of a reflection lobe
+/// as origin.
 ///
 /// For lobes about the mirror direction or the direction back to the source, it is Lambert's azimuthal equal-area
 /// projection of the sphere: areas are solid angles, and an angle δ from the centre is at distance 2·sin(δ/2). For half
 /// vectors h = (x, y, z), coordinates are the slopes (x/z, y/z).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Around {
-    /// Projection about a centre, with the directions of both coordinates there.
+    /// Azimuthal projection about a centre direction; `axes` are the unit vectors of the two coordinates there.
     Direction { centre: Vector, axes: [Vector; 2] },
-    /// Slopes of half vectors for this incoming direction.
+    /// Slopes (x/z, y/z) of the half vector between the incoming direction `wi` and the outgoing direction.
     HalfVector { wi: Vector },
 }
 
 impl Around {
-    /// Creates the plane for `wi`, a unit vector above the horizon.
+    /// Creates the map of outgoing directions to a plane about a lobe's centre. `wi` is the incoming direction, a unit
+    /// vector above the horizon.
     #[inline]
     pub(super) fn new(centre: LobeCentre, wi: Vector) -> Self {
         match centre {
@@ -27,8 +29,8 @@ impl Around {
         }
     }
 
-    /// Creates the projection about a direction; x and y of the surface are rotated there along the shortest arc from
-    /// the normal.
+    /// Creates the azimuthal projection about a direction. Its coordinate axes are x and y of the surface, rotated
+    /// along the shortest arc from the normal to that direction.
     #[inline]
     fn about(centre: Vector) -> Self {
         let [x, y, z] = centre;
@@ -36,7 +38,8 @@ impl Around {
         Self::Direction { centre, axes: [[1.0 - x * x * s, -x * y * s, -x], [-x * y * s, 1.0 - y * y * s, -y]] }
     }
 
-    /// Returns the direction at the origin.
+    /// Returns the direction of the lobe's centre, which the map from outgoing directions to a plane takes to the
+    /// plane's origin.
     pub(super) fn centre(&self) -> Vector {
         match *self {
             Self::Direction { centre, .. } => centre,
@@ -44,7 +47,8 @@ impl Around {
         }
     }
 
-    /// Returns the coordinates of an outgoing direction.
+    /// Projects an outgoing direction to the plane about a lobe's centre: equal-area, or as slopes (x/z, y/z) of the
+    /// half vector.
     #[inline]
     pub(super) fn place(&self, wo: Vector) -> [f64; 2] {
         match self {
@@ -61,7 +65,8 @@ impl Around {
         }
     }
 
-    /// Returns the outgoing direction at the given coordinates.
+    /// Returns the outgoing direction of a point in the plane about a lobe's centre (equal-area projection, or slopes
+    /// of half vectors).
     #[inline]
     pub(super) fn direction(&self, [x, y]: [f64; 2]) -> Vector {
         match self {
@@ -78,7 +83,8 @@ impl Around {
         }
     }
 
-    /// Returns the solid angle of outgoing directions per area of the plane at the given coordinates.
+    /// Returns the solid angle of outgoing directions per unit area of the plane to which they are projected about a
+    /// lobe's centre, at a point of that plane.
     #[inline]
     pub(super) fn solid_angle(&self, [x, y]: [f64; 2]) -> f64 {
         match self {
@@ -91,7 +97,8 @@ impl Around {
         }
     }
 
-    /// Returns the distance from the origin to the horizon along a unit vector of the plane.
+    /// Returns the distance from the lobe's centre to the horizon in the projection plane, along a unit vector of that
+    /// plane.
     #[inline]
     pub(super) fn horizon(&self, [x, y]: [f64; 2]) -> f64 {
         match self {

@@ -6,7 +6,8 @@ use super::under::LobeUnder;
 use crate::domain::direction::Direction;
 use serde::{Deserialize, Serialize};
 
-/// Lobe of a BRDF, in sr⁻¹ without the cosine:
+/// Analytic reflection lobe of a BRDF, in sr⁻¹ without the cosine: a product of colour, peak, radial profile and
+/// microfacet factor.
 ///
 /// f(wi, wo, λ) = colour(λ) · exp(p₀ + p₁·t + p₂·t²) · k(x) · G, with t = −ln cos θi clamped to the measured range.
 ///
@@ -25,7 +26,7 @@ use serde::{Deserialize, Serialize};
 pub struct Lobe(LobeParameters);
 
 impl Lobe {
-    /// Creates a lobe, with each parameter rounded as in files. Fails if a parameter is out of bounds.
+    /// Creates a reflection lobe, with each parameter rounded as in files. Fails if a parameter is out of bounds.
     pub fn new(parameters: LobeParameters) -> Result<Self, LobeError> {
         check(&parameters)?;
         let LobeParameters { centre, peak, range, widths, angle, tail, colours } = parameters;
@@ -41,27 +42,28 @@ impl Lobe {
         }))
     }
 
-    /// Returns the parameters of the lobe.
+    /// Returns the parameters of the reflection lobe.
     pub fn parameters(&self) -> LobeParameters {
         self.0.clone()
     }
 
-    /// Returns the colour factor of each sample of a spectrum.
+    /// Returns the factors by which the lobe is multiplied at each sample of a spectrum.
     pub fn colours(&self) -> &[f32] {
         &self.0.colours
     }
 
-    /// Returns the centre of the lobe.
+    /// Returns the direction about which the reflection lobe is centred.
     pub fn centre(&self) -> LobeCentre {
         self.0.centre
     }
 
-    /// Returns true if the two widths differ, so that the lobe rotates with the surface.
+    /// Returns true if the lobe has different widths along its two axes, so that it rotates with the surface.
     pub fn is_anisotropic(&self) -> bool {
         self.0.widths[0] != self.0.widths[1]
     }
 
-    /// Returns the full widths at half maximum under normal incidence, in degrees of outgoing directions.
+    /// Returns the two full widths at half maximum of the lobe under normal incidence, in degrees of outgoing
+    /// directions.
     pub fn full_widths(&self) -> [f64; 2] {
         self.0.widths.map(|width| match self.0.centre {
             LobeCentre::HalfVector => 4.0 * libm::atan(width).to_degrees(),
@@ -69,18 +71,18 @@ impl Lobe {
         })
     }
 
-    /// Returns the lobe under `wi`; `None` if `wi` is not above the horizon.
+    /// Returns the reflection lobe for the incoming direction `wi`; `None` if `wi` is not above the horizon.
     #[inline]
     pub fn under(&self, wi: Direction) -> Option<LobeUnder> {
         LobeUnder::new(&self.0, wi.xyz())
     }
 
-    /// Returns the value at a pair of directions for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value of the lobe at a pair of directions, for a colour factor of 1, in sr⁻¹; 0 below the horizon.
     pub fn shape(&self, wi: Direction, wo: Direction) -> f64 {
         self.under(wi).map_or(0.0, |lobe| lobe.shape(wo))
     }
 
-    /// Returns the heap memory in bytes, without the size of the type.
+    /// Returns the heap memory of the lobe in bytes, without the size of the type itself.
     pub fn memory(&self) -> usize {
         size_of_val(&*self.0.colours)
     }

@@ -4,21 +4,22 @@ use super::under::LobeUnder;
 use crate::domain::vector::{Vector, norm, sub};
 use crate::domain::{Vertices, centroid, child, solid_angle};
 
-/// Numbers of quadrature points for the albedo: `TURNS` azimuths about the centre, times `SHARES` distances between it
-/// and the horizon.
+/// Numbers of quadrature points for the albedo of a reflection lobe: `TURNS` azimuths about its centre, times `SHARES`
+/// distances between the centre and the horizon.
 const TURNS: usize = 32;
 const SHARES: usize = 32;
-/// Subdivision criterion: a triangle is not divided if its radius is at most this fraction of its distance from the
-/// centre or of the width of the lobe. Raising it is faster and less accurate.
+/// Subdivision criterion for the mean of a lobe over a triangle. A triangle is not divided if its radius is at most
+/// this fraction of its distance from the lobe's centre or of the lobe's width. Raising it is faster and less accurate.
 const COARSE: f64 = 0.3;
-/// Lower bound on the roundness used for the subdivision of elongated lobes.
+/// Lower bound on the ratio of smallest to largest width of a lobe, as used to decide on the subdivision of triangles.
+/// Raising it divides less near elongated lobes.
 const LEAST_ROUNDNESS: f64 = 0.1;
-/// Largest number of subdivisions of a triangle. Pieces 4,096 times narrower than the triangle suffice for every lobe
-/// within its bounds.
+/// Largest number of subdivisions of a triangle in the mean of a lobe. Pieces 4,096 times narrower than the triangle
+/// suffice for every accepted width.
 const DEEPEST: u32 = 12;
 
 impl LobeUnder {
-    /// Returns the directional albedo ∫ f · cos θo dωo of the lobe for a colour of 1.
+    /// Returns the directional albedo ∫ f · cos θo dωo of a reflection lobe f, for a colour factor of 1.
     ///
     /// Quadrature points are distributed like sampled directions, so that narrow lobes are as accurate as wide ones.
     pub fn light(&self) -> f64 {
@@ -38,15 +39,16 @@ impl LobeUnder {
         sum / (TURNS * SHARES) as f64
     }
 
-    /// Returns the mean over a spherical triangle, by solid angle, for a colour of 1. Narrow lobes inside the triangle
-    /// are not missed.
+    /// Returns the mean of the lobe over a spherical triangle, weighted by solid angle, for a colour factor of 1.
+    /// Narrow lobes inside the triangle are not missed.
     pub fn mean_over(&self, vertices: Vertices) -> f64 {
         let mut sum = [0.0; 2];
         self.add_over(vertices, DEEPEST, &mut sum);
         sum[0] / sum[1]
     }
 
-    /// Adds the integral over a triangle and the solid angle to `sum`.
+    /// Adds the integral of the lobe over a spherical triangle, and the solid angle of the triangle, to the two entries
+    /// of `sum`.
     fn add_over(&self, vertices: Vertices, depth: u32, sum: &mut [f64; 2]) {
         let middle = centroid(vertices).xyz();
         let radius = vertices.iter().map(|&vertex| norm(sub(vertex, middle))).fold(0.0, f64::max);

@@ -2,46 +2,51 @@
 
 use std::f64::consts::{LN_2, PI};
 
-/// Function of the squared distance x from the centre, in half-widths: 1 at x = 0, 1/2 at x = 1. With the tail s and c
-/// = 2ˢ − 1 it is (1 + c·x)^(−1/s): the Gaussian 2^(−x) for s → 0, the GGX distribution for s = 1/2.
+/// Radial profile of a lobe as a function of x, the squared distance from the centre in half-widths: 1 at x = 0, 1/2 at
+/// x = 1. With the tail s and c = 2ˢ − 1 it is (1 + c·x)^(−1/s): the Gaussian 2^(−x) for s → 0, the GGX distribution
+/// for s = 1/2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Profile {
     tail: f64,
-    /// Coefficient c; ln 2 for a Gaussian.
+    /// Coefficient c of the profile (1 + c·x)^(−1/s); ln 2 for a Gaussian.
     slope: f64,
 }
 
 impl Profile {
-    /// Creates the profile with a tail from 0 (Gaussian) to 1/2 (GGX).
+    /// Creates the radial profile of a lobe with a tail from 0 (Gaussian) to 1/2 (GGX).
     pub(super) fn new(tail: f64) -> Self {
         let slope = if tail == 0.0 { LN_2 } else { libm::expm1(tail * LN_2) };
         Self { tail, slope }
     }
 
-    /// Returns the value at a squared distance.
+    /// Returns the radial profile of a reflection lobe at `x`, the squared distance from its centre in squared
+    /// half-widths.
     #[inline]
     pub(super) fn at(self, x: f64) -> f64 {
         libm::exp(-self.exponent(x))
     }
 
-    /// Returns minus the logarithm of the value at a squared distance.
+    /// Returns −ln of a reflection lobe's radial profile at `x`, the squared distance from its centre in squared
+    /// half-widths.
     #[inline]
     fn exponent(self, x: f64) -> f64 {
         if self.tail == 0.0 { self.slope * x } else { libm::log1p(self.slope * x) / self.tail }
     }
 
-    /// Returns the integral over the whole plane, in squared half-widths.
+    /// Returns the integral of a reflection lobe's radial profile over the whole plane, in squared half-widths.
     pub(super) fn area(self) -> f64 {
         if self.tail == 0.0 { PI / LN_2 } else { PI * self.tail / (self.slope * (1.0 - self.tail)) }
     }
 
-    /// Returns the share of that integral within a squared distance.
+    /// Returns the share of a reflection lobe's radial profile, integrated over the plane, that lies within the squared
+    /// distance `x` from the lobe's centre. `x` is in squared half-widths.
     #[inline]
     pub(super) fn enclosed(self, x: f64) -> f64 {
         -libm::expm1(-self.exponent(x) * (1.0 - self.tail))
     }
 
-    /// Returns the squared distance that encloses a share, 0 ≤ share < 1: the inverse of [`Profile::enclosed`].
+    /// Returns the squared distance, in squared half-widths, from a reflection lobe's centre within which the given
+    /// share (0 ≤ share < 1) of its radial profile lies: the inverse of [`Profile::enclosed`].
     #[inline]
     pub(super) fn enclosing(self, share: f64) -> f64 {
         let exponent = -libm::log1p(-share) / (1.0 - self.tail);

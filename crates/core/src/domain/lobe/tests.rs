@@ -3,7 +3,8 @@
 use super::{CENTRES, Lobe, LobeCentre, LobeParameters};
 use crate::domain::{Direction, Domain, TriangleMesh};
 
-/// Returns a lobe about `centre` with a full width at half maximum of `width` degrees in outgoing directions.
+/// Returns a reflection lobe about `centre` with a full width at half maximum of `width` degrees in outgoing
+/// directions.
 fn lobe(centre: LobeCentre, width: f64, tail: f64) -> Lobe {
     let half = width.to_radians() * if centre == LobeCentre::HalfVector { 0.25 } else { 0.5 };
     Lobe::new(LobeParameters {
@@ -38,7 +39,7 @@ fn incidences() -> [Direction; 4] {
     [[0.0, 0.0], [25.0, 40.0], [60.0, 250.0], [85.0, 10.0]].map(|[theta, phi]| Direction::from_degrees(theta, phi))
 }
 
-/// Points of the unit square, evenly spread (Roberts' sequence of the plastic number).
+/// Returns evenly spread points of the unit square (Roberts' sequence of the plastic number).
 fn points(count: usize) -> impl Iterator<Item = [f64; 2]> {
     (0..count).map(|i| {
         let i = i as f64 + 0.5;

@@ -9,26 +9,30 @@ use crate::domain::direction::Direction;
 use crate::domain::vector::{Vector, norm};
 use std::f64::consts::TAU;
 
-/// Lobe under one incoming direction, with all values precomputed that do not depend on the outgoing one.
+/// Reflection lobe for one incoming direction, with all values precomputed that do not depend on the outgoing
+/// direction.
 #[derive(Clone, Copy, Debug)]
 pub struct LobeUnder {
     around: Around,
     profile: Profile,
     peak: f64,
-    /// Rows of the matrix that maps plane coordinates to half-widths along both axes.
+    /// Matrix, as rows, that maps points of the plane to which directions are projected to distances from the centre of
+    /// the lobe along its two axes, in half-widths.
     to_widths: [[f64; 2]; 2],
     widths: [f64; 2],
-    /// Cosine and sine of the angle of the axes.
+    /// Cosine and sine of the angle from the axes of the plane to which directions are projected to the axes of the
+    /// reflection lobe.
     turn: [f64; 2],
-    /// Roughness a in G; `None` if G is 1.
+    /// GGX roughness a in the microfacet factor of the lobe; `None` if the lobe has no such factor.
     roughness: Option<f64>,
     cos_i: f64,
 }
 
-/// Logarithm of the factor by which f·cos θo may grow beyond the last measured incidence: 1.5.
+/// Natural logarithm of 1.5, the factor by which f·cos θo of a lobe may grow beyond the last measured incidence.
 const LARGEST_GROWTH: f64 = 0.405_465_108_108_164_4;
 
-/// Returns the change of the logarithm of the peak of a microfacet lobe at a distance in t from the measured range.
+/// Returns the change of the logarithm of a microfacet lobe's peak beyond the measured incidences. `distance` is
+/// counted in t = −ln cos θi from the end of the measured range.
 ///
 /// The peak of such a lobe goes with 1/cos² θi, so that its albedo stays. Towards grazing incidence f·cos θo grows to
 /// 1.5 times its last value at most.
@@ -38,7 +42,7 @@ fn beyond_range(distance: f64) -> f64 {
 }
 
 impl LobeUnder {
-    /// The lobe of `parameters` under `wi`; `None` where light does not come from above.
+    /// Creates the lobe of `parameters` for the incoming direction `wi`; `None` if `wi` is not above the horizon.
     #[inline]
     pub(super) fn new(parameters: &LobeParameters, wi: Vector) -> Option<Self> {
         let LobeParameters { centre, peak: [p0, p1, p2], range, widths, angle, tail, .. } = *parameters;
@@ -64,12 +68,13 @@ impl LobeUnder {
         })
     }
 
-    /// The direction of the centre.
+    /// Returns the outgoing direction at the centre of the lobe.
     pub(super) fn centre(&self) -> Vector {
         self.around.centre()
     }
 
-    /// The least half-width in outgoing directions, in radians, and its part of the largest one.
+    /// Returns the smallest half-width of the lobe in outgoing directions, in radians, and its ratio to the largest
+    /// half-width.
     pub(super) fn least_width(&self) -> (f64, f64) {
         let [a, b] = self.widths;
         let (least, foreshortened) =
@@ -77,13 +82,13 @@ impl LobeUnder {
         (least * foreshortened, a.min(b) / a.max(b) * foreshortened)
     }
 
-    /// Returns the value at an outgoing direction for a colour of 1, in sr⁻¹; 0 below the horizon.
+    /// Returns the value of the lobe at an outgoing direction, for a colour factor of 1, in sr⁻¹; 0 below the horizon.
     #[inline]
     pub fn shape(&self, wo: Direction) -> f64 {
         self.shape_at(wo.xyz())
     }
 
-    /// As [`LobeUnder::shape`].
+    /// Returns the value of the lobe at an outgoing unit vector, like [`LobeUnder::shape`].
     #[inline]
     pub(super) fn shape_at(&self, wo: Vector) -> f64 {
         // Written so that what is no number is 0, too.
@@ -97,27 +102,32 @@ impl LobeUnder {
         }
     }
 
-    /// Converts plane coordinates to half-widths along both axes.
+    /// Converts a point of the plane to which directions are projected to distances from the centre of the lobe along
+    /// its two axes, in half-widths.
     #[inline]
     fn half_widths(&self, place: [f64; 2]) -> [f64; 2] {
         self.to_widths.map(|[x, y]| x * place[0] + y * place[1])
     }
 
-    /// Returns the factor G of the lobe.
+    /// Returns the microfacet factor G of the reflection lobe for both directions (masking and projection); 1 if the
+    /// lobe has none.
+    ///
+    /// `place` is the slopes of the half vector, `cos_o` the cosine of the outgoing polar angle.
     #[inline]
     fn factor(&self, place: [f64; 2], cos_o: f64) -> f64 {
         self.roughness.map_or(1.0, |roughness| microfacets(roughness * roughness, [self.cos_i, cos_o], place))
     }
 
-    /// Converts half-widths along both axes to plane coordinates.
+    /// Converts distances from the centre of the lobe along its two axes, in half-widths, to a point of the plane to
+    /// which directions are projected.
     #[inline]
     fn spread(&self, [a, b]: [f64; 2]) -> [f64; 2] {
         let ([a, b], [cos, sin]) = ([a * self.widths[0], b * self.widths[1]], self.turn);
         [cos * a - sin * b, sin * a + cos * b]
     }
 
-    /// Returns the share of the lobe that lies between the centre and the horizon, in the direction given by cosine and
-    /// sine.
+    /// Returns the share of the lobe that lies between its centre and the horizon, along the direction in the plane
+    /// with the given cosine and sine.
     #[inline]
     fn inside(&self, towards: [f64; 2]) -> f64 {
         let [x, y] = self.spread(towards);
@@ -126,8 +136,8 @@ impl LobeUnder {
         self.profile.enclosed(reach * reach)
     }
 
-    /// Samples a direction above the horizon from a point of the unit square. The first coordinate is the share of the
-    /// lobe nearer to its centre, the second the fraction of a turn about it.
+    /// Samples an outgoing direction above the horizon from a point of the unit square. The first coordinate is the
+    /// share of the lobe nearer to its centre, the second the fraction of a turn about the centre.
     pub fn draw(&self, [share, turn]: [f64; 2]) -> Direction {
         let (sin, cos) = libm::sincos(TAU * turn);
         let towards = [cos, sin];
@@ -153,7 +163,7 @@ impl LobeUnder {
         }
     }
 
-    /// Returns the point of the unit square that [`LobeUnder::draw`] maps to a direction.
+    /// Returns the point of the unit square that [`LobeUnder::draw`] maps to the given outgoing direction.
     pub fn point_of(&self, wo: Direction) -> [f64; 2] {
         let place = self.around.place(wo.xyz());
         let at = self.half_widths(place);
@@ -163,16 +173,17 @@ impl LobeUnder {
     }
 }
 
-/// Largest share of a lobe used for sampling; a Gaussian has only 1e-15 beyond it.
+/// Largest share of a lobe's integral, counted outward from its centre, from which directions are drawn; the outermost
+/// 1e-15 is left out. Raising it draws directions farther from the centre.
 const LARGEST_SHARE: f64 = 1.0 - 1e-15;
 
-/// Returns the squared length of a vector of the plane.
+/// Returns the squared length of a vector in the plane.
 #[inline]
 fn squared([a, b]: [f64; 2]) -> f64 {
     a * a + b * b
 }
 
-/// Returns the unit vector along a vector of the plane; any at the origin.
+/// Returns the unit vector along a vector in the plane; any unit vector at the origin.
 #[inline]
 fn towards([a, b]: [f64; 2]) -> [f64; 2] {
     let length = norm([a, b, 0.0]);

@@ -3,24 +3,24 @@
 use super::record::NoteKind;
 use std::fmt::Write as _;
 
-/// Declaration of a note, without its values.
+/// Declaration of a kind of note (remark for the user), without the values of a single case.
 #[derive(Clone, Copy, Debug)]
 pub struct NoteTemplate {
-    /// Kind of the note.
+    /// Kind of the note, such as a warning or an assumption.
     pub kind: NoteKind,
-    /// Name of the enum.
+    /// Name of the Rust enum that declares this kind of remark for the user.
     #[doc(hidden)]
     pub subject: &'static str,
-    /// Name of the variant.
+    /// Name of the variant, in a Rust enum, that declares this kind of remark for the user.
     #[doc(hidden)]
     pub variant: &'static str,
-    /// Format string of the sentence.
+    /// Format string of the note's sentence.
     #[doc(hidden)]
     pub format: &'static str,
 }
 
 impl NoteTemplate {
-    /// Returns the stable name for programs: `TextNote::DecodedAs` is `text-decoded-as`.
+    /// Returns the stable name of the note for programs: `TextNote::DecodedAs` is `text-decoded-as`.
     pub fn code(&self) -> String {
         let mut code = String::new();
         for c in self.subject.trim_end_matches("Note").chars().chain(self.variant.chars()) {
@@ -32,7 +32,7 @@ impl NoteTemplate {
         code
     }
 
-    /// Returns the sentence with `{name}` for each of its parts that varies.
+    /// Returns the sentence of the note, with `{name}` in place of each part that varies.
     pub fn sentence(&self) -> String {
         let mut sentence = String::new();
         let mut rest = self.format;
@@ -46,7 +46,8 @@ impl NoteTemplate {
     }
 }
 
-/// Declares an enum of notes. Each variant has a kind, typed fields and the sentence for the user:
+/// Declares an enum of notes (remarks for the user). Each variant has a kind, typed fields and the sentence for the
+/// user:
 ///
 /// ```text
 /// declare_notes! {
@@ -79,7 +80,8 @@ macro_rules! declare_notes {
         }
 
         impl $name {
-            /// Declarations of all notes of this enum, in order.
+            /// Name, kind and sentence of each remark for the user that this Rust enum declares, in order of
+            /// declaration.
             pub(crate) const TEMPLATES: &'static [$crate::domain::NoteTemplate] = &[$(
                 $crate::domain::NoteTemplate {
                     kind: $crate::domain::NoteKind::$kind,

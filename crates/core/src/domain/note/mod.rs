@@ -13,7 +13,7 @@ mod tests {
     use super::*;
 
     crate::declare_notes! {
-        /// Notes for the tests below.
+        /// Remarks to the user that serve as test data for their names, values and sentences.
         TrialNote {
             Warning SamplesLost { lost: usize, of: u64, share_percent: f64 } =>
                 "{lost} of {of} samples ({share_percent:.1} %) are lost{mark}", mark = if lost > 1 { "!" } else { "" };

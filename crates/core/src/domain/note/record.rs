@@ -4,23 +4,24 @@ use super::value::NoteValue;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// One remark for the user, as reports and JSON documents hold it.
+/// One remark for the user on a measurement or file, as reports and JSON documents hold it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Note {
-    /// Kind of the remark.
+    /// Kind of the remark, such as a warning or an assumption.
     pub kind: NoteKind,
-    /// A sentence for people.
+    /// Text of a remark on a measurement or file: a sentence for people.
     pub message: String,
-    /// Stable name for programs, in kebab case; empty in notes of earlier versions.
+    /// Stable name of the remark for programs, in kebab case; empty in remarks of earlier versions.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub code: String,
-    /// Numbers and names in the sentence. A name ends with the unit, if there is one.
+    /// Numbers and names that occur in the sentence of the remark, by field name. The name of a number ends with its
+    /// unit, if it has one.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub values: BTreeMap<String, NoteValue>,
 }
 
-/// Subject of a remark.
+/// Kind of a remark for the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -31,16 +32,16 @@ pub enum NoteKind {
     Filled,
     /// A part of the file was not used.
     Skipped,
-    /// A finding that the user should look at.
+    /// Something in the file or in its values may be wrong, and the user should look at it.
     Warning,
-    /// A check of the values against physics, for the user to judge.
+    /// A check of the values against physics found, for example, an albedo above 1; the user should judge the result.
     Checked,
-    /// A choice of axes, cells or fits, with its reason.
+    /// The program chose axes, a resolution or a fit, and gives its reason.
     Chosen,
 }
 
 impl NoteKind {
-    /// Returns the name as in JSON.
+    /// Returns the name that JSON uses for the kind of remark on a file, such as `warning`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Assumed => "assumed",
@@ -54,12 +55,12 @@ impl NoteKind {
 }
 
 impl Note {
-    /// Creates a note of its sentence alone, without code and values.
+    /// Creates a remark from its sentence alone, without stable name and values.
     pub fn plain(kind: NoteKind, message: impl Into<String>) -> Self {
         Self { kind, message: message.into(), code: String::new(), values: BTreeMap::new() }
     }
 
-    /// Returns the note with its sentence prefixed by the name of the file that it is about.
+    /// Returns the remark with its sentence prefixed by the name of the file that it is about.
     #[must_use]
     pub fn about(mut self, name: &str) -> Self {
         self.message = format!("{name}: {}", self.message);

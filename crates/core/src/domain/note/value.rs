@@ -3,20 +3,20 @@
 use crate::domain::{Domain, Quantity, Unit};
 use serde::{Deserialize, Serialize, Serializer};
 
-/// Value of a note: a number, a name or a flag.
+/// Value in a remark for the user: a number, a name or a flag.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(untagged)]
 pub enum NoteValue {
-    /// Yes or no.
+    /// Truth value that a remark for the user mentions.
     Flag(bool),
-    /// A finite number. A whole one is written without a decimal point.
+    /// Finite number that a remark for the user mentions. In JSON, a whole number has no decimal point.
     Number(#[serde(serialize_with = "number")] f64),
-    /// A name, or a quotation of the file.
+    /// Name, or quotation from the file, that a remark for the user mentions.
     Text(String),
 }
 
-/// Writes a number as people do: `3`, not `3.0`.
+/// Serialises a number without a needless decimal point: `3`, not `3.0`.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
 fn number<S: Serializer>(number: &f64, to: S) -> Result<S::Ok, S::Error> {
     // Whole numbers below 2^53 are exact.
@@ -24,10 +24,10 @@ fn number<S: Serializer>(number: &f64, to: S) -> Result<S::Ok, S::Error> {
     if is_whole { to.serialize_i64(*number as i64) } else { to.serialize_f64(*number) }
 }
 
-/// Conversion of a field of a note; `None` leaves the value out.
+/// Conversion of a Rust value to one that a remark for the user mentions; `None` leaves the value out.
 #[doc(hidden)]
 pub trait ToNoteValue {
-    /// Returns the value; `None` if there is none or it is not finite.
+    /// Returns the value that the remark for the user mentions; `None` if there is none or it is not finite.
     fn to_value(&self) -> Option<NoteValue>;
 }
 
@@ -44,7 +44,8 @@ impl ToNoteValue for f64 {
 }
 
 impl ToNoteValue for f32 {
-    /// Returns the shortest decimal that stands for the number, as a sentence shows it.
+    /// Returns a 32-bit floating-point number by its shortest decimal form (0.1, not 0.100000001), as the remark for
+    /// the user prints it.
     fn to_value(&self) -> Option<NoteValue> {
         self.to_string().parse::<f64>().ok()?.to_value()
     }
@@ -56,7 +57,7 @@ impl<T: ToNoteValue> ToNoteValue for Option<T> {
     }
 }
 
-/// Implements the conversion of counts.
+/// Implements, for integer types, the conversion of a count to a number that a remark for the user mentions.
 macro_rules! counts {
     ($($type:ty),+) => { $(
         impl ToNoteValue for $type {
@@ -69,7 +70,8 @@ macro_rules! counts {
     )+ };
 }
 
-/// Implements the conversion of types that are shown by name.
+/// Implements, for types that can be printed, the conversion to the text with which a remark for the user quotes a
+/// value.
 macro_rules! names {
     ($($type:ty),+) => { $(
         impl ToNoteValue for $type {

@@ -10,24 +10,25 @@ use crate::evaluate::error::EvaluateError;
 use crate::evaluate::incoming::Alignment;
 use crate::evaluate::material::Material;
 
-/// Minimum number of incidences for a choice; with fewer the default is used.
+/// Minimum number of measured incoming directions for a choice of interpolation; with fewer the default is used.
 const LEAST_INCIDENCES: usize = 4;
-/// Maximum number of pairs of incoming and outgoing entries for a choice. Larger materials take long to open and are
-/// sampled densely enough.
+/// Maximum number of pairs of sampled incoming and outgoing directions for a choice of interpolation. Larger materials
+/// take long to open and are sampled densely enough.
 const MOST_PAIRS: usize = 1 << 20;
-/// Factor on the least leave-one-out error: the cheapest interpolation within it is chosen.
+/// Factor on the least leave-one-out error; the cheapest interpolation whose error stays below the product is chosen.
+/// Raising it favours cheaper interpolations.
 const NEARLY_BEST: f64 = 1.1;
-/// Factor on the error below which retroreflective lobes (about the direction back to the source) are chosen. It is
-/// well below 1 because sampling then also draws about that direction, and because a fitting divisor needs no
-/// alignment.
+/// Fraction of the leave-one-out error of mirror-like lobes below which the error of retroreflective lobes (about the
+/// direction back to the source) must lie for these to be chosen. It is well below 1 because sampling then also draws
+/// about that direction, and because a fitting divisor needs no alignment.
 const MUCH_BETTER: f64 = 0.7;
-/// Absolute difference up to which leave-one-out errors count as equal: rounding and the finite cells.
+/// Absolute difference up to which relative leave-one-out errors count as equal, as rounding and the finite triangles
+/// cause such differences.
 const SAME: f64 = 5e-4;
 
-/// Chooses the interpolation between the incidences of a measurement. Each inner incidence is left out in turn and
-/// predicted from its neighbours by every candidate. The cheapest candidate nearly as good as the best is chosen;
-/// linear ones are cheaper than cubic ones. With fewer than four incidences, negative samples, or more than 2²⁰ pairs
-/// of incoming and outgoing entries, the result is the default of files that state none.
+/// Chooses the interpolation between the incoming directions of a measurement by leave-one-out errors. The cheapest
+/// candidate nearly as good as the best is chosen; linear ones are cheaper than cubic ones. With fewer than four
+/// incoming directions, negative samples, or more than 2²⁰ pairs of directions, the result is the default.
 ///
 /// ```
 /// use wavelume_core::domain::{Axis, Measurement, Quantity, Sampling, Tensor, Unit};
@@ -72,7 +73,8 @@ pub fn interpolation_between(measurement: &Measurement) -> Result<Between, Evalu
     Ok(way)
 }
 
-/// Candidate divisors of a quantity, cheapest first, with the parameters of the fitted model.
+/// Candidate divisors (models by which samples are divided before interpolation) of a quantity, cheapest first, with
+/// fitted parameters.
 fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
     let mut divisors = vec![Divisor::None];
     if quantity == Quantity::Brdf {
@@ -84,20 +86,21 @@ fn divisors(tables: &Tables<'_>, quantity: Quantity) -> Vec<Divisor> {
     divisors
 }
 
-/// Candidate interpolations, cheapest first: linear before cubic.
+/// Candidate interpolations between incoming directions, cheapest first: linear before cubic.
 fn candidates(divisors: &[Divisor], retro: bool) -> Vec<Between> {
     let of_order = |cubic: bool| divisors.iter().map(move |&divisor| Between { divisor, cubic, retro });
     of_order(false).chain(of_order(true)).collect()
 }
 
-/// Returns the first candidate nearly as good as the best, and its error without noise.
+/// Returns the first candidate interpolation nearly as good as the best, and its leave-one-out error without the
+/// samples' noise.
 fn best(ways: Vec<(Between, Errors)>) -> Option<(Between, f64)> {
     let least = ways.iter().map(|(_, error)| error.without_noise).fold(f64::INFINITY, f64::min);
     let good = ways.into_iter().find(|(_, error)| error.without_noise <= NEARLY_BEST * least + SAME);
     good.map(|(way, error)| (way, error.without_noise))
 }
 
-/// Averages over wavelengths; masked samples are skipped.
+/// Averages a measurement over wavelengths; masked samples are skipped.
 fn grey(measurement: &Measurement, lambdas: usize) -> Result<Measurement, EvaluateError> {
     let axes = measurement.tensor.axes();
     let has_spectrum = measurement.layout()?.spectral.is_some();

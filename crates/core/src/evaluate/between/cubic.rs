@@ -2,18 +2,20 @@
 
 use crate::evaluate::number::Number;
 
-/// Number of incidences a cubic passes through.
+/// Number of incoming directions that a cubic interpolates.
 pub(in crate::evaluate) const FOUR: usize = 4;
-/// Overshoot allowed to a cubic, as a fraction of the range of the values that linear interpolation mixes.
+/// Overshoot allowed to a cubic between incoming directions, as a fraction of the range of the values that linear
+/// interpolation would mix. Raising it permits narrower peaks and more ringing.
 pub(in crate::evaluate) const ROOM: f32 = 1.0;
-/// Magnitude up to which a fit weight is negligible: its incidence may be dark or masked.
+/// Magnitude up to which an interpolation weight is negligible, so that its incoming direction may be dark or masked.
 pub(in crate::evaluate) const NO_WEIGHT: f32 = 1e-3;
 
-/// Increasing angles with the denominators of Lagrange's polynomials between them.
+/// Increasing polar angles of incidence, with the denominators of Lagrange's cubic polynomials between them.
 #[derive(Debug)]
 pub(in crate::evaluate) struct Cubic {
     angles: Vec<f64>,
-    /// For each interval, the reciprocal products of the distances between its incidences; 0 for one beyond the ends.
+    /// For each interval between angles, the reciprocal denominators of four Lagrange polynomials; 0 for an angle
+    /// beyond the ends.
     factors: Vec<[f64; FOUR]>,
 }
 
@@ -29,9 +31,9 @@ impl Cubic {
         Self { angles: angles.to_vec(), factors }
     }
 
-    /// Entries around the fraction `t` of the interval that starts at entry `below`, and their weights: two below and
-    /// two above. An entry beyond the ends is replaced by the end itself with weight 0; the polynomial there passes
-    /// through three entries.
+    /// Four angles around the fraction `t` of the interval that starts at angle number `below`, two on each side, with
+    /// cubic weights. Beyond the ends of the axis, the end's angle takes the place of the missing one with weight 0;
+    /// the polynomial then passes through three.
     #[inline]
     pub(in crate::evaluate) fn around(&self, below: usize, t: f32) -> ([u32; FOUR], [f32; FOUR]) {
         let (from, to) = (self.angles[below], self.angles[below + 1]);
@@ -50,20 +52,20 @@ impl Cubic {
     }
 }
 
-/// Angle `k` of the four around the interval that starts at entry `below`; `None` beyond the ends.
+/// Angle `k` (0 to 3) of the four around the interval that starts at angle number `below`; `None` beyond the ends.
 #[inline]
 fn angle(angles: &[f64], below: usize, k: usize) -> Option<f64> {
     angles.get((below + k).checked_sub(1)?).copied()
 }
 
-/// Clamps a cubic's value to the range of the values that linear interpolation mixes, widened by [`ROOM`].
+/// Clamps a cubic's value to the range of the values that linear interpolation would mix, widened by [`ROOM`].
 #[inline(always)]
 pub(in crate::evaluate) fn held<T: Number>(cubic: T, [low, high]: [T; 2]) -> T {
     let room = T::of(ROOM) * (high - low);
     cubic.larger(low - room).smaller(high + room)
 }
 
-/// Minimum and maximum of some values.
+/// Minimum and maximum of the numbers that `values` yields; infinity and minus infinity if there are none.
 #[inline(always)]
 pub(in crate::evaluate) fn range(values: impl Iterator<Item = f32>) -> [f32; 2] {
     values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])

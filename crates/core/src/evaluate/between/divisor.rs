@@ -5,12 +5,14 @@ use crate::evaluate::number::Number;
 use crate::numeric::logarithm::{ln_f32, ln_four};
 use wide::f32x4;
 
-/// Lower bound on cosines: at the horizon the divisors of smooth surfaces are unbounded.
+/// Lower bound on the cosines of polar angles in a divisor (model divided out before interpolation), which would be
+/// unbounded at the horizon for smooth surfaces.
 const LEAST_COSINE: f32 = 1e-3;
-/// Lower bound on squared lengths of half vectors.
+/// Lower bound on the squared length of a half vector, which avoids a division by 0.
 const LEAST_SQUARE: f32 = 1e-12;
 
-/// Divisor with its parameters precomputed for queries.
+/// Divisor (model by which samples are divided before interpolation between incoming directions) with its parameters
+/// precomputed for queries. `square` is the squared roughness.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::evaluate) enum Divided {
     None,
@@ -33,7 +35,7 @@ impl Divided {
         }
     }
 
-    /// Divisor for light from `wi` to `wo`; positive.
+    /// Value of the divisor (model divided out before interpolation) for light from `wi` to `wo`; positive.
     #[inline(always)]
     fn value<T: Number>(self, [ix, iy, iz]: [T; 3], [ox, oy, oz]: [T; 3]) -> T {
         let (one, least) = (T::of(1.0), T::of(LEAST_COSINE));
@@ -59,7 +61,8 @@ impl Divided {
         }
     }
 
-    /// Logarithm of the divisor for four pairs of directions.
+    /// Logarithms of the model by which samples are divided before interpolation between incoming directions, for four
+    /// pairs of an incoming and an outgoing direction.
     #[inline(always)]
     pub(in crate::evaluate) fn four(self, wi: [f32x4; 3], wo: [f32x4; 3]) -> f32x4 {
         if matches!(self, Self::None) {
@@ -68,7 +71,8 @@ impl Divided {
         ln_four(self.value(wi, wo))
     }
 
-    /// Logarithm of the divisor for one pair of directions; bit-identical to [`Divided::four`].
+    /// Logarithm of the model by which samples are divided before interpolation between incoming directions, for one
+    /// pair of an incoming and an outgoing direction. It is bit-identical to the result of [`Divided::four`].
     #[inline(always)]
     pub(in crate::evaluate) fn one(self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         if matches!(self, Self::None) { 0.0 } else { ln_f32(self.value(wi, wo)) }

@@ -5,40 +5,47 @@ use super::tables::Tables;
 use crate::compress::Divisor;
 use crate::domain::vector::{Vector, dot, scale, sub, unit};
 
-/// Maximum number of incidences and of index entries at which the model is fitted.
+/// Maximum number of incoming directions and of combinations of indices (positions on the axes before the directions)
+/// to which the microfacet model is fitted. More take longer and change the fit little.
 const INCIDENCES: usize = 12;
 const ENTRIES: usize = 4;
-/// Slopes (tangents of the polar angle) of the half vectors at which the model is fitted, and azimuths per slope.
+/// Slopes (tangents of the polar angle) of the half vectors at which the microfacet model is fitted, and azimuths per
+/// slope.
 const SLOPES: [f64; 12] = [0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.23, 0.32, 0.45, 0.65, 1.0, 1.6];
 const AZIMUTHS: u32 = 6;
-/// Minimum cosine of outgoing directions in the fit; lower ones carry little light.
+/// Minimum cosine of the outgoing directions to which the microfacet model is fitted; directions below carry little
+/// light.
 const LOWEST: f64 = 0.1;
-/// Stride through the outgoing directions of the whole hemisphere that also enter the fit.
+/// Stride through the list of outgoing directions over the whole hemisphere: every 16th also enters the fit of the
+/// microfacet model.
 const SPREAD: usize = 16;
-/// Starting values: roughness, reflectance, and base as a fraction of the reflectance.
+/// Starting values for the fit of the microfacet model: roughness, reflectance, and diffuse base as a multiple of the
+/// reflectance.
 const ROUGHNESS: [f64; 12] = [0.01, 0.02, 0.035, 0.055, 0.08, 0.12, 0.17, 0.24, 0.34, 0.48, 0.68, 0.95];
 const REFLECTANCE: [f64; 4] = [0.04, 0.12, 0.4, 0.9];
 const BASE: [f64; 10] = [0.0, 1e-3, 0.01, 0.05, 0.2, 0.5, 1.0, 3.0, 10.0, 100.0];
-/// Base that stands for 0 on a logarithmic scale.
+/// Number that replaces 0 as starting value of the microfacet model's diffuse base, because the fit varies the
+/// logarithm of the base.
 const NO_BASE: f64 = 1e-9;
-/// Pattern search over logarithms of the parameters: initial steps, number of halvings, and maximum rounds between
-/// halvings.
+/// Pattern search for the logarithms of the microfacet model's roughness, reflectance and diffuse base: initial steps,
+/// number of halvings of the steps, and maximum rounds between halvings.
 const STEPS: [f64; 3] = [0.2, 0.5, 0.7];
 const HALVINGS: u32 = 10;
 const ROUNDS: u32 = 32;
-/// Relative and absolute decrease of the variance that count as progress. Surfaces that the model matches exactly leave
-/// only rounding.
+/// Relative and absolute decrease of the variance that count as progress in the fit. Surfaces that the model matches
+/// exactly leave only rounding errors.
 const LESS: f64 = 1e-3;
 const ROUNDING: f64 = 1e-10;
 
-/// Logarithm of the light from one direction to another.
+/// Logarithm of the measured light for one pair of directions.
 struct Seen {
     wi: [f32; 3],
     wo: [f32; 3],
     logarithm: f64,
 }
 
-/// Model closest to the logarithms of light, up to a factor; `None` if too few directions have light.
+/// Microfacet model closest to the logarithms of measured light, up to a factor; `None` if too few directions have
+/// light.
 pub(super) fn model(tables: &Tables<'_>) -> Option<Divisor> {
     let seen = seen(tables);
     if seen.len() < 2 * STEPS.len() {
@@ -82,7 +89,7 @@ fn divisor(place: [f64; 3]) -> Divisor {
     Divisor::Model { roughness, reflectance, base }.stated()
 }
 
-/// Variance of the logarithm of light divided by the model.
+/// Variance of the logarithm of measured light divided by the microfacet model.
 fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
     let model = Divided::by(divisor(place));
     let (mut sum, mut square) = (0.0, 0.0);
@@ -95,7 +102,7 @@ fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
     (square / count - (sum / count) * (sum / count)).max(0.0)
 }
 
-/// Light around the mirror direction of each incidence, and over the whole hemisphere.
+/// Measured light around the mirror direction of each incoming direction, and over the whole hemisphere.
 fn seen(tables: &Tables<'_>) -> Vec<Seen> {
     let incidences = tables.incidences();
     let step = incidences.len().div_ceil(INCIDENCES).max(1);
@@ -116,7 +123,7 @@ fn seen(tables: &Tables<'_>) -> Vec<Seen> {
     seen
 }
 
-/// Half vectors around the normal.
+/// Half vectors around the normal, at fixed slopes and azimuths.
 fn half_vectors() -> impl Iterator<Item = Vector> {
     let azimuths =
         (0..AZIMUTHS).map(|k| libm::sincos(std::f64::consts::TAU * (f64::from(k) + 0.25) / f64::from(AZIMUTHS)));
@@ -126,7 +133,7 @@ fn half_vectors() -> impl Iterator<Item = Vector> {
     })
 }
 
-/// `wi` mirrored at a half vector.
+/// Incoming direction `wi` mirrored at the half vector `h`.
 fn mirrored(wi: Vector, h: Vector) -> Vector {
     sub(scale(h, 2.0 * dot(wi, h)), wi)
 }

@@ -9,24 +9,30 @@ use crate::evaluate::incoming::{Alignment, carried};
 use crate::numeric::exponential::exp_f64;
 use rayon::prelude::*;
 
-/// Maximum number of index entries and of incidences at which errors are measured.
+/// Maximum number of combinations of indices (positions on the axes before the directions) and of incoming directions
+/// at which leave-one-out errors are measured. More give more reliable errors and take longer.
 const ENTRIES: usize = 4;
 const INCIDENCES: usize = 96;
-/// Upper bound on the relative error of one direction, so that directions beside a lobe do not outweigh all others.
+/// Upper bound on the relative error counted for one direction, so that directions beside a lobe do not outweigh all
+/// others.
 const MOST_ERROR: f64 = 50.0;
 
-/// Leave-one-out errors of all incidences.
+/// Errors over all measured incoming directions, each predicted from the others (leave-one-out).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Errors {
-    /// er(L2): root mean square of the relative error.
+    /// Root mean square of the relative error, er(L2).
     pub(super) er_l2: f64,
-    /// er(L2) after the expected contribution of the samples' noise is subtracted.
+    /// Root mean square of the relative error, er(L2), after the expected contribution of the samples' noise is
+    /// subtracted.
     pub(super) without_noise: f64,
-    /// Largest share of an incidence's light that the prediction puts elsewhere.
+    /// Largest ratio, over incoming directions, of the prediction's error to the measured light, both summed over
+    /// outgoing directions: Σ |error| · |cos θo| over Σ value · |cos θo|.
     pub(super) moved: f64,
 }
 
-/// Sums over the directions of one incidence.
+/// Sums over outgoing directions under one incoming direction whose values are predicted from the others: count,
+/// squared relative error, its expected part due to noise in the samples, absolute error times |cos θo|, and value
+/// times |cos θo|.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     count: f64,
@@ -36,20 +42,23 @@ struct Sums {
     light: f64,
 }
 
-/// Light under another incidence, at the direction that corresponds to the predicted one.
+/// Value of the function under one of the measured incoming directions from which values under a left-out one are
+/// predicted (leave-one-out test). It is taken at the outgoing direction `there` to which lobes, following the incoming
+/// direction, move the predicted one.
 struct Other {
     to: [f32; 3],
     there: [f32; 3],
     worth: f32,
     logarithm: f32,
     is_live: bool,
-    /// Weights in the mean, and on the linear and cubic curves of [`Others`].
+    /// Weights of one measured incoming direction in three predictions of values under a left-out one (leave-one-out
+    /// test): in a mean with nonnegative weights, then in linear and in cubic interpolation.
     mean: f32,
     curves: [f32; 2],
 }
 
 /// Measures the leave-one-out errors of each interpolation in `ways`. `noise` is the relative standard deviation of
-/// each sample. `None` if no incidence lies between others.
+/// each sample. `None` if no measured incoming direction lies between others.
 pub(super) fn left_out(tables: &Tables<'_>, alignment: Alignment, ways: &[Between], noise: f64) -> Option<Vec<Errors>> {
     let inner: Vec<(usize, Others)> =
         (0..tables.incidences().len()).filter_map(|node| Some((node, tables.others(node)?))).collect();
@@ -97,7 +106,8 @@ pub(super) fn left_out(tables: &Tables<'_>, alignment: Alignment, ways: &[Betwee
     (0..ways.len()).map(of_way).collect()
 }
 
-/// Prediction of an incidence's light in one direction from the other incidences.
+/// Prediction of the light under a left-out incoming direction, in one outgoing direction, from the other incoming
+/// directions.
 struct Predicting {
     wi: [f32; 3],
     wo: [f32; 3],
@@ -140,8 +150,8 @@ impl Predicting {
         Self { wi: single(wi), wo: single(wo), others: all.collect(), has_curves }
     }
 
-    /// Returns the logarithm of the predicted light and the sum of squared weights; `None` if no other incidence
-    /// predicts it.
+    /// Returns the logarithm of the predicted light and the sum of squared weights; `None` if no other incoming
+    /// direction has light to predict from.
     fn by(&self, divided: Divided, cubic: bool) -> Option<(f32, f32)> {
         let rest = |other: &Other| other.logarithm - divided.one(other.to, other.there);
         let (mut sum, mut total, mut squares) = (0.0, 0.0, 0.0);

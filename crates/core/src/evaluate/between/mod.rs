@@ -14,8 +14,9 @@ pub(super) use cubic::{Cubic, FOUR, NO_WEIGHT, held, range};
 pub(super) use divisor::Divided;
 pub use report::LeftOut;
 
-/// Declarations of the notes that this module returns.
+/// Declarations of the notes (warnings in reports) about sparse incoming directions.
 pub const NOTES: &[crate::domain::NoteTemplate] = notes::IncidenceNote::TEMPLATES;
 
-/// Upper bound on f·cos θo past the last measured incidence, as a multiple of its largest value at that incidence.
+/// Upper bound on f·cos θo past the last measured polar angle of incidence, as a multiple of its largest value at that
+/// angle.
 pub(super) const MOST_BEYOND: f32 = 1.5;

@@ -1,7 +1,7 @@
 //! Notes on incoming directions that are too sparse for a lobe.
 
 crate::declare_notes! {
-    /// Notes on incoming directions that are too sparse for a lobe.
+    /// Notes (warnings in reports) on incoming directions that are too sparse for a lobe.
     IncidenceNote {
         Warning LightMoved { light_percent: f64 } =>
             "incoming directions are too sparse for the lobe: between them about {light_percent:.0} % of its light is \

@@ -12,12 +12,13 @@ use crate::evaluate::lines::Lines;
 use crate::evaluate::planes::Planes;
 use crate::evaluate::smooth::Smooth;
 
-/// Number of outgoing directions at which errors are measured, on one side of the horizon.
+/// Number of outgoing directions at which leave-one-out errors are measured, on each side of the horizon that the data
+/// cover. More give more reliable errors and take longer.
 const DIRECTIONS: u32 = 2048;
-/// Minimum |cos θ| of those directions: 80° from the normal.
+/// Minimum |cos θ| of the outgoing directions at which leave-one-out errors are measured: 80° from the normal.
 const LOWEST: f64 = 0.173_648_177_666_930_35;
 
-/// Measured incidences of a material and its smooth form, for leave-one-out predictions.
+/// Measured incoming directions of a material and its smooth function, for leave-one-out predictions.
 pub(super) struct Tables<'a> {
     form: Form<'a>,
     geometry: &'a Geometry,
@@ -25,7 +26,8 @@ pub(super) struct Tables<'a> {
     alignment: Alignment,
     incidences: Vec<Vector>,
     outgoing: Vec<Vector>,
-    /// Incidences that predict each triangle of the incoming mesh; empty for other axes.
+    /// For each triangle of the incoming mesh, the other triangles that predict it in a leave-one-out test; empty for
+    /// other axes.
     triangles: Vec<Option<Others>>,
 }
 
@@ -34,19 +36,23 @@ enum Form<'a> {
     Lines(&'a Lines),
 }
 
-/// Incidences that predict one that is left out.
+/// Measured incoming directions from which values under a left-out one are predicted (leave-one-out test), with weights
+/// for three predictions: a mean, linear interpolation, and cubic (between triangles quadratic) interpolation.
 #[derive(Clone, Debug)]
 pub(super) struct Others {
-    /// Entries with their weights, which are nonnegative and sum to 1.
+    /// Numbers of measured incoming directions with their weights in a mean that predicts values under a left-out one;
+    /// the weights are nonnegative and sum to 1.
     pub(super) mean: Vec<(usize, f32)>,
-    /// Weights of the linear and of the cubic interpolation. They replace the mean where none of their incidences is
-    /// dark or masked.
+    /// Weights of measured incoming directions for predicting values under a left-out one by linear, then by cubic
+    /// interpolation. Where the function is 0 or masked under one of them, a mean with nonnegative weights is used
+    /// instead.
     pub(super) linear: Option<Vec<(usize, f32)>>,
     pub(super) cubic: Option<Vec<(usize, f32)>>,
 }
 
 impl<'a> Tables<'a> {
-    /// Tables of a material with several incidences and a smooth form between them; otherwise `None`.
+    /// Prepares leave-one-out predictions for a material with several incoming directions and smooth interpolation
+    /// between them; otherwise `None`.
     pub(super) fn of(material: &'a Material) -> Option<Self> {
         let geometry = material.geometry();
         let (form, domain, alignment) = match (material.planes_of_cells(), material.stated()) {
@@ -80,7 +86,8 @@ impl<'a> Tables<'a> {
         &self.incidences
     }
 
-    /// Outgoing directions to 80° from the normal, uniform in solid angle.
+    /// Outgoing directions at which leave-one-out errors are measured: up to 80° from the normal, uniform in solid
+    /// angle.
     pub(super) fn outgoing(&self) -> &[Vector] {
         &self.outgoing
     }
@@ -93,7 +100,7 @@ impl<'a> Tables<'a> {
         self.alignment
     }
 
-    /// Interpolation between incidences.
+    /// Interpolation that the material uses between measured incoming directions.
     pub(super) fn between(&self) -> Between {
         match self.form {
             Form::Planes(_, smooth) => smooth.between(),
@@ -101,7 +108,8 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// Mean of three wavelengths under a measured incidence; NaN where it is masked.
+    /// Sum over three wavelengths of the material's function at one measured incoming direction and the outgoing
+    /// direction `wo`; NaN where it is masked.
     pub(super) fn light(&self, entry: usize, node: usize, wo: Vector) -> f64 {
         match self.form {
             Form::Planes(planes, smooth) => smooth.brightness(planes, (entry, node), self.incidences[node], wo),
@@ -109,7 +117,7 @@ impl<'a> Tables<'a> {
         }
     }
 
-    /// Incidences that predict `node` from the others; `None` at the ends of the axis.
+    /// Other incoming directions that predict incoming direction `node`, with weights; `None` at the ends of the axis.
     pub(super) fn others(&self, node: usize) -> Option<Others> {
         let axes = self.geometry.axes();
         match self.geometry.layout().incoming.map(|axis| &axes[axis]) {
@@ -124,15 +132,16 @@ impl<'a> Tables<'a> {
     }
 }
 
-/// Neighbours of an inner angle, with the weights of linear interpolation between them.
+/// Neighbours below and above angle number `node`, with the weights of linear interpolation at that angle; `None` at
+/// the ends.
 fn between(angles: &[f64], node: usize) -> Option<[(usize, f32); 2]> {
     let (below, above) = (angles.get(node.checked_sub(1)?)?, angles.get(node + 1)?);
     let t = ((angles[node] - below) / (above - below)) as f32;
     Some([(node - 1, 1.0 - t), (node + 1, t)])
 }
 
-/// The two angles below and the two above an inner one, with cubic weights. `t` is the weight that linear interpolation
-/// gives the angle above.
+/// Two angles below and two above angle number `node`, with the weights of a cubic at that angle. `t` is the weight
+/// that linear interpolation gives the neighbour above.
 fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     let rest: Vec<f64> = angles.iter().enumerate().filter(|(k, _)| *k != node).map(|(_, angle)| *angle).collect();
     let (entries, weights) = Cubic::new(&rest).around(node - 1, t);
@@ -140,7 +149,8 @@ fn curved(angles: &[f64], node: usize, t: f32) -> Vec<(usize, f32)> {
     restored.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect()
 }
 
-/// Neighbours of a grid direction along the polar angle; at its ends, neighbours in azimuth.
+/// Neighbours of a grid direction along the polar angle, with interpolation weights; at the ends of the polar angle,
+/// neighbours in azimuth.
 fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     let [_, columns] = grid.shape();
     let (row, column) = (entry / columns, entry % columns);
@@ -154,7 +164,7 @@ fn on_grid(grid: &DirectionGrid, entry: usize) -> Option<Others> {
     Some(Others { mean, linear: None, cubic: None })
 }
 
-/// Spiral of directions (Swinbank & Purser 2006) on the sides of the horizon that a domain includes.
+/// Outgoing directions on a spiral (Swinbank & Purser 2006), on the sides of the horizon that a domain includes.
 fn outgoing(domain: Domain) -> Vec<Vector> {
     let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
     let above = (0..DIRECTIONS).map(|k| {

@@ -6,27 +6,32 @@ use crate::domain::vector::{add, unit};
 use crate::evaluate::reconstruct::Cells;
 use std::collections::HashMap;
 
-/// Weights of the three nodes around a direction and of the midpoints between the first two, the last two, and the
-/// first and last.
+/// Six interpolation nodes with their weights: the three nodes around a direction, then the midpoints between nodes 1
+/// and 2, 2 and 3, and 1 and 3.
 pub(in crate::evaluate) type Six = ([u32; 6], [f32; 6]);
 
-/// Entries with weights that sum to 1.
+/// Numbers of sampled incoming directions with interpolation weights that sum to 1.
 pub(in crate::evaluate) type Entries = Vec<(usize, f32)>;
 
-/// Entries that predict one that is left out.
+/// Sampled incoming directions from which values under a left-out one are predicted (leave-one-out test), with weights
+/// for three predictions: a mean, a linear and a quadratic interpolation.
 #[derive(Clone, Debug)]
 pub(in crate::evaluate) struct Predicting {
-    /// Nonnegative weights, used where entries of the other two are dark or masked.
+    /// Nonnegative weights of sampled incoming directions in a mean that predicts values under a left-out one. The mean
+    /// replaces linear and quadratic interpolation where the function is 0 or masked under one of their directions.
     pub(in crate::evaluate) mean: Entries,
-    /// Linear interpolation between vertices, each a fit of the surrounding entries.
+    /// Weights of sampled incoming directions for predicting values at the centroid of an incoming triangle as the mean
+    /// of the values at its three vertices. Each of these is fitted to the samples around the vertex, without that of
+    /// the triangle itself.
     pub(in crate::evaluate) linear: Entries,
-    /// Quadratic fit at the direction of the left-out entry.
+    /// Weights of sampled incoming directions in a quadratic fit around a left-out one, which predicts values under it.
     pub(in crate::evaluate) quadratic: Entries,
 }
 
 impl Nodes {
-    /// Adds midpoint nodes between neighbours, derived from surrounding entries as vertices are. Only triangles have
-    /// them. Midpoints that would reach the rim are left out: nothing is extrapolated there.
+    /// Adds interpolation nodes halfway between neighbouring nodes, with values derived from the samples around. Only
+    /// incoming triangles have such midpoints. Edges that reach the rim of the domain get none: nothing is extrapolated
+    /// there.
     pub(in crate::evaluate) fn add_middles(&mut self) {
         if let Self::Triangles(triangles) = self
             && triangles.lookup.mesh().level() > 0
@@ -35,8 +40,8 @@ impl Nodes {
         }
     }
 
-    /// Quadratic through six nodes, from the three around a direction and their weights. Along an edge without a
-    /// midpoint it is linear.
+    /// Nodes and weights of a quadratic through six nodes, given the three nodes around a direction and their linear
+    /// weights. Along an edge without a midpoint node the curve is linear.
     #[inline]
     pub(in crate::evaluate) fn quadratic(&self, [a, b, c]: [u32; 3], [u, v, w]: [f32; 3]) -> Six {
         let mut six = ([a, b, c, a, a, a], [u, v, w, 0.0, 0.0, 0.0]);
@@ -59,7 +64,8 @@ impl Nodes {
 }
 
 impl Nodes {
-    /// Number of nodes that can lie around a direction: all but the midpoints.
+    /// Number of interpolation nodes over incoming directions for linear interpolation: all but the extra nodes halfway
+    /// between two others, which only quadratic interpolation uses.
     pub(in crate::evaluate) fn around_count(&self) -> usize {
         match self {
             Self::Triangles(triangles) => triangles.cells + triangles.lookup.vertices(),
@@ -67,7 +73,8 @@ impl Nodes {
         }
     }
 
-    /// Entries with nonnegative weights that a derived node falls back to where entries of its fit are dark or masked.
+    /// Sampled incoming directions with nonnegative weights from which a derived node takes its value where directions
+    /// of its fit are dark or masked.
     pub(in crate::evaluate) fn mean_sources(&self, node: usize) -> Entries {
         let Self::Triangles(triangles) = self else { return vec![(node, 1.0)] };
         let vertices = triangles.cells + triangles.lookup.vertices();
@@ -78,8 +85,8 @@ impl Nodes {
         }
     }
 
-    /// For each triangle, the entries that predict it without itself; `None` at the rim. Empty if incidences are not
-    /// triangles.
+    /// For each incoming triangle, the other triangles that predict it in a leave-one-out test, with weights; `None` at
+    /// the rim of the domain. Empty if incoming directions are not triangles.
     pub(in crate::evaluate) fn predicting(&self) -> Vec<Option<Predicting>> {
         let Self::Triangles(triangles) = self else { return Vec::new() };
         let lookup = &triangles.lookup;
@@ -102,7 +109,7 @@ impl Nodes {
     }
 }
 
-/// Mean of several weightings of entries.
+/// Mean of several lists of weights, merged by the number of the sampled incoming direction.
 fn mean<const COUNT: usize>(all: [Entries; COUNT]) -> Entries {
     let mut sums: Entries = Vec::new();
     for (entry, weight) in all.into_iter().flatten() {

@@ -7,11 +7,12 @@ use crate::evaluate::mixed::NO_LIGHT;
 use crate::evaluate::number::Number;
 use wide::f32x4;
 
-/// Number of wavelengths processed together.
+/// Number of wavelengths interpolated together, one per SIMD lane.
 const SIDE: usize = 4;
 
 impl Lines {
-    /// Writes the whole spectrum at the places found; `straight` is the fraction of linear interpolation.
+    /// Writes the whole spectrum interpolated between the samples in `found`; `straight`, 0..=1, is the fraction of
+    /// linear interpolation.
     #[inline]
     pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
         if let [out] = out {
@@ -23,7 +24,8 @@ impl Lines {
         }
     }
 
-    /// Returns one sample, or four from `lambda` on; `share` is the fraction of linear interpolation.
+    /// Interpolates between the samples in `found` at one wavelength, or at four from number `lambda` on; `share`,
+    /// 0..=1, is the fraction of linear interpolation.
     #[inline(always)]
     pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         match &found.between {
@@ -39,7 +41,9 @@ impl Lines {
         }
     }
 
-    /// Like [`Lines::samples`], linear between incidences.
+    /// Interpolates the samples in `found` linearly between incoming directions, at one wavelength or at four from
+    /// number `lambda` on. `share`, 0..=1, is the fraction of linear interpolation over outgoing directions; cubics of
+    /// logarithms have the rest.
     #[inline(always)]
     fn mixed_samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         let mut sums = Sums::nothing();
@@ -50,7 +54,8 @@ impl Lines {
         self.settled(&sums, share)
     }
 
-    /// Adds the contribution of one incoming place, given by its table and its weight.
+    /// Adds the samples under one measured incoming direction, interpolated over outgoing directions, to the weighted
+    /// sums over incoming directions. The number of its table of samples and its interpolation weight are given.
     #[inline(always)]
     pub(super) fn add<T: Number>(
         &self,
@@ -98,7 +103,8 @@ impl Lines {
         }
     }
 
-    /// Logarithm interpolated in a patch; a [`Part`] with shares of light if the patch has dark or masked places.
+    /// Logarithm interpolated over outgoing directions under one incoming direction. If samples around are 0 or masked,
+    /// the result is an error that also holds the interpolation weights of the nonzero and of the unmasked samples.
     #[inline(always)]
     fn curved<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> Result<T, Part<T>> {
         let mut numbers = [[T::of(0.0); 4]; 4];
@@ -120,7 +126,8 @@ impl Lines {
         Ok(cubic(&rows, &patch.across))
     }
 
-    /// Contribution of one incoming place, in logarithms.
+    /// Logarithm of the function under one measured incoming direction, interpolated over outgoing directions, with the
+    /// interpolation weights (0 to 1) of the nonzero and of the unmasked samples around the outgoing direction.
     #[inline(always)]
     pub(super) fn part<T: Number>(&self, table: usize, patch: Option<&Patch>, lambda: usize) -> Part<T> {
         let (zero, one) = (T::of(0.0), T::of(1.0));
@@ -135,7 +142,8 @@ impl Lines {
         }
     }
 
-    /// Adds the single place without an outgoing axis, or the value outside the outgoing grid.
+    /// Adds the value under one measured incoming direction to the weighted sums over incoming directions, if the data
+    /// have no outgoing axis or the outgoing direction lies outside their grid.
     fn add_without_patch<T: Number>(&self, sums: &mut Sums<T>, (table, weight): (usize, T), lambda: usize) {
         let zero = T::of(0.0);
         if let Some(sphere) = &self.outgoing {
@@ -151,14 +159,16 @@ impl Lines {
         }
     }
 
-    /// Numbers of the four places in the middle of a patch, row by row.
+    /// Reads the stored values (samples or their logarithms) at the four grid directions that enclose an outgoing
+    /// direction, row by row. They are the middle ones of the 4 × 4 around it.
     #[inline(always)]
     fn middle<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> [T; 4] {
         let number = |r: usize, column: usize| self.values.numbers::<T>(table, patch.place(r, column), lambda);
         [number(1, 1), number(1, 2), number(2, 1), number(2, 2)]
     }
 
-    /// Samples from the sums over all incoming places.
+    /// Interpolated sample, computed from sums over incoming directions: of values or their logarithms, and of the
+    /// interpolation weights of nonzero and of unmasked samples. It is NaN if all samples are masked.
     #[inline(always)]
     pub(super) fn settled<T: Number>(&self, sums: &Sums<T>, share: f32) -> T {
         let least = T::of(NO_LIGHT * sums.total);

@@ -11,8 +11,10 @@ use crate::numeric::wide;
 use ::wide::f32x4;
 
 impl Lines {
-    /// Writes the spectra of many directions into `out`, as [`Lines::spectrum`] gives them. Returns false if an
-    /// incoming direction is outside, if a spectrum has more than four samples, or if a divisor or cubic is in use.
+    /// Interpolates the spectra for a block of direction pairs (batch evaluated together) and writes them into `out`.
+    /// Returns false, and writes nothing, if an incoming direction is outside the measured ones, if there is no
+    /// outgoing axis, if a spectrum has more than four samples, or if interpolation uses a divisor (model divided out
+    /// before interpolation) or a cubic.
     pub(in crate::evaluate) fn spectra(&self, entry: usize, wi: &Vectors, wo: &Vectors, out: &mut [f32]) -> bool {
         match self.values.lambdas() {
             // Divisors and cubics between incidences are evaluated one by one.
@@ -63,7 +65,8 @@ impl Lines {
         true
     }
 
-    /// Finds the incoming places around directions; returns false if a direction is outside.
+    /// Finds the measured incoming directions around each direction of a block; returns false if a direction is outside
+    /// the measured ones.
     fn nodes_of_block(&self, wi: &Vectors, to: &mut [Nodes]) -> bool {
         if let Kind::Elevations(_, line) = &self.incoming.0 {
             let mut elevations: Block = [0.0; BLOCK];
@@ -81,8 +84,9 @@ impl Lines {
         to.iter_mut().enumerate().all(|(i, to)| self.nodes(vector_of(wi, i)).map(|nodes| *to = nodes).is_some())
     }
 
-    /// Moves the outgoing directions `there` of a block, in place, to the directions where the lobe under a stated
-    /// incidence is as far from its centre ([`Lines::carried`]). A direction with a single incidence stays.
+    /// Moves the outgoing directions `there` of a block, in place, as the alignment of lobes maps them to one of the
+    /// measured incoming directions ([`Lines::carried`]). A direction with a single incoming direction around it is
+    /// left in place.
     fn carried_block(
         &self,
         slot: usize,

@@ -6,11 +6,13 @@ use crate::domain::vector::Vector;
 use crate::evaluate::change::change_of_shape;
 use crate::evaluate::incoming::{Alignment, carried};
 
-/// Approximate number of outgoing directions at which incoming ones are compared.
+/// Approximate number of outgoing directions at which the lobes of different incoming directions are compared. More
+/// make the choice of the alignment more reliable and slower.
 const COMPARED: usize = 600;
 
 impl Lines {
-    /// Chooses the alignment among candidates. `measure` is the weight of an outgoing direction.
+    /// Chooses the alignment of lobes between incoming directions among candidates. `measure` gives the weight of an
+    /// outgoing direction.
     pub(in crate::evaluate) fn align(
         &mut self,
         entries: usize,
@@ -35,14 +37,14 @@ impl Lines {
         }
     }
 
-    /// Outgoing directions of the grid, evenly thinned out.
+    /// Outgoing directions of the grid at which lobes are compared, evenly thinned out.
     fn compared(&self) -> Vec<Vector> {
         let Some(sphere) = &self.outgoing else { return Vec::new() };
         let step = (sphere.grid().len() / COMPARED).max(1);
         (0..sphere.grid().len()).step_by(step).map(|entry| sphere.grid().direction(entry).xyz()).collect()
     }
 
-    /// Neighbouring pairs of stated incoming directions.
+    /// Pairs of neighbouring measured incoming directions, by their numbers.
     fn neighbours(&self) -> Vec<(usize, usize)> {
         match &self.incoming.0 {
             Kind::None => Vec::new(),
@@ -57,7 +59,8 @@ impl Lines {
         }
     }
 
-    /// Mean of three wavelengths under one incoming direction.
+    /// Sum over three wavelengths of the material's function at one measured incoming direction and the outgoing
+    /// direction `d`; a measure of brightness.
     pub(in crate::evaluate) fn brightness(&self, entry: usize, node: usize, d: Vector) -> f64 {
         let found = self.under(entry, node, Direction::from_unit(d));
         let last = self.values.lambdas() - 1;

@@ -4,31 +4,40 @@ use super::sphere::Patch;
 use crate::compress::Between;
 use crate::evaluate::between::{Cubic, Divided, FOUR};
 
-/// Interpolation between incidences.
+/// Interpolation between measured incoming directions of samples on a grid.
 #[derive(Debug)]
 pub(super) struct Course {
     pub(super) stated: Between,
     pub(super) divided: Divided,
     pub(super) cubic: Option<Cubic>,
-    /// Past the last elevation: its cosine, and the largest logarithm of f·cos θo there by index entry and wavelength.
+    /// Data for extrapolation past the last measured polar angle of incidence: first its cosine. Then the largest
+    /// logarithm of f·cos θo there, for each combination of indices (positions on the axes before the directions) and
+    /// each wavelength.
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// Lookup of one query between incidences.
+/// Lookup of one query for interpolation between measured incoming directions with a divisor (model divided out before
+/// interpolation) or a cubic.
 #[derive(Clone, Debug)]
 pub(super) struct FoundBetween {
-    /// Logarithms of the divisor at the mixed places, and at the queried place.
+    /// Logarithms of the divisor (model divided out before interpolation) at the measured incoming directions around
+    /// the query, then at the queried pair of directions.
     pub(super) divisors: [f32; FOUR],
     pub(super) own: f32,
-    /// Weights of a cubic, and the smallest alignment weight of its places.
+    /// Weights of the four incoming directions in a cubic, and the smallest weight that the alignment of lobes gives
+    /// one of them.
     pub(super) cubic: Option<([f32; FOUR], f32)>,
-    /// Between the rows of an incoming grid: the cubic's places beyond those that linear interpolation mixes.
+    /// Samples at the smallest and the largest of the four polar angles of incidence between which a cubic
+    /// interpolates, if incoming directions form a grid. Linear interpolation uses only the two angles in the middle.
     pub(super) outer: Option<Box<Outer>>,
-    /// Past the last incidence: position of the entry's first largest logarithm, and the logarithm of cos θo.
+    /// For a query past the last measured polar angle of incidence: position in the table of largest logarithms of
+    /// f·cos θo at which those for the query's wavelengths start, and the query's logarithm of cos θo.
     pub(super) held: Option<(usize, f32)>,
 }
 
-/// Places of a cubic on the rows before and after those around: tables, patches, logarithms of the divisor and weights.
+/// Data for a cubic in the polar angle over a grid of incoming directions: two azimuths at the smallest and two at the
+/// largest of its four polar angles. Each of these four directions has the number of its table of samples, the samples
+/// around the outgoing direction, the logarithm of the divisor (model divided out before interpolation), and a weight.
 #[derive(Clone, Debug)]
 pub(super) struct Outer {
     pub(super) tables: [usize; FOUR],

@@ -14,14 +14,15 @@ use crate::evaluate::number::Number;
 use crate::numeric::bracket::Bracket;
 use crate::numeric::logarithm::ln_f32;
 
-/// Lower bound on |cos θo| in the limit past the last incidence.
+/// Lower bound on |cos θo|, by which the upper bound on values past the last measured polar angle of incidence is
+/// divided.
 const LEAST_COSINE: f32 = 1e-3;
-/// Tolerance on the cosine within which an incidence equals the last one.
+/// Tolerance on the cosine within which a polar angle of incidence counts as equal to the last measured one.
 const ROUNDING: f64 = 1e-9;
 
 impl Lines {
-    /// Sets the interpolation between incidences to `between`. Negative samples keep the default of files that state
-    /// none.
+    /// Sets the interpolation between incoming directions to `between`. Data with negative samples keep the default,
+    /// which is linear.
     pub(in crate::evaluate) fn go(&mut self, entries: usize, between: &Between) {
         if between.is_default() || !self.values.is_logarithmic() {
             return;
@@ -38,13 +39,14 @@ impl Lines {
         self.course = Some(Box::new(course));
     }
 
-    /// Stated interpolation between incidences.
+    /// Interpolation that the file or the user specified for use between incoming directions.
     pub(in crate::evaluate) fn between(&self) -> Between {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated)
     }
 
-    /// Largest logarithms of f·cos θo at the last of `elevations` incoming elevations, by index entry and wavelength.
-    /// Entries are `stride` numbers apart, as in [`super::values::Values`].
+    /// Largest logarithms of f·cos θo at the last of `elevations` polar angles of incidence, for each combination of
+    /// indices (positions on the axes before the directions) and each wavelength. Spectra start `stride` numbers apart,
+    /// as in [`super::values::Values`].
     fn largest_at_last(&self, entries: usize, elevations: usize) -> Vec<f32> {
         let (lambdas, stride) = (self.values.lambdas(), self.values.stride());
         let mut largest = vec![f32::NEG_INFINITY; entries * stride];
@@ -68,7 +70,9 @@ impl Lines {
         largest
     }
 
-    /// Like [`Lines::smooth`], with a divisor or a cubic between incidences.
+    /// Finds the samples that determine the smoothly interpolated value for a pair of directions, as [`Lines::smooth`]
+    /// does. Interpolation between incoming directions uses a divisor (model divided out before interpolation) or a
+    /// cubic.
     pub(super) fn smooth_between(&self, course: &Course, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         let Nodes { mut places, mut weights } = self.nodes(wi)?;
         let is_single = weights.contains(&1.0);
@@ -121,8 +125,12 @@ impl Lines {
         Some(found)
     }
 
-    /// Looks up a query under one incoming place: the patch, the logarithm of the divisor, and the alignment weight.
-    /// `stays` is true if the query is at a stated direction.
+    /// Looks up an outgoing direction in the data under one measured incoming direction. Returns the samples around it,
+    /// the logarithm of the divisor (model divided out before interpolation), and a factor on the interpolation weight.
+    /// The factor falls to nearly 0 where lobes, following the incoming direction, reach the horizon.
+    ///
+    /// `stays` is true if the queried incoming direction is this measured one; the outgoing direction is then not
+    /// moved.
     fn seen_under(
         &self,
         course: &Course,
@@ -149,7 +157,8 @@ impl Lines {
         (found, course.divided.one(single(from), single(there)), worth)
     }
 
-    /// Returns one sample, or four from `lambda` on, interpolated with the divisor and the cubic.
+    /// Interpolates samples between incoming directions with a divisor (model divided out before interpolation), a
+    /// cubic or both, at one wavelength or at four from number `lambda` on.
     pub(super) fn samples_between<T: Number>(&self, between: &FoundBetween, found: &Found, lambda: usize) -> T {
         let part = |table: usize, patch: &Option<Patch>, divisor: f32| {
             let part: Part<T> = self.part(table, patch.as_ref(), lambda);
@@ -208,11 +217,12 @@ impl Lines {
     }
 }
 
-/// Places with their weights.
+/// Numbers of measured incoming directions with their interpolation weights.
 type Weighed = ([u32; AROUND], [f32; AROUND]);
 
-/// Cubic over the rows of an incoming grid, linear between its columns. Returns the weights of the places around, and
-/// the weighted places on the rows before and after; `None` on a row.
+/// Weights for interpolation on a grid of incoming directions, cubic in the polar angle and linear in azimuth. Returns
+/// the weights of the four grid directions around `wi`, then four more directions at the next smaller and the next
+/// larger polar angle, with weights. `None` if `wi` lies exactly at a polar angle of the grid, which needs no cubic.
 fn rows(own: &Cubic, sphere: &Sphere, wi: Vector, around: [u32; AROUND]) -> Option<([f32; AROUND], Weighed)> {
     let direction = Direction::from_unit(wi);
     let [polar, _] = sphere.grid().angles(direction)?;

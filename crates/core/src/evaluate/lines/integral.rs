@@ -12,10 +12,10 @@ const POINTS: [[f64; 2]; 4] = [
 ];
 
 impl Lines {
-    /// Writes ∫ f dω of an entry of the index axes into `out`, one number for each wavelength. There is no incoming
-    /// direction; the domain is the part that the grid covers. `straight`, 0..=1, is the fraction of linear
-    /// interpolation. The rule has four points each way between neighbouring angles of the file. For linear
-    /// interpolation it is thus the zonal flux of the samples up to rounding. Masked directions count as dark.
+    /// Writes ∫ f dω over outgoing directions for one combination of indices (positions on the axes before the
+    /// directions) into `out`, one number for each wavelength. The domain is the part of the sphere that the grid
+    /// covers; masked directions count as dark. `straight`, 0..=1, is the fraction of linear interpolation, for which
+    /// the quadrature is exact up to rounding.
     pub(in crate::evaluate) fn integrate(&self, entry: usize, straight: f32, out: &mut [f64]) {
         out.fill(0.0);
         let Some(sphere) = &self.outgoing else { return };

@@ -1,72 +1,80 @@
 //! One line of a grid: the four entries around an angle, with the weights of a cubic and of a straight line between the
 //! middle two.
 
-/// Number of bins in which a search for an angle starts: its minimum, and its maxima for each interval and in all.
+/// Size of the bin table that speeds up the search for an angle: its initial number of bins, then the maximum number of
+/// bins for each interval and in all. More bins need more memory and leave fewer intervals to search.
 const BINS: usize = 512;
 const BINS_OF_INTERVAL: usize = 8;
 const MOST_BINS: usize = 1 << 16;
-/// Fraction of an interval within which a direction equals a stated one.
+/// Fraction of the distance between two neighbouring measured angles within which an angle counts as equal to the
+/// nearer one.
 const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
-/// Entry of a line: its angle in degrees and its number on the axis. Mirror images have the number of their original.
+/// Measured angle in degrees with its number on the axis. A mirror image has the number of its original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) angle: f64,
     pub(super) entry: u32,
 }
 
-/// Entries in order of their angles.
+/// Measured angles of one axis in increasing order, with tables for interpolation between them.
 #[derive(Debug)]
 pub(super) struct Line {
     first: f64,
     last: f64,
     is_circle: bool,
-    /// Bins per degree. For each bin, the last interval that starts at or below all its angles.
+    /// Number of bins per degree; then, for each bin, the last interval that starts at or below all of its angles.
     per_degree: f64,
     bins: Vec<u32>,
-    /// Start of each interval in degrees, then infinity as a sentinel.
+    /// Start of each interval between measured angles in degrees, then infinity as a sentinel.
     starts: Vec<f64>,
     intervals: Vec<Interval>,
 }
 
-/// Interval between two neighbouring entries.
+/// Interval between two neighbouring measured angles.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     start: f64,
-    /// Reciprocal length in 1/degree; 0 on a line of a single entry.
+    /// Reciprocal of the distance between two neighbouring measured angles, in 1/degree; 0 if there is only one
+    /// measured angle.
     per_degree: f64,
     entries: [u32; 4],
-    /// Slopes at the start and at the end, times the length, as weights of the four entries.
+    /// Slopes of the interpolating cubic at the start and the end of the interval, times its length, as weights of the
+    /// four samples around the interval.
     slopes: [[f32; 4]; 2],
 }
 
-/// Weights along a line.
+/// Interpolation weights of the samples around an angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Along {
-    /// Weights of a cubic through the middle two of four entries. The slope at each is that of the parabola through
-    /// three entries (Catmull and Rom 1974, for uneven distances); at an end that of the secant.
+    /// Weights of the four samples around an angle in a cubic through the middle two. The slope at each is that of the
+    /// parabola through three samples (Catmull and Rom 1974, for uneven distances); at an end of the axis that of the
+    /// secant.
     pub(super) cubic: [f32; 4],
-    /// Weight of the third entry on the straight line between the second and the third.
+    /// Weight of the third of four samples in linear interpolation between the second and the third; the second has the
+    /// rest.
     pub(super) t: f32,
 }
 
 impl Along {
-    /// Weights at the second entry.
+    /// Weights that select the second of four samples alone.
     pub(super) const START: Self = Self { cubic: [0.0, 1.0, 0.0, 0.0], t: 0.0 };
 }
 
-/// Entries around an angle.
+/// Numbers of the four samples around an angle, with their interpolation weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
-    /// Two entries before and two after; a missing one is replaced by the end of the line, with weight 0.
+    /// Numbers of two samples before the angle and two after. A missing one is replaced by the end of the axis, with
+    /// weight 0.
     pub(super) entries: [u32; 4],
     pub(super) along: Along,
 }
 
 impl Line {
-    /// Line of at least one node, of strictly increasing angles. On a circle the last node is followed by the first.
+    /// Builds an axis from at least one angle; angles increase strictly. If they cover the whole circle, the last is
+    /// followed by the first.
     pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
         if is_circle {
             let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
@@ -83,8 +91,8 @@ impl Line {
         Self { first, last, is_circle, per_degree, bins, starts, intervals }
     }
 
-    /// Entries around `angle` in degrees; beyond an end, those around the end. On a circle, `angle` must be less than a
-    /// circle before the first entry, or less than two after it.
+    /// Samples around `angle` in degrees, with weights; beyond an end of the axis, the samples around the end. On a
+    /// circle, `angle` must be less than 360° below the first measured angle, or less than 720° above it.
     #[inline(always)]
     pub(super) fn around(&self, angle: f64) -> Around {
         let (interval, t) = self.find(angle);
@@ -101,14 +109,16 @@ impl Line {
         Around { entries: interval.entries, along: Along { cubic, t } }
     }
 
-    /// Two entries around `angle`, which has the range of [`Line::around`], and the weight of the second one.
+    /// Numbers of the two measured angles that enclose `angle` (degrees), and the linear interpolation weight of the
+    /// second one. Beyond an end of the axis they are those at the end; on a circle `angle` has the range of
+    /// [`Line::around`].
     #[inline(always)]
     pub(super) fn between(&self, angle: f64) -> ([u32; 2], f64) {
         let (Interval { entries: [_, one, two, _], .. }, t) = self.find(angle);
         ([*one, *two], t)
     }
 
-    /// Interval that contains an angle, and the fraction of it before the angle, 0..=1.
+    /// Interval that contains an angle, and the position of the angle in it, from 0 at the start to 1 at the end.
     #[inline(always)]
     fn find(&self, angle: f64) -> (&Interval, f64) {
         let angle = if self.is_circle {
@@ -131,7 +141,7 @@ impl Line {
         (interval, if t > 1.0 - ROUNDING { 1.0 } else { t })
     }
 
-    /// Intervals between neighbouring nodes, by their ends in degrees.
+    /// Intervals between neighbouring measured angles, each as its start and end in degrees.
     pub(super) fn intervals(&self) -> Vec<[f64; 2]> {
         let count = self.intervals.len();
         let end = if self.is_circle { self.first + CIRCLE } else { self.last };
@@ -146,7 +156,8 @@ impl Line {
 }
 
 impl Interval {
-    /// Interval from node `below` to the next.
+    /// Prepares interpolation between measured angle number `below` of an axis, counted from 0, and the next larger
+    /// one.
     fn new(nodes: &[Node], is_circle: bool, below: usize) -> Self {
         // Node at a position that may lie beyond the ends: shifted by whole circles, or none.
         let node = |position: isize| {
@@ -180,8 +191,8 @@ impl Interval {
     }
 }
 
-/// Bins over a line of this length whose intervals start at `starts`, and their number per degree. There are enough
-/// bins that few contain two starts.
+/// Bins for the search of an angle on an axis of `length` degrees whose intervals start at `starts`, and the number of
+/// bins per degree. There are enough bins that few contain two starts.
 fn bins(starts: &[f64], length: f64) -> (Vec<u32>, f64) {
     let mut count = BINS;
     loop {

@@ -37,10 +37,10 @@ use part::Sums;
 use sphere::{Patch, Sphere};
 use values::{Places, Values};
 
-/// Number of incoming directions around one: two polar angles, two azimuths.
+/// Number of measured incoming directions around a queried one: two polar angles times two azimuths.
 const AROUND: usize = 4;
 
-/// Incoming directions of samples on a grid.
+/// Measured incoming directions of samples on a grid.
 #[derive(Debug)]
 pub(super) struct Incoming(Kind);
 
@@ -52,75 +52,83 @@ enum Kind {
 }
 
 impl Incoming {
-    /// Absence of an incoming direction.
+    /// Incoming directions of data without an incoming axis: none.
     pub(super) const NONE: Self = Self(Kind::None);
 
-    /// Elevations in degrees, at azimuth 0.
+    /// Incoming directions given by elevations in degrees, at azimuth 0.
     pub(super) fn elevations(values: &[f64]) -> Self {
         let nodes = values.iter().zip(0..).map(|(&angle, entry)| Node { angle, entry }).collect();
         Self(Kind::Elevations(values.to_vec(), Box::new(Line::new(nodes, false))))
     }
 
-    /// Grid of polar angles and azimuths.
+    /// Incoming directions on a grid of polar angles and azimuths.
     pub(super) fn grid(grid: &DirectionGrid) -> Self {
         Self(Kind::Grid(Box::new(Sphere::new(grid))))
     }
 
-    /// Place of the sample as stated for an entry.
+    /// Number of the table that holds the original samples of an incoming direction, before directions that coincide
+    /// are averaged.
     fn stated(&self, entry: usize) -> usize {
         if let Kind::Grid(sphere) = &self.0 { sphere.stated(entry as u32) as usize } else { entry }
     }
 }
 
-/// Interpolated function of samples on a grid.
+/// Function interpolated between samples on a grid of polar angles and azimuths.
 #[derive(Debug)]
 pub(super) struct Lines {
     incoming: Incoming,
-    /// Directions of the incoming entries, at azimuth 0 for elevations; and the same prepared for alignment.
+    /// Measured incoming directions as unit vectors; if only elevations were measured, their azimuth is 0. Then the
+    /// same directions together with the cosine and sine of their azimuth.
     directions: Vec<Vector>,
     origins: Vec<Origin>,
     outgoing: Option<Box<Sphere>>,
     values: Values,
-    /// Fraction of linear interpolation of samples, 0..=1.
+    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
     straight: f32,
     domain: Domain,
     alignment: Alignment,
-    /// Candidate alignments, and the function's change of shape under each.
+    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
+    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
+    /// their shape.
     changes: Vec<(Alignment, f64)>,
-    /// Interpolation between incidences; `None` if it is linear in logarithms.
+    /// Interpolation between incoming directions with a divisor (model divided out before interpolation) or a cubic;
+    /// `None` if it is linear in logarithms.
     course: Option<Box<Course>>,
 }
 
-/// Incoming places around a direction.
+/// Measured incoming directions around a queried one, with interpolation weights.
 #[derive(Clone, Copy, Debug)]
 struct Nodes {
     places: [u32; AROUND],
     weights: [f64; AROUND],
 }
 
-/// Places to be mixed for a query.
+/// Samples that determine the value for a pair of directions, with their weights.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     count: usize,
     tables: [usize; AROUND],
     weights: [f32; AROUND],
-    /// Patches under each incoming place; `None` outside what the grid covers or without an outgoing axis.
+    /// For each measured incoming direction around the queried one, the samples around the outgoing direction; `None`
+    /// outside the grid or without an outgoing axis.
     patches: [Option<Patch>; AROUND],
-    /// Data of a divisor or a cubic, if in use.
+    /// Lookups of a divisor (model divided out before interpolation) or a cubic between incoming directions, if one is
+    /// in use.
     between: Option<FoundBetween>,
 }
 
 impl Nodes {
-    /// Single first place.
+    /// Selection of the first measured incoming direction alone.
     const ONE: Self = Self { places: [0; AROUND], weights: [1.0, 0.0, 0.0, 0.0] };
 }
 
 impl Found {
-    /// Empty lookup.
+    /// Initial state of the search for the samples that determine the value at a query: none found yet.
     const NOTHING: Self =
         Self { count: 0, tables: [0; AROUND], weights: [0.0; AROUND], patches: [None; AROUND], between: None };
 
-    /// Patch under one incoming direction.
+    /// Search result for a query at one measured incoming direction: the number of its table of samples, with weight 1,
+    /// and the samples around the outgoing direction.
     fn one(table: usize, patch: Option<Patch>) -> Self {
         let mut found = Self { count: 1, ..Self::NOTHING };
         (found.tables[0], found.weights[0], found.patches[0]) = (table, 1.0, patch);
@@ -129,7 +137,8 @@ impl Found {
 }
 
 impl Lines {
-    /// Function of samples `[entry][incoming][outgoing][lambda]`, with lobes aligned by `alignment`.
+    /// Builds the function of samples `[combination of indices][incoming][outgoing][wavelength]`, with lobes aligned
+    /// between incoming directions by `alignment`.
     pub(super) fn new(
         samples: &[f32],
         lambdas: usize,
@@ -172,32 +181,34 @@ impl Lines {
         }
     }
 
-    /// Sets the fraction of linear interpolation of samples, 0..=1.
+    /// Sets the fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
     pub(super) fn with_straight(self, straight: f32) -> Self {
         Self { straight, ..self }
     }
 
-    /// Fraction of linear interpolation of samples, 0..=1.
+    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
     pub(super) fn straight(&self) -> f32 {
         self.straight
     }
 
-    /// Alignment of lobes between incoming directions.
+    /// Alignment of lobes for interpolation between incoming directions.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
 
-    /// Outgoing domain of the quantity.
+    /// Domain of the outgoing directions of the quantity.
     pub(super) fn domain(&self) -> Domain {
         self.domain
     }
 
-    /// Candidate alignments, and the function's change of shape under each.
+    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
+    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
+    /// their shape.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
 
-    /// Memory in bytes, without the size of the type.
+    /// Heap memory in bytes of the interpolated function: samples and lookup tables.
     pub(super) fn memory(&self) -> usize {
         let incoming = match &self.incoming.0 {
             Kind::None => 0,
@@ -210,8 +221,9 @@ impl Lines {
         incoming + outgoing + self.values.memory() + directions + course
     }
 
-    /// Finds all places mixed at a query of the smooth form; `None` if `wi` is outside the incoming directions. If
-    /// those are elevations, `wi` and `wo` are already rotated to azimuth 0 of `wi`.
+    /// Finds the samples that determine the smoothly interpolated value for a pair of directions; `None` if `wi` is
+    /// outside the measured incoming directions. If these are elevations, both vectors are already rotated so that `wi`
+    /// has azimuth 0.
     #[inline]
     pub(super) fn smooth(&self, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         if let Some(course) = &self.course {
@@ -236,7 +248,8 @@ impl Lines {
         Some(found)
     }
 
-    /// Direction under an incoming place that corresponds to `wo` under `wi`, and its weight.
+    /// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to measured direction
+    /// number `place`, and a factor on the interpolation weight of that direction, near 0 at the horizon.
     #[inline]
     fn carried(&self, wi: &Origin, place: u32, wo: Vector) -> (Vector, f32) {
         let (alignment, is_free) = self.way(wo[2]);
@@ -244,8 +257,9 @@ impl Lines {
         (there.map(f64::from), worth)
     }
 
-    /// Alignment of directions on the side of the height `z`, and true if there is no horizon. Transmitted light
-    /// rotates. Only a phase function rotates on the whole sphere; it has no horizon.
+    /// Alignment of lobes between incoming directions on the side of the height `z`, and true if no horizon limits
+    /// directions. Transmitted light is aligned by rotation. Only a phase function is aligned by rotation on the whole
+    /// sphere; it has no horizon.
     #[inline]
     fn way(&self, z: f64) -> (Alignment, bool) {
         let is_whole = self.domain == Domain::Sphere;
@@ -253,13 +267,14 @@ impl Lines {
         (alignment, is_whole && self.alignment == Alignment::Rotation)
     }
 
-    /// Lookup of an outgoing direction under one stated incoming direction, with the stated samples.
+    /// Looks up an outgoing direction under one measured incoming direction, using its original samples.
     fn under(&self, entry: usize, node: usize, wo: Direction) -> Found {
         let patch = self.outgoing.as_ref().and_then(|sphere| sphere.patch(wo.xyz()));
         Found::one(entry * self.values.incoming() + self.incoming.stated(node), patch)
     }
 
-    /// Nearest stated place, for the piecewise constant form; `None` if `wi` is outside the incoming directions.
+    /// Finds the measured pair of directions nearest to a query, for piecewise constant interpolation; `None` if `wi`
+    /// is outside the measured incoming directions.
     pub(super) fn nearest(&self, entry: usize, wi: Vector, wo: Vector) -> Option<Found> {
         let nodes = self.nodes(wi)?;
         let heaviest = (0..AROUND).max_by(|&a, &b| nodes.weights[a].total_cmp(&nodes.weights[b])).unwrap_or(0);
@@ -268,7 +283,8 @@ impl Lines {
         Some(Found::one(table, patch))
     }
 
-    /// Incoming places around a direction, with weights that sum to 1.
+    /// Measured incoming directions around a queried one, with interpolation weights that sum to 1; `None` outside the
+    /// measured directions.
     #[inline(always)]
     fn nodes(&self, wi: Vector) -> Option<Nodes> {
         match &self.incoming.0 {
@@ -278,8 +294,8 @@ impl Lines {
         }
     }
 
-    /// Writes the whole spectrum at a place, as [`Lines::smooth`] and [`Lines::spectrum`] give it; `None` if `wi` is
-    /// outside the incoming directions.
+    /// Writes the smoothly interpolated spectrum for a pair of directions, equal to that of [`Lines::smooth`] and
+    /// [`Lines::spectrum`]; `None` if `wi` is outside the measured incoming directions.
     #[inline]
     pub(super) fn smooth_spectrum(&self, entry: usize, wi: Vector, wo: Vector, out: &mut [f32]) -> Option<()> {
         if self.course.is_some() {
@@ -294,7 +310,8 @@ impl Lines {
         Some(())
     }
 
-    /// Returns one sample, or four, at a place; `None` if `wi` is outside. The lookup stays in registers.
+    /// Interpolates one sample, or the first four, for a pair of directions; `None` if `wi` is outside the measured
+    /// incoming directions. The lookup stays in registers.
     #[inline(always)]
     fn smooth_samples<T: Number>(&self, entry: usize, wi: Vector, wo: Vector) -> Option<T> {
         let nodes = self.nodes(wi)?;
@@ -313,14 +330,15 @@ impl Lines {
         Some(self.settled(&sums, self.straight))
     }
 
-    /// Writes the whole spectrum at the places found.
+    /// Writes the whole spectrum interpolated between the samples in `found`.
     #[inline]
     pub(super) fn spectrum(&self, found: &Found, out: &mut [f32]) {
         self.spectrum_with(self.straight, found, out);
     }
 
-    /// Stated samples `[outgoing, lambda]` of one slice of the axes before the outgoing one. The shape is the number of
-    /// entries of the incoming and the outgoing axis and of samples in a spectrum.
+    /// Original samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one, whose
+    /// row-major position is `slice`. The shape holds the numbers of incoming directions, of outgoing directions and of
+    /// samples in a spectrum.
     pub(super) fn slice(&self, [n_in, n_out, lambdas]: [usize; 3], slice: usize) -> Vec<f32> {
         let table = slice / n_in * self.values.incoming() + self.incoming.stated(slice % n_in);
         let place = |entry| self.outgoing.as_ref().map_or(entry, |sphere| sphere.stated(entry));
@@ -328,26 +346,27 @@ impl Lines {
         (0..n_out as u32).flat_map(|o| (0..lambdas).map(move |lambda| sample(place(o), lambda))).collect()
     }
 
-    /// Sample at the places found, at one wavelength.
+    /// Interpolates between the samples in `found` at one wavelength.
     pub(super) fn sample(&self, found: &Found, lambda: usize) -> f32 {
         self.samples(self.straight, found, lambda)
     }
 }
 
-/// Elevation in degrees of an incoming direction of any azimuth.
+/// Angle in degrees between an incoming direction and the normal.
 #[inline(always)]
 fn elevation([x, y, z]: Vector) -> f64 {
     atan2_degrees((x * x + y * y).sqrt(), z)
 }
 
-/// Two elevations around one, with linear weights.
+/// Two measured elevations around the queried one, with linear interpolation weights.
 #[inline(always)]
 fn nodes_between(line: &Line, elevation: f64) -> Nodes {
     let ([below, above], t) = line.between(elevation);
     Nodes { places: [below, above, 0, 0], weights: [1.0 - t, t, 0.0, 0.0] }
 }
 
-/// Places of a grid around a direction; `None` outside what it covers.
+/// Four measured directions of a grid around an incoming direction, with interpolation weights; `None` outside what the
+/// grid covers.
 fn nodes_around(sphere: &Sphere, wi: Vector) -> Option<Nodes> {
     let patch = sphere.patch(wi)?;
     let snapped = |t: f32| Bracket { below: 0, above: 1, t: f64::from(t) }.snapped(f64::from(f32::EPSILON)).t;

@@ -4,10 +4,12 @@ use super::line::Along;
 use super::sphere::Patch;
 use crate::evaluate::number::Number;
 
-/// Overshoot allowed to a cubic between two entries, as a fraction of their range.
+/// Overshoot allowed to a cubic between two samples, as a fraction of their range. Raising it permits narrower peaks
+/// and more ringing.
 const OVERSHOOT: f32 = 0.1;
 
-/// A number, or four side by side, with the share (0..=1) that has light and the share that is unmasked.
+/// Value or logarithm interpolated between samples, or four of them in SIMD lanes, with the interpolation weights of
+/// the nonzero and of the unmasked samples, each from 0 to 1.
 #[derive(Clone, Copy)]
 pub(super) struct Part<T> {
     pub(super) number: T,
@@ -15,8 +17,9 @@ pub(super) struct Part<T> {
     pub(super) known: T,
 }
 
-/// Weighted sums over incoming places: of numbers with light, of the light, of the unmasked share, and of linearly
-/// interpolated samples with their unmasked share.
+/// Sums over measured incoming directions, weighted for interpolation: of values or logarithms, of the weights of
+/// nonzero samples, and of the weights of unmasked samples. Then, for linear interpolation, sums of samples and of the
+/// weights of unmasked ones.
 #[derive(Clone, Copy)]
 pub(super) struct Sums<T> {
     pub(super) number: T,
@@ -25,7 +28,8 @@ pub(super) struct Sums<T> {
     pub(super) straight: T,
     pub(super) straight_known: T,
     pub(super) total: f32,
-    /// True if all parts so far have light.
+    /// True if all samples that entered the weighted sums of an interpolation are known to be unmasked and, if
+    /// logarithms are summed, nonzero.
     pub(super) is_whole: bool,
 }
 
@@ -36,7 +40,8 @@ impl<T: Number> Sums<T> {
         Self { number: zero, live: zero, known: zero, straight: zero, straight_known: zero, total: 0.0, is_whole: true }
     }
 
-    /// Adds a number that fully has light.
+    /// Adds `number`, times its weight, to the sums of an interpolation between incoming directions. It is a value or
+    /// logarithm under one of them, interpolated from samples none of which is masked or, for a logarithm, 0.
     #[inline(always)]
     pub(super) fn add_whole(&mut self, weight: T, number: T) {
         self.number = self.number + weight * number;
@@ -54,13 +59,14 @@ impl<T: Number> Sums<T> {
 }
 
 impl<T: Number> Part<T> {
-    /// Fully masked part.
+    /// Result of interpolation between samples that are all masked: the value and the weights of nonzero and of
+    /// unmasked samples are 0.
     #[inline(always)]
     pub(super) fn nothing() -> Self {
         Self { number: T::of(0.0), live: T::of(0.0), known: T::of(0.0) }
     }
 
-    /// Part from the number of one place: minus infinity has no light, NaN is masked.
+    /// Value of a single sample from its stored logarithm: minus infinity means no light, NaN means masked.
     #[inline(always)]
     pub(super) fn new(number: T) -> Self {
         let (zero, one, dark) = (T::of(0.0), T::of(1.0), T::of(f32::NEG_INFINITY));
@@ -74,7 +80,7 @@ impl<T: Number> Part<T> {
     }
 }
 
-/// Interpolates in a patch in which some places have no light: along each row, then across the rows.
+/// Interpolates among 4 × 4 samples of which some have no light: along each row, then across the rows.
 #[inline(never)]
 pub(super) fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part<T> {
     let mut rows = [Part::nothing(); 4];
@@ -85,7 +91,8 @@ pub(super) fn by_shares<T: Number>(numbers: &[[T; 4]; 4], patch: &Patch) -> Part
     mixed(&rows, &patch.across)
 }
 
-/// Cubic through the middle two of four numbers, limited to their range and [`OVERSHOOT`].
+/// Cubic through the middle two of four numbers. The result is limited to the range of these two, widened by
+/// [`OVERSHOOT`].
 #[inline(always)]
 pub(super) fn cubic<T: Number>(&[before, low, high, after]: &[T; 4], along: &Along) -> T {
     let [a, b, c, d] = along.cubic;
@@ -100,7 +107,8 @@ pub(super) fn line<T: Number>(one: T, two: T, t: f32) -> T {
     T::of(1.0 - t) * one + T::of(t) * two
 }
 
-/// Interpolates four parts along a line: a cubic if all four have light, else linear.
+/// Interpolates between the middle two of four values: by a cubic through all four, or linearly if a sample from which
+/// one of the four was computed is 0 or masked.
 #[inline(always)]
 fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
     let [before, one, two, after] = parts;
@@ -115,7 +123,8 @@ fn mixed<T: Number>(parts: &[Part<T>; 4], along: &Along) -> Part<T> {
     }
 }
 
-/// Linear interpolation of two parts, weighted by their shares of light.
+/// Linear interpolation between two values or logarithms. Each is also weighted by its fraction of nonzero samples, so
+/// that samples of 0, which have no logarithm, do not count; the result is divided by the sum of weights.
 #[inline(always)]
 pub(super) fn straight<T: Number>(one: &Part<T>, two: &Part<T>, t: f32) -> Part<T> {
     let zero = T::of(0.0);

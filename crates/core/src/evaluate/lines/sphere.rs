@@ -7,57 +7,63 @@ use crate::domain::{AzimuthExtent, Direction, DirectionGrid, Frame, Outside};
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::numeric::wide;
 
-/// Difference in degrees below which azimuths are equal: mirror images of an azimuth in the mirror plane.
+/// Difference in degrees below which two azimuths count as equal: an azimuth in a mirror plane and its own mirror
+/// image.
 const SAME: f64 = 1e-9;
 
-/// Flag on entries of a polar line: rows beyond a pole, at the opposite azimuth.
+/// Flag on rows of a grid that are continued beyond a pole: their directions lie at the opposite azimuth.
 const BEYOND: u32 = 1 << 31;
 
-/// Lines of a grid of directions.
+/// Grid of polar angles and azimuths, continued over the poles and across mirror planes, for interpolation between its
+/// directions.
 ///
 /// Every direction of the grid has a place with the interpolated value: its own sample, or the mean of all samples
 /// stated for the same direction. The stated samples of those have extra places after the grid's.
 #[derive(Debug)]
 pub(super) struct Sphere {
     grid: DirectionGrid,
-    /// Entries are the first places of rows; [`BEYOND`] marks those beyond a pole.
+    /// Polar angles of the grid's rows, each with the number of the row's first direction; [`BEYOND`] marks rows
+    /// continued beyond a pole.
     polar: Line,
     azimuth: Line,
-    /// True if the grid covers all azimuths, so that each can be looked up directly.
+    /// True if the grid covers all azimuths, so that each azimuth can be looked up without a check.
     is_round: bool,
-    /// Groups of grid directions that coincide; then all of them in increasing order.
+    /// Groups of grid directions that coincide; then all directions of the groups in increasing order of their numbers.
     same: Vec<Vec<u32>>,
     merged: Vec<u32>,
-    /// For each direction of the grid, the first one that coincides with it.
+    /// For each direction of the grid, the number of the first direction that coincides with it.
     first_of: Vec<u32>,
 }
 
-/// Places around a direction: four rows of four, and the weights along both lines.
+/// Samples around a direction, in four rows (polar angles) of four columns (azimuths), and the interpolation weights
+/// along rows and columns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Patch {
-    /// First place of each row.
+    /// Numbers of the first samples in the four rows (polar angles) of the 4 × 4 samples around a direction.
     rows: [u32; 4],
-    /// Index into `columns` and `along` for each row: 1 beyond a pole (opposite azimuth), else 0.
+    /// For each of the four rows (polar angles) of samples around a direction: 1 if the row lies beyond a pole, so that
+    /// its azimuths are opposite, else 0. It selects the column numbers and weights of the row.
     sides: [u8; 4],
     columns: [[u32; 4]; 2],
     along: [Along; 2],
-    /// Weights from row to row.
+    /// Interpolation weights across the rows, that is, over the polar angle.
     pub(super) across: Along,
 }
 
 impl Patch {
-    /// Patch of a single place.
+    /// Selection of a single sample, with weight 1.
     fn one(place: u32) -> Self {
         Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
     }
 
-    /// Weights along a row.
+    /// Interpolation weights along a row, that is, over the azimuth.
     #[inline(always)]
     pub(super) fn along(&self, row: usize) -> &Along {
         &self.along[usize::from(self.sides[row] & 1)]
     }
 
-    /// Place in a row and a column.
+    /// Number of one of the 4 × 4 samples around a direction, in the given row (polar angle) and column (azimuth), 0 to
+    /// 3 each.
     #[inline(always)]
     pub(super) fn place(&self, row: usize, column: usize) -> u32 {
         self.rows[row] + self.columns[usize::from(self.sides[row] & 1)][column]
@@ -83,12 +89,13 @@ impl Sphere {
         &self.same
     }
 
-    /// Place of the sample as stated for a direction of the grid.
+    /// Number of the table entry that holds the original sample of a grid direction, before directions that coincide
+    /// are averaged.
     pub(super) fn stated(&self, entry: u32) -> u32 {
         self.merged.binary_search(&entry).map_or(entry, |position| (self.grid.len() + position) as u32)
     }
 
-    /// First direction of the grid that coincides with this one.
+    /// Number of the first direction of the grid that coincides with direction number `entry`.
     #[inline]
     pub(super) fn first_of(&self, entry: u32) -> u32 {
         self.first_of[entry as usize]
@@ -98,9 +105,9 @@ impl Sphere {
         &self.grid
     }
 
-    /// Intervals of the polar angle and of the azimuth, in degrees, that tile the covered part of the sphere without
-    /// its mirror images across the equator. They lie between the angles of the file, and from its ends to those of the
-    /// covered part.
+    /// Intervals of the polar angle, then of the azimuth, in degrees, that tile the covered part of the sphere without
+    /// its mirror images across the equator. They lie between the angles of the grid, and from its outermost angles to
+    /// the ends of the covered part.
     pub(super) fn intervals(&self) -> [Vec<[f64; 2]>; 2] {
         let (low, high) = self.grid.covers();
         let polar = self.grid.polar();
@@ -114,7 +121,7 @@ impl Sphere {
         [ends.array_windows().map(|&[a, b]| [a, b]).collect(), self.azimuth.intervals()]
     }
 
-    /// Value outside what the grid covers: NaN if masked, 0 if dark.
+    /// Value outside the part of the sphere that the grid covers: NaN if masked, 0 if dark.
     pub(super) fn outside(&self) -> f32 {
         match self.grid.outside() {
             Outside::Masked => f32::NAN,
@@ -122,19 +129,21 @@ impl Sphere {
         }
     }
 
-    /// Nearest direction of the grid; `None` outside what it covers.
+    /// Selects the direction of the grid nearest to `direction`; `None` outside the part of the sphere that the grid
+    /// covers.
     pub(super) fn nearest(&self, direction: Direction) -> Option<Patch> {
         self.grid.nearest(direction).map(|entry| Patch::one(entry as u32))
     }
 
-    /// Places around a direction; `None` outside what the grid covers.
+    /// Samples around a direction; `None` outside the part of the sphere that the grid covers.
     #[inline(always)]
     pub(super) fn patch(&self, direction: Vector) -> Option<Patch> {
         let frame = self.grid.frame();
         self.patch_at(frame.angles_of_upright(frame.upright(direction)))
     }
 
-    /// Places around polar angle and azimuth (degrees, in the grid's frame); `None` outside what the grid covers.
+    /// Samples around a polar angle and an azimuth (degrees, in the grid's frame); `None` outside the part of the
+    /// sphere that the grid covers.
     #[inline(always)]
     pub(super) fn patch_at(&self, angles: [f64; 2]) -> Option<Patch> {
         let [polar, azimuth] = if self.is_round {
@@ -165,8 +174,8 @@ impl Sphere {
         })
     }
 
-    /// Writes polar angles and azimuths, in degrees in the grid's frame, of vectors of any length, for
-    /// [`Sphere::patch_at`].
+    /// Writes the polar angles and azimuths of a block of vectors of any length, in degrees with respect to the axes of
+    /// the grid (its pole and its azimuth 0). [`Sphere::patch_at`] takes such angles.
     pub(super) fn angles(&self, directions: &Vectors, to: &mut [Block; 2]) {
         let frame = self.grid.frame();
         wide(
@@ -199,8 +208,8 @@ fn angles_of(frame: Frame, upright: &Vectors, [polar, azimuth]: &mut [Block; 2])
     }
 }
 
-/// Line of the polar angles and their images beyond a pole or the mirrored equator. Entries are the first places of
-/// rows.
+/// Axis of the polar angles and of their images beyond a pole or the mirrored equator. Each angle has the number of its
+/// row's first direction.
 fn polar_line(grid: &DirectionGrid) -> Line {
     let (angles, [rows, columns]) = (grid.polar(), grid.shape());
     let place = |row: usize| (row * columns) as u32;
@@ -222,7 +231,8 @@ fn polar_line(grid: &DirectionGrid) -> Line {
     Line::new(nodes, false)
 }
 
-/// Line of the azimuths around the whole circle, including mirror images; of a sector alone if there is one.
+/// Axis of the azimuths around the whole circle, including mirror images; if the grid covers a sector only, of the
+/// sector.
 fn azimuth_line(grid: &DirectionGrid) -> Line {
     let Some(azimuths) = grid.azimuths() else {
         return Line::new(vec![Node { angle: 0.0, entry: 0 }], true);

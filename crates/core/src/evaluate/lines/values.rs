@@ -4,14 +4,15 @@
 use crate::evaluate::number::Number;
 use rayon::prelude::*;
 
-/// Padding, in samples, of a spectrum to a multiple for vectorised loops over wavelengths.
+/// Multiple of samples to which a stored spectrum is padded, for vectorised loops over wavelengths.
 const SIDE: usize = 4;
 
-/// Numbers `[entry][incoming place][outgoing place][lambda]`: samples or their logarithms (-inf for 0); NaN is masked.
+/// Samples prepared for interpolation, `[combination of indices][incoming][outgoing][wavelength]`: the samples
+/// themselves or their logarithms (-inf for 0). NaN means masked.
 #[derive(Debug)]
 pub(super) struct Values {
     numbers: Vec<f32>,
-    /// Numbers from one place to the next: wavelengths and padding.
+    /// Distance between the starts of consecutive stored spectra, in numbers: wavelengths and padding.
     stride: usize,
     lambdas: usize,
     incoming: usize,
@@ -20,8 +21,8 @@ pub(super) struct Values {
     is_whole: bool,
 }
 
-/// Entries of an axis, and the groups of them that are the same direction. The place of each grouped entry has the
-/// group's mean. The stated samples have places after those of all entries, group by group.
+/// Directions of an axis, and the groups of them that coincide. Each direction of a group stores the group's mean. The
+/// original samples are stored after those of all directions, group by group.
 pub(super) struct Places<'a> {
     pub(super) own: usize,
     pub(super) same: &'a [Vec<u32>],
@@ -32,7 +33,7 @@ impl Places<'_> {
         self.own + self.same.iter().map(Vec::len).sum::<usize>()
     }
 
-    /// For each place, the entries that it averages.
+    /// For each stored sample of the axis, the indices of the measured directions whose samples it averages.
     fn entries(&self) -> Vec<Vec<usize>> {
         let mut entries: Vec<Vec<usize>> = (0..self.own).map(|entry| vec![entry]).collect();
         for same in self.same {
@@ -47,7 +48,7 @@ impl Places<'_> {
 }
 
 impl Values {
-    /// Stores samples `[entry][incoming][outgoing][lambda]`.
+    /// Prepares samples `[combination of indices][incoming][outgoing][wavelength]` for interpolation.
     pub(super) fn new(samples: &[f32], lambdas: usize, incoming: &Places<'_>, outgoing: &Places<'_>) -> Self {
         let is_logarithmic = !samples.iter().any(|&sample| sample < 0.0);
         let stride = if lambdas == 1 { 1 } else { lambdas.next_multiple_of(SIDE) };
@@ -70,12 +71,12 @@ impl Values {
         Self { numbers, stride, lambdas, incoming: n_in, outgoing: n_out, is_logarithmic, is_whole }
     }
 
-    /// Returns true if numbers are logarithms.
+    /// Returns true if the stored numbers are logarithms of samples.
     pub(super) fn is_logarithmic(&self) -> bool {
         self.is_logarithmic
     }
 
-    /// Returns true if no sample is masked and, for logarithms, none is 0.
+    /// Returns true if no sample is masked and, if logarithms are stored, none is 0.
     pub(super) fn is_whole(&self) -> bool {
         self.is_whole
     }
@@ -84,23 +85,24 @@ impl Values {
         self.lambdas
     }
 
-    /// Numbers from one place to the next: wavelengths and padding.
+    /// Distance between the starts of consecutive stored spectra, in numbers: wavelengths and padding.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Number of entries of the incoming axis.
+    /// Number of incoming directions for which samples are stored. Grid directions that coincide are stored twice: each
+    /// with the mean of their samples, then each with its original samples.
     pub(super) fn incoming(&self) -> usize {
         self.incoming
     }
 
-    /// Reads one number of a place, or four, from `lambda` on.
+    /// Reads a stored sample (or its logarithm) at wavelength number `lambda`, or at four wavelengths from there on.
     #[inline(always)]
     pub(super) fn numbers<T: Number>(&self, table: usize, place: u32, lambda: usize) -> T {
         T::read(&self.numbers, (table * self.outgoing + place as usize) * self.stride + lambda)
     }
 
-    /// Converts a number, or each of four, to a sample.
+    /// Converts a stored number (or each of four) to a sample: takes the exponential of a logarithm.
     #[inline(always)]
     pub(super) fn sample<T: Number>(&self, number: T) -> T {
         if self.is_logarithmic { number.exp() } else { number }

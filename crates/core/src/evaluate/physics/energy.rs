@@ -9,10 +9,11 @@ use crate::evaluate::material::Material;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// Tolerance for the effect of rounding samples to f32 on an integral that is exactly 1.
+/// Tolerance for the effect that rounding samples to f32 has on an integral that is exactly 1.
 const ROUNDING: f64 = 1e-6;
 
-/// Energy that leaves a material. Exactly one of the three reports is present, depending on the quantity.
+/// Report on the energy that leaves a material. It holds an albedo, a normalisation or a flux, depending on the
+/// quantity.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// Measured quantity.
@@ -21,76 +22,85 @@ pub struct EnergyReport {
     pub albedo: Option<AlbedoReport>,
     /// Normalisation of a phase function.
     pub normalisation: Option<NormalisationReport>,
-    /// Flux of an emission, one for each entry of the index axes.
+    /// Flux of an emission, one for each combination of indices (positions on the axes before the directions).
     pub flux: Option<Vec<FluxReport>>,
 }
 
-/// Comparison of an integral with 1, which it must equal or not exceed.
+/// Result of comparing an integral with 1, which an albedo must not exceed and the integral of a phase function must
+/// equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Condition met, up to rounding of samples.
+    /// The albedo is at most 1, or the integral of the phase function is 1, up to rounding of samples.
     Holds,
-    /// Condition violated by no more than the stated error of the compressed file explains.
+    /// The albedo exceeds 1, or the integral of the phase function differs from 1, by no more than the error of the
+    /// compressed file can explain.
     WithinError,
-    /// Condition violated by the measurement itself.
+    /// The albedo exceeds 1, or the integral of the phase function differs from 1, by more than compression can
+    /// explain: the measurement itself is at fault.
     Broken,
 }
 
-/// Possible effect of compression, from the errors in the header.
+/// Relative error of a sample by lossy compression, and an upper bound on the resulting error of an integral over
+/// directions. Both derive from the compression errors that the file's header states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Allowance {
-    /// Stated er(L2): expected relative error of a sample.
+    /// Root mean square relative error er(L2) of a sample, as the file's header gives it.
     pub er_l2: f64,
-    /// Upper bound on the error of an integral of 1. It is the largest relative error of a sample, plus the largest
-    /// absolute error of samples without a relative one times the whole (projected) solid angle. 0 for a measurement
-    /// that is not a file.
+    /// Upper bound on the error of an integral whose true value is 1. It is the largest relative error of a sample,
+    /// plus the largest absolute error of samples without a relative one times the whole (projected) solid angle. 0 for
+    /// a measurement that is not a file.
     pub bound: f64,
 }
 
-/// Directional–hemispherical albedos ∫ f · |cos θo| dωo.
+/// Report on the directional–hemispherical albedos ∫ f · |cos θo| dωo of a material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AlbedoReport {
-    /// Largest albedo over incoming entries and wavelengths; `None` if all are masked.
+    /// Largest albedo among all sampled incoming directions and wavelengths; `None` if all are masked.
     pub largest: Option<Spot>,
     /// Largest albedo of reflected light alone; `None` unless both sides are measured.
     pub reflected: Option<Spot>,
     /// Largest albedo of transmitted light alone; `None` unless both sides are measured.
     pub transmitted: Option<Spot>,
-    /// Mean over incoming entries and wavelengths.
+    /// Mean albedo over sampled incoming directions and wavelengths.
     pub mean: f64,
     /// Excess of the largest albedo over 1; 0 if it is at most 1.
     pub excess: f64,
-    /// Possible effect of compression.
+    /// Relative error of a sample by lossy compression, and an upper bound on the resulting error of an albedo whose
+    /// true value is 1.
     pub allowance: Allowance,
-    /// Comparison of the largest albedo with 1, which it must not exceed.
+    /// Result of comparing the largest albedo with 1, which it must not exceed.
     pub verdict: Verdict,
     /// Number of albedos below 0; only negative samples cause them.
     pub negative: u64,
-    /// Largest albedo over wavelengths for every incoming entry.
+    /// Largest albedo among all wavelengths, for every sampled incoming direction.
     pub entries: Vec<Spot>,
 }
 
-/// Integrals of a phase function over the sphere.
+/// Report on the integrals of a phase function over the sphere, which should be 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NormalisationReport {
-    /// Least integral over incoming entries and wavelengths.
+    /// Smallest of the phase function's integrals over the sphere, one for each sampled incoming direction and
+    /// wavelength.
     pub least: Option<Spot>,
-    /// Largest integral over incoming entries and wavelengths.
+    /// Largest of the phase function's integrals over the sphere, one for each sampled incoming direction and
+    /// wavelength.
     pub largest: Option<Spot>,
-    /// Mean integral over incoming entries and wavelengths.
+    /// Mean of the phase function's integrals over the sphere, one for each sampled incoming direction and wavelength.
     pub mean: f64,
-    /// Largest absolute difference from 1.
+    /// Largest absolute difference of an integral of the phase function from 1.
     pub deviation: f64,
-    /// Possible effect of compression.
+    /// Relative error of a sample by lossy compression, and an upper bound on the resulting error of the phase
+    /// function's integral, which should be 1.
     pub allowance: Allowance,
-    /// Comparison of all integrals with 1. [`super::Preparation::normalise`] scales those that differ.
+    /// Result of comparing all integrals of the phase function with 1. [`super::Preparation::normalise`] scales those
+    /// that differ.
     pub verdict: Verdict,
 }
 
 impl Material {
-    /// Reports the energy that leaves the material for every incoming direction and wavelength, of the piecewise
-    /// constant function. Fails for quantities without an outgoing axis.
+    /// Reports the energy that leaves the material for every sampled incoming direction and wavelength, from the
+    /// piecewise constant function. Fails for quantities without an outgoing axis.
     pub fn energy(&self) -> Result<EnergyReport, EvaluateError> {
         let cells = self.over_triangles()?;
         cells.needs_outgoing(Need::Energy)?;
@@ -104,7 +114,7 @@ impl Material {
         Ok(report)
     }
 
-    /// Stored integrals of one side: `[entry, incoming, lambda]`.
+    /// Precomputed albedos of reflected, transmitted or all light: `[combination of indices, incoming, wavelength]`.
     pub(super) fn side(&self, side: Side) -> Vec<f32> {
         let lambdas = self.lambdas();
         let [n_in, ..] = self.geometry().shape();
@@ -169,7 +179,8 @@ impl Material {
         }
     }
 
-    /// Allowance of a compressed file whose samples are integrated over `measure` sr; 0 for a measurement.
+    /// Possible effect of compression on an integral of samples over `measure` sr; 0 if the material is a measurement
+    /// rather than a compressed file.
     fn allowance(&self, measure: f64) -> Allowance {
         let Some(summary) = self.summary() else { return Allowance::default() };
         let ErrorReport { er_l2, max_relative_error, max_absolute_error_unscored, .. } = summary.errors;

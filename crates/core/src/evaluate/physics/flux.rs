@@ -6,25 +6,25 @@ use crate::evaluate::albedo::Side;
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
-/// Flux of one entry of the index axes.
+/// Flux of an emission for one combination of indices (positions on the axes before the directions).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FluxReport {
-    /// Index on each index axis.
+    /// Index on each index axis (leading axis other than directions and wavelength).
     pub index: Vec<usize>,
-    /// Flux ∫ I dω for every sample of a spectrum; `None` if all directions are masked.
+    /// Flux ∫ I dω over all directions for each sample of a spectrum; `None` if all directions are masked.
     pub spectral: Vec<Option<f64>>,
-    /// Unit of `spectral`: that of the intensity, times sr.
+    /// Unit of the spectral flux: that of the intensity, times sr.
     pub unit: &'static str,
-    /// Total over wavelengths. Spectral densities are integrated by the trapezoidal rule; data without wavelengths have
-    /// one value, which is the total. `None` if a sample is masked, or if samples are not densities, as their sum would
-    /// depend on their number.
+    /// Total flux over wavelengths. Spectral densities are integrated by the trapezoidal rule; data without wavelengths
+    /// have one value, which is the total. `None` if a sample is masked, or if samples are not densities, as their sum
+    /// would depend on their number.
     pub total: Option<f64>,
-    /// Unit of `total`.
+    /// Unit of the total flux over wavelengths.
     pub total_unit: &'static str,
-    /// Luminous flux in lm (per 1000 lamp lumens for cd/klm): `total` for candela, 683 lm/W · ∫ V(λ) Φ(λ) dλ for watts
-    /// per nm.
+    /// Luminous flux in lm (per 1000 lamp lumens for cd/klm): the total flux for candela, 683 lm/W · ∫ V(λ) Φ(λ) dλ for
+    /// watts per nm.
     pub luminous: Option<f64>,
-    /// Reason for a missing luminous flux.
+    /// Reason why the luminous flux is missing.
     pub reason: Option<String>,
 }
 
@@ -79,7 +79,7 @@ fn integral(grid: &WavelengthGrid, row: &[f32]) -> f64 {
     grid.weights().iter().zip(row).map(|(weight, &v)| weight * f64::from(v)).sum()
 }
 
-/// Returns true if samples are densities over wavelength.
+/// Returns true if values in this unit are densities over wavelength.
 fn is_density(unit: Unit) -> bool {
     matches!(
         unit,
@@ -91,7 +91,7 @@ fn is_density(unit: Unit) -> bool {
     )
 }
 
-/// Unit of the flux of an intensity, and that of its total over wavelengths.
+/// Unit of the spectral flux of an intensity in a given unit, and unit of its total over wavelengths.
 fn units(unit: Unit) -> (&'static str, &'static str) {
     match unit {
         Unit::Relative => ("relative·sr", "relative·sr"),

@@ -6,34 +6,35 @@ use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 use serde::Serialize;
 
-/// Changes to make to a measurement; none by default.
+/// Changes to make to the samples of a measurement before use; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation {
     /// Sets samples below 0, which are noise around zero light, to 0. Spectra, albedo, reflectance and reports then
     /// have no negative values. Sampling takes negative means over wavelengths as 0 in any case.
     pub clamp: bool,
-    /// Divides every sample of a phase function by its integral over the sphere, for each incoming entry and
-    /// wavelength, after clamping. Masked directions count as 0.
+    /// Divides every sample of a phase function by the function's integral over the sphere, for each incoming direction
+    /// and wavelength, after clamping. Masked directions count as 0.
     pub normalise: bool,
 }
 
-/// Record of the changes made.
+/// Record of the changes made to the samples of a measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Prepared {
-    /// Number of samples that were below 0.
+    /// Number of samples that were below 0 and were set to 0.
     pub clamped: u64,
-    /// Least of the samples that were below 0; 0 if there were none.
+    /// Most negative value among the samples that were set to 0, before the change; 0 if no sample was set.
     pub most_negative: f32,
-    /// Number of integrals scaled to 1: one for each incoming entry and wavelength.
+    /// Number of integrals of a phase function scaled to 1: one for each sampled incoming direction and wavelength.
     pub normalised: u64,
-    /// Number of integrals left unchanged because they are not positive.
+    /// Number of integrals of a phase function left unchanged because they are not positive.
     pub not_normalised: u64,
-    /// Least and largest integral before normalisation.
+    /// Least and largest integral of a phase function before normalisation.
     pub integrals: Option<(f64, f64)>,
 }
 
 impl Preparation {
-    /// Returns the changed measurement and a record of the changes. Normalisation fails for anything but a phase
+    /// Returns the measurement with the chosen changes to its samples, and a record of the changes: negative samples
+    /// are set to 0, phase functions are scaled to the integral 1, or both. Scaling fails for anything but a phase
     /// function over triangles.
     pub fn of(self, measurement: Measurement) -> Result<(Measurement, Prepared), EvaluateError> {
         let mut done = Prepared::default();
@@ -63,7 +64,9 @@ impl Preparation {
 }
 
 impl Material {
-    /// Like [`Material::open`], with samples changed by `preparation`.
+    /// Opens a compressed material from the bytes of its file, after the changes to its samples that `preparation`
+    /// chooses: negative ones set to 0, phase functions scaled to the integral 1, or both. Also returns a record of the
+    /// changes.
     pub fn open_prepared(bytes: &[u8], preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
         let mut decoded = compress::decode(bytes)?;
         let (measurement, prepared) = preparation.of(decoded.measurement)?;
@@ -71,14 +74,15 @@ impl Material {
         Ok((Self::decoded(decoded)?, prepared))
     }
 
-    /// Like [`Material::of`], with samples changed by `preparation`.
+    /// Opens a measurement as a material, after the changes to its samples that `preparation` chooses: negative ones
+    /// set to 0, phase functions scaled to the integral 1, or both. Also returns a record of the changes.
     pub fn of_prepared(measurement: Measurement, preparation: Preparation) -> Result<(Self, Prepared), EvaluateError> {
         let (measurement, prepared) = preparation.of(measurement)?;
         Ok((Self::of(measurement)?, prepared))
     }
 }
 
-/// Outgoing mesh of a phase function, and its number of samples in a spectrum.
+/// Mesh of the outgoing directions of a phase function, and its number of samples in a spectrum.
 fn sphere(measurement: &Measurement) -> Result<(TriangleMesh, usize), EvaluateError> {
     let quantity = measurement.quantity;
     if quantity != Quantity::Phase {

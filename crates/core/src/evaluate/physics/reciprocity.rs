@@ -9,7 +9,8 @@ use crate::evaluate::stated::Stated;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Maximum number of compared pairs of directions; of more pairs, every n-th is compared.
+/// Maximum number of pairs of directions compared for reciprocity; of more pairs, every n-th is compared. Raising it
+/// makes reports more exact and slower.
 const MOST_PAIRS: usize = 1 << 17;
 
 /// Deviation of a material from f(wi, wo) = f(wo, wi), by smooth evaluation.
@@ -24,51 +25,56 @@ const MOST_PAIRS: usize = 1 << 17;
 /// include the interpolation error; [`ReciprocityReport::left_out_error`] is a measure of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReciprocityReport {
-    /// Number of compared pairs.
+    /// Number of pairs of directions that were compared.
     pub pairs: u64,
-    /// Number of pairs that cannot be compared: transmitted, outside one of the domains, masked, or dark both ways.
+    /// Number of pairs of directions that cannot be compared: transmitted, outside one of the domains, masked, or dark
+    /// both ways.
     pub left_out: u64,
-    /// Stride through all pairs; 1 if all were examined.
+    /// Stride n through all pairs of an incoming and an outgoing direction: every n-th pair was examined for
+    /// reciprocity, f(wi, wo) = f(wo, wi). It is 1 if all pairs were.
     pub step: u64,
-    /// Weighted mean of the differences, 0 to 2.
+    /// Weighted mean of the relative differences between f(wi, wo) and f(wo, wi), 0 to 2.
     pub mean: f64,
-    /// Weighted 90th percentile of the differences.
+    /// Weighted 90th percentile of the relative differences between f(wi, wo) and f(wo, wi), 0 to 2.
     pub p90: f64,
-    /// Pair with the largest difference.
+    /// Pair of directions with the largest relative difference between f(wi, wo) and f(wo, wi).
     pub largest: Option<WorstPair>,
-    /// Difference weighted by light: Σ weight · |a − b| over Σ weight · ½(|a| + |b|). Dark pairs hardly count.
+    /// Difference weighted by light: Σ weight · |a − b| over Σ weight · ½(|a| + |b|), with a = f(wi, wo) and b = f(wo,
+    /// wi). Dark pairs hardly count.
     pub light: f64,
-    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
+    /// Leave-one-out error: Σ |error| · cos θo over Σ value · cos θo, when each measured incoming direction is
+    /// predicted from its neighbours.
     pub left_out_error: Option<f64>,
 }
 
-/// Pair with the largest difference.
+/// Pair of directions with the largest relative difference between f(wi, wo) and f(wo, wi).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorstPair {
-    /// Difference of the pair, 0 to 2.
+    /// Relative difference between f(wi, wo) and f(wo, wi), 0 to 2.
     pub difference: f64,
-    /// One entry for each leading index axis.
+    /// Position on each index axis (axis of the samples before those of directions and wavelength) at which the pair of
+    /// directions was compared.
     pub index: Vec<usize>,
-    /// Theta and phi of the measured incoming direction, in degrees.
+    /// Polar angle and azimuth of the measured incoming direction, in degrees.
     pub wi: [f64; 2],
-    /// Theta and phi of the outgoing direction, in degrees.
+    /// Polar angle and azimuth of the outgoing direction, in degrees.
     pub wo: [f64; 2],
-    /// Index of the spectrum sample that differs most.
+    /// Index of the spectral sample at which f(wi, wo) and f(wo, wi) differ most.
     pub lambda: usize,
-    /// Wavelength of that sample in nm; `None` for data without wavelengths.
+    /// Wavelength in nm at which f(wi, wo) and f(wo, wi) differ most; `None` for data without wavelengths.
     pub wavelength: Option<f64>,
-    /// Value of f(wi, wo) at that sample.
+    /// Value of f(wi, wo) at the wavelength at which it differs most from f(wo, wi).
     pub there: f64,
-    /// Value of f(wo, wi) at that sample.
+    /// Value of f(wo, wi) at the wavelength at which it differs most from f(wi, wo).
     pub back: f64,
 }
 
-/// Comparison of one pair.
+/// Comparison of f(wi, wo) with f(wo, wi) for one pair of directions.
 #[derive(Clone, Copy)]
 struct Compared {
     number: usize,
     weight: f64,
-    /// Sums Σ|a − b| and Σ½(|a| + |b|).
+    /// Sums over wavelengths Σ|a − b| and Σ½(|a| + |b|), with a = f(wi, wo) and b = f(wo, wi).
     apart: f64,
     sum: f64,
 }
@@ -80,8 +86,8 @@ impl Compared {
 }
 
 impl Material {
-    /// Compares f under exchange of its directions. Fails for quantities without reciprocity: spectra, reflectances,
-    /// emissions, BTDFs.
+    /// Compares f(wi, wo) with f(wo, wi). Fails for quantities without reciprocity: spectra, reflectances, emissions,
+    /// BTDFs.
     pub fn reciprocity(&self) -> Result<ReciprocityReport, EvaluateError> {
         let up = Direction::from_degrees(0.0, 0.0);
         self.pair(Place { index: &[], wi: Some(up), wo: Some(up) })?;
@@ -146,7 +152,8 @@ impl Material {
         })
     }
 
-    /// Returns Σ|a − b| and Σ½(|a| + |b|); `None` if the pair cannot be compared.
+    /// Returns Σ|a − b| and Σ½(|a| + |b|) over wavelengths, with a = f(wi, wo) and b = f(wo, wi); `None` if the pair
+    /// cannot be compared.
     fn compare(
         &self,
         index: &[usize],
@@ -192,7 +199,8 @@ impl Material {
         }
     }
 
-    /// Returns true if a direction lies between the ends of a list of incoming elevations, or if there is no such list.
+    /// Returns true if a direction lies between the least and the largest measured elevation of incidence, or if
+    /// incoming directions are not a list of elevations.
     fn is_between(&self, direction: Direction) -> bool {
         match self.incoming_axis() {
             Some(Axis::Elevation(values)) => {
@@ -215,7 +223,8 @@ impl Material {
     }
 }
 
-/// Difference below which the pairs have this total weight.
+/// Weighted quantile of the relative differences between f(wi, wo) and f(wo, wi): the least difference up to which
+/// pairs have the total weight `weight`.
 fn quantile(pairs: &mut [Compared], weight: f64) -> f64 {
     pairs.sort_by(|a, b| a.difference().total_cmp(&b.difference()).then(a.number.cmp(&b.number)));
     let mut so_far = 0.0;

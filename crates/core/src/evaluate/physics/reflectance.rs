@@ -6,10 +6,11 @@ use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
 impl Material {
-    /// Returns the directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF, of one
-    /// side or both. For a BTDF it is the transmittance. The result has quantity [`Quantity::Reflectance`], unit 1 and
-    /// the material's axes without the outgoing one, `[index…, incoming, lambda]`. Each value has the sampling of its
-    /// incoming entry. It is masked if all outgoing directions are.
+    /// Returns the directional–hemispherical reflectance a(wi, λ) = ∫ f · |cos θo| dωo of a BRDF, BTDF or BSDF; `side`
+    /// selects reflected, transmitted or all light. For a BTDF it is the transmittance. The result has quantity
+    /// [`Quantity::Reflectance`], unit 1 and the material's axes without the outgoing one:
+    /// `[index…, incoming, lambda]`. Each value is an average or a point sample over incoming directions, as the
+    /// material's samples are. It is masked if all outgoing directions are.
     pub fn reflectance(&self, side: Side) -> Result<Measurement, EvaluateError> {
         let quantity = self.quantity();
         if !quantity.has_cosine() {

@@ -4,44 +4,48 @@ use crate::domain::{Axis, Direction, TriangleMesh};
 use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
-/// Value and its place in a material.
+/// Value found by a report, with its indices, incoming direction and wavelength.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Spot {
-    /// Value found.
+    /// Value that the report found, for example an albedo.
     pub value: f64,
-    /// One entry for each leading index axis.
+    /// Position of the reported value on each index axis (axis of the samples before those of directions and
+    /// wavelength).
     pub index: Vec<usize>,
-    /// Theta and phi of the incoming direction in degrees; `None` for quantities without.
+    /// Polar angle and azimuth of the incoming direction in degrees; `None` for quantities without an incoming
+    /// direction.
     pub wi: Option<[f64; 2]>,
-    /// Index of the sample in a spectrum.
+    /// Index, counted from 0, of the spectral sample to which the reported value belongs.
     pub lambda: usize,
-    /// Wavelength of the sample in nm; `None` for data without wavelengths.
+    /// Wavelength in nm to which the reported value belongs; `None` for data without wavelengths.
     pub wavelength: Option<f64>,
 }
 
-/// Theta and phi of a direction in degrees.
+/// Polar angle and azimuth of a direction in degrees.
 pub(super) fn degrees(direction: Direction) -> [f64; 2] {
     [direction.theta_degrees(), direction.phi_degrees()]
 }
 
 impl Material {
-    /// Incoming axis; `None` for quantities without.
+    /// Axis of the incoming directions; `None` for quantities without one.
     pub(super) fn incoming_axis(&self) -> Option<&Axis> {
         self.layout().incoming.map(|axis| &self.axes()[axis])
     }
 
-    /// Direction of an entry of the incoming axis: a centroid, or an elevation at azimuth 0.
+    /// Sampled incoming direction number `entry`: a triangle's centroid, or an elevation at azimuth 0.
     pub(super) fn incoming_direction(&self, entry: usize) -> Option<Direction> {
         let geometry = self.geometry();
         geometry.has_incoming().then(|| Direction::from_unit(geometry.incoming_direction(entry)))
     }
 
-    /// Wavelength of a sample in nm.
+    /// Wavelength in nm of spectral sample number `lambda`.
     pub(super) fn wavelength(&self, lambda: usize) -> Option<f64> {
         self.geometry().grid().map(|grid| grid.at(lambda))
     }
 
-    /// Describes `value` at sample `lambda` of row `[entry of the index axes, incoming entry]`.
+    /// Describes where a report found `value`: adds the indices (positions on the axes before the directions), the
+    /// incoming direction and the wavelength. `row` is the row-major position `[combination of indices, incoming
+    /// direction]`, `lambda` the number of the spectral sample.
     pub(super) fn spot(&self, value: f64, row: usize, lambda: usize) -> Spot {
         let [n_in, ..] = self.geometry().shape();
         let (entry, incoming) = (row / n_in, row % n_in);
@@ -54,7 +58,8 @@ impl Material {
         }
     }
 
-    /// Mesh of the outgoing axis; fails, with a reason that depends on `need`, if there is none.
+    /// Triangle mesh of the outgoing directions. If there is none, fails with a message that says which request,
+    /// `need`, cannot be met without it.
     pub(super) fn needs_outgoing(&self, need: Need) -> Result<TriangleMesh, EvaluateError> {
         match self.geometry().mesh() {
             Some(lookup) => Ok(lookup.mesh()),

@@ -5,22 +5,22 @@ use crate::evaluate::error::{Argument, Buffer, EvaluateError, QueryError, unfit}
 use crate::evaluate::material::Material;
 use crate::evaluate::place::{Interpolation, Place};
 
-/// Mean of the values for the two directions of light.
+/// Mean by which the values of f(wi, wo) and f(wo, wi) are combined into a reciprocal function.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mean {
-    /// Arithmetic mean (a + b) / 2: keeps the energy of a pair.
+    /// Arithmetic mean (a + b) / 2 of f(wi, wo) and f(wo, wi): keeps their energy.
     #[default]
     Arithmetic,
-    /// Geometric mean √(a · b): keeps lobes narrow where the two disagree, and never exceeds the arithmetic mean. It is
-    /// 0 if one of the values is not positive.
+    /// Geometric mean √(a · b) of f(wi, wo) and f(wo, wi): keeps lobes narrow where a and b disagree, and never exceeds
+    /// the arithmetic mean. It is 0 if a or b is not positive.
     Geometric,
 }
 
 impl Material {
-    /// Writes the spectrum at `place`, averaged with the one under exchanged directions. Both are values of
-    /// [`Material::evaluate`]. The result is bit-identical for (wi, wo) and (wo, wi). Costs two evaluations; `scratch`
-    /// has the length of `out` and is overwritten.
+    /// Writes the spectrum of the mean of f(wi, wo) and f(wo, wi) at `place`, both evaluated by [`Material::evaluate`].
+    /// The result is bit-identical for (wi, wo) and (wo, wi). Costs two evaluations; `scratch` has the length of `out`
+    /// and is overwritten.
     ///
     /// * One of the two may be masked or outside the material, that is, its incoming or outgoing direction outside the
     ///   respective domain. The result is then the other one. If neither is available, it is 0 outside and NaN if
@@ -59,7 +59,7 @@ impl Material {
         }
     }
 
-    /// Returns both directions; fails for a quantity without reciprocity.
+    /// Returns the incoming and the outgoing direction of a query; fails for a quantity without reciprocity.
     pub(super) fn pair(&self, place: Place<'_>) -> Result<(Direction, Direction), EvaluateError> {
         let quantity = self.quantity();
         match quantity {
@@ -76,12 +76,12 @@ impl Material {
         }
     }
 
-    /// Returns true if light passes from one side of a surface to the other.
+    /// Returns true if `wi` and `wo` lie on different sides of a BSDF's surface.
     pub(super) fn is_transmitted(&self, wi: Direction, wo: Direction) -> bool {
         self.quantity() == Quantity::Bsdf && (wi.cos_theta() >= 0.0) != (wo.cos_theta() >= 0.0)
     }
 
-    /// Returns true if `wi` is inside the incoming domain and `wo` inside the outgoing one.
+    /// Returns true if `wi` is inside the domain of the incoming axis and `wo` inside that of the outgoing axis.
     pub(super) fn holds(&self, wi: Direction, wo: Direction) -> bool {
         self.geometry().takes(wi) && self.geometry().sends(wo)
     }

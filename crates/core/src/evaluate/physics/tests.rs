@@ -41,7 +41,8 @@ fn directions(axis: &Axis) -> Vec<Direction> {
     }
 }
 
-/// f(wi, wo, number of the wavelength) averaged over outgoing cells, at the entries of the incoming axis.
+/// Test function f(wi, wo, number of the wavelength), averaged over outgoing triangles, at the sampled incoming
+/// directions.
 fn two(
     quantity: Quantity,
     incoming: Axis,
@@ -78,7 +79,7 @@ fn lambert(rho: f64) -> Measurement {
     two(Quantity::Brdf, axes.0, axes.1, axes.2, |_, _, l| rho * (1.0 - 0.25 * l as f64) / PI)
 }
 
-/// Microfacets that reflect all light; only masking loses some (Walter et al. 2007, height-correlated).
+/// Microfacets that reflect all light, so that only masking loses some (Walter et al. 2007, height-correlated).
 fn white_ggx(alpha: f64, wi: Vector, wo: Vector) -> f64 {
     let h = add(wi, wo);
     let ch = h[2] / norm(h);
@@ -106,7 +107,7 @@ fn phase(g: f64) -> Measurement {
     measurement
 }
 
-/// Half of the light reflected, a quarter transmitted.
+/// Test BSDF that reflects half of the light and transmits a quarter.
 fn bsdf(incoming: Domain) -> Measurement {
     let f = |wi: Vector, wo: Vector, _| if wi[2] * wo[2] > 0.0 { 0.5 / PI } else { 0.25 / PI };
     two(Quantity::Bsdf, triangles(incoming, 1), mesh(Domain::Sphere, 2), lambda(500.0, 10.0, 2), f)
@@ -117,7 +118,7 @@ fn btdf() -> Measurement {
     two(Quantity::Btdf, axes.0, axes.1, axes.2, |wi, wo, _| 0.2 * (1.0 + wi[2] * wo[2].abs()) / PI)
 }
 
-/// Positive and rough; some cells are exactly 0.
+/// Rough positive test samples, some of which are exactly 0.
 fn rough(i: usize) -> f32 {
     let x = (i.wrapping_mul(2_654_435_761) >> 7) % 61;
     if x < 6 { 0.0 } else { x as f32 / 30.0 }
@@ -184,7 +185,8 @@ fn a_lambertian_albedo_is_its_reflectance() {
     }
 }
 
-/// White microfacets lose light to masking only: at most 1, and by no more than the stated error after compression.
+/// White microfacets lose light to masking only: the albedo is at most 1, and after compression exceeds it by no more
+/// than the error that the file states.
 #[test]
 fn the_furnace_gives_no_energy() {
     for alpha in [0.2, 0.5] {
@@ -214,7 +216,7 @@ fn too_bright_a_measurement_is_named() {
     assert_ne!(within.verdict, Verdict::Broken, "{within:?}");
 }
 
-/// Measures the effect of interpolation over outgoing directions on the albedo, at the incoming entries.
+/// Measures the effect of interpolation over outgoing directions on the albedo, at the sampled incoming directions.
 #[test]
 fn the_smooth_form_has_the_albedo_of_the_constant_one() {
     for (alpha, incoming, tolerance) in [
@@ -506,8 +508,8 @@ fn the_symmetric_function_is_exactly_reciprocal() {
     }
 }
 
-/// Checks that the light of the symmetric function, summed over outgoing cells, is at most the larger of the two
-/// averaged.
+/// Checks that the light of the symmetric function, summed over outgoing triangles, is at most the larger of the lights
+/// of f(wi, wo) and f(wo, wi).
 #[test]
 fn the_symmetric_function_keeps_to_energy() {
     let m = Material::of(ggx(0.3, triangles(Domain::Hemisphere, 2))).unwrap();

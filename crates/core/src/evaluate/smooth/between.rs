@@ -11,13 +11,14 @@ use crate::evaluate::mixed::{MOST_PLANES, Mixed, Mixture};
 use crate::numeric::logarithm::ln_f32;
 use wide::f32x4;
 
-/// Lower bound on cos θo in the limit past the last incidence.
+/// Lower bound on cos θo, by which the upper bound on values past the last measured polar angle of incidence is
+/// divided.
 const LEAST_COSINE: f32 = 1e-3;
-/// Tolerance on the cosine within which an incidence equals the last one.
+/// Tolerance on the cosine within which a polar angle of incidence counts as equal to the last measured one.
 const ROUNDING: f64 = 1e-9;
 
 impl Smooth {
-    /// Computes the limits on values past the last elevation.
+    /// Computes the upper bounds on values past the last measured polar angle of incidence.
     pub(super) fn hold_past_last(&mut self, course: &mut Course, entries: usize, directions: &[Vector]) {
         let Nodes::Elevations(_, elevations) = &self.nodes else { return };
         let (Some(last), node) = (elevations.last(), elevations.len() - 1) else { return };
@@ -32,8 +33,9 @@ impl Smooth {
         course.last = Some((last[2], peaks.collect()));
     }
 
-    /// Value along `d` of a derived node, made of the entries of the table at `first`. It uses the weights of a fit,
-    /// and falls back to those of a mean where an entry of the fit loses weight or has no light.
+    /// Spectral coefficients of a derived interpolation node in the direction `d`, made of the tables of sampled
+    /// incoming directions from number `first` on. A fit falls back to a mean where one of its directions loses weight
+    /// or has no light.
     pub(super) fn made_between(
         &self,
         course: &Course,
@@ -72,7 +74,8 @@ impl Smooth {
         mixed
     }
 
-    /// Like [`Smooth::at`], with a divisor or a cubic between incidences.
+    /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at`] does. Interpolation between
+    /// incoming directions uses a divisor (model divided out before interpolation) or a cubic or quadratic curve.
     #[inline(always)]
     pub(super) fn at_between(&self, course: &Course, entry: usize, seen: &Seen) -> Mixed {
         match (self.width, course.is_wide()) {
@@ -87,7 +90,8 @@ impl Smooth {
         }
     }
 
-    /// [`Smooth::at_between`] for a width of rows, and with nodes in one or two groups of four.
+    /// Interpolates spectral coefficients for a pair of directions, as [`Smooth::at_between`] does, compiled for
+    /// `WIDTH` coefficients and for `GROUPS` (1 or 2) groups of four interpolation nodes over incoming directions.
     #[inline(always)]
     fn at_between_in<const WIDTH: usize, const GROUPS: usize>(
         &self,
@@ -178,8 +182,8 @@ impl Smooth {
         mixed
     }
 
-    /// Multiplies the mixed rows of a block by the divisor; places past the last incidence are evaluated again one by
-    /// one.
+    /// Multiplies the interpolated coefficients of a block of queries by the divisor (model divided out before
+    /// interpolation). Queries past the last measured polar angle of incidence are evaluated again one by one.
     #[inline(always)]
     pub(super) fn multiply_block(
         &self,
@@ -202,7 +206,8 @@ impl Smooth {
         }
     }
 
-    /// Row of a table in one lane of patches.
+    /// Spectral coefficients interpolated in the table of one incoming direction, in the interpolation patch that one
+    /// SIMD lane holds.
     #[inline(always)]
     fn row_in<const WIDTH: usize>(&self, base: usize, patches: &Patches<FOUR>, lane: usize) -> [f32; WIDTH] {
         let table = self.values.as_chunks::<WIDTH>().0;

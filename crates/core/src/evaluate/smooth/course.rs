@@ -9,42 +9,48 @@ use crate::evaluate::mixed::{Mixed, Row};
 use crate::evaluate::planes::Planes;
 use wide::f32x4;
 
-/// Interpolation between incidences.
+/// Interpolation of spectral coefficients between incoming directions with a divisor (model divided out before
+/// interpolation) or a cubic.
 #[derive(Debug)]
 pub(super) struct Course {
     stated: Between,
     pub(super) divided: Divided,
     curve: Option<Curve>,
-    /// Row that adds 1 to the logarithm of every wavelength.
+    /// Spectral coefficients that raise the logarithm of the value by 1 at every wavelength when added to those of a
+    /// spectrum.
     pub(super) constant: Row,
-    /// Past the last elevation: its cosine, and for each index entry the largest logarithm of f·cos θo there, averaged
-    /// over wavelengths.
+    /// Data for extrapolation past the last measured polar angle of incidence: first its cosine. Then the largest
+    /// logarithm of f·cos θo there, averaged over wavelengths, for each combination of indices (positions on the axes
+    /// before the directions).
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// Curve through nodes over incoming directions, if it is not linear.
+/// Curve through interpolation nodes over incoming directions, if interpolation is not linear.
 #[derive(Debug)]
 enum Curve {
-    /// Cubic through four elevations.
+    /// Cubic through four incoming elevations.
     Cubic(Cubic),
-    /// Quadratic through six nodes of a triangle.
+    /// Quadratic through six nodes of a triangle of incoming directions: its corners and edge midpoints.
     Quadratic,
 }
 
-/// Maximum number of nodes of a curve.
+/// Number of SIMD lanes for the interpolation nodes around an incoming direction: enough for the six of a quadratic,
+/// rounded up to two vectors of four.
 pub(super) const MOST_LANES: usize = 2 * FOUR;
 
-/// Nodes around an incoming direction, one for each lane; lanes with weight 0 are unused.
+/// Interpolation nodes around an incoming direction, one for each SIMD lane; lanes with weight 0 are unused.
 pub(super) struct Lanes {
     pub(super) nodes: [u32; MOST_LANES],
-    /// Weights of linear interpolation.
+    /// Weights of the interpolation nodes in linear interpolation.
     pub(super) linear: [f32; MOST_LANES],
-    /// Weights of a curve.
+    /// Weights of the interpolation nodes on the cubic or quadratic curve; `None` if interpolation is linear.
     pub(super) curve: Option<[f32; MOST_LANES]>,
 }
 
 impl Course {
-    /// Interpolation stated by `between`; `None` if it is the default, or if planes are not logarithms.
+    /// Prepares interpolation between incoming directions with the divisor (model divided out before interpolation) and
+    /// the curve that `between` chooses. `None` if `between` is the default (linear, no divisor), or if spectral
+    /// coefficients do not represent logarithms.
     pub(super) fn new(between: &Between, planes: &Planes, nodes: &Nodes) -> Option<Self> {
         if between.is_default() || !planes.has_logarithms() {
             return None;
@@ -58,17 +64,17 @@ impl Course {
         Some(Self { stated: *between, divided, curve, constant, last: None })
     }
 
-    /// Stated interpolation between incidences.
+    /// Interpolation that the file or the user specified for use between incoming directions.
     pub(super) fn stated(&self) -> Between {
         self.stated
     }
 
-    /// Logarithm of the divisor.
+    /// Logarithm of the divisor (model by which samples are divided before interpolation) for a pair of directions.
     fn divisor(&self, wi: Vector, wo: Vector) -> f32 {
         self.divided.one(wi.map(|x| x as f32), wo.map(|x| x as f32))
     }
 
-    /// Logarithms of the divisor for a block of pairs.
+    /// Logarithms of the divisor (model divided out before interpolation) for a block of direction pairs.
     #[inline(always)]
     pub(super) fn divisors(&self, wi: [&[f32; BLOCK]; 3], wo: [&[f32; BLOCK]; 3]) -> [f32; BLOCK] {
         let mut logarithms = [0.0; BLOCK];
@@ -79,23 +85,26 @@ impl Course {
         logarithms
     }
 
-    /// Divides a row seen along `there` under `to` by the divisor.
+    /// Divides the spectrum that coefficients represent by the divisor (model divided out before interpolation) for the
+    /// incoming direction `to` and the outgoing direction `there`.
     pub(super) fn divide(&self, mixed: &mut Mixed, to: Vector, there: Vector) {
         self.shift(&mut mixed.row, -self.divisor(to, there));
     }
 
-    /// Multiplies a mixed row for `wo` under `wi` by the divisor.
+    /// Multiplies the spectrum that interpolated coefficients represent by the divisor (model divided out before
+    /// interpolation) for the queried pair of directions.
     pub(super) fn multiply(&self, mixed: &mut Mixed, wi: Vector, wo: Vector) {
         self.shift(&mut mixed.row, self.divisor(wi, wo));
     }
 
-    /// Adds to the logarithm of every wavelength.
+    /// Adds `by` to the logarithm of the value at every wavelength, by a change of the spectral coefficients.
     #[inline(always)]
     pub(super) fn shift(&self, row: &mut Row, by: f32) {
         row.iter_mut().zip(self.constant).for_each(|(value, constant)| *value += by * constant);
     }
 
-    /// Mean over wavelengths of the logarithm of a row, up to a constant that all rows share.
+    /// Mean over wavelengths of the logarithm that spectral coefficients represent, up to a constant that all spectra
+    /// share.
     #[inline(always)]
     pub(super) fn brightness(&self, row: &[f32]) -> f32 {
         let (sum, square) = row.iter().zip(self.constant).fold((0.0, 0.0), |(sum, square), (value, constant)| {
@@ -104,7 +113,8 @@ impl Course {
         sum / square
     }
 
-    /// Nodes around an incoming direction with their weights; up to three of them enter linear interpolation.
+    /// Interpolation nodes around an incoming direction with their weights, ordered by SIMD lane; up to three of them
+    /// enter linear interpolation.
     #[inline(always)]
     pub(super) fn lanes(&self, nodes: &Nodes, around: &Around) -> Lanes {
         let ([a, b, c], [u, v, w]) = (around.nodes, around.weights);
@@ -129,13 +139,15 @@ impl Course {
         }
     }
 
-    /// Returns true if a curve has more than four nodes, which need two groups of lanes.
+    /// Returns true if interpolation between incoming directions follows a curve through more than four of them, which
+    /// need two SIMD vectors.
     #[inline]
     pub(super) fn is_wide(&self) -> bool {
         matches!(self.curve, Some(Curve::Quadratic))
     }
 
-    /// Returns true if a curve is in use, which needs more nodes than linear interpolation.
+    /// Returns true if interpolation follows a cubic or quadratic curve, which needs more nodes than linear
+    /// interpolation.
     #[inline]
     pub(super) fn has_curve(&self) -> bool {
         self.curve.is_some()
@@ -147,7 +159,8 @@ impl Course {
     }
 }
 
-/// Logarithms of the divisor at the nodes around the places of a block: weighted sums, and sums of weights.
+/// Logarithms of the divisor (model divided out before interpolation) at the interpolation nodes around the queries of
+/// a block: weighted sums, and sums of weights.
 pub(super) struct Divisors {
     sums: [f32; BLOCK],
     weights: [f32; BLOCK],
@@ -156,7 +169,8 @@ pub(super) struct Divisors {
 impl Divisors {
     pub(super) const NOTHING: Self = Self { sums: [0.0; BLOCK], weights: [0.0; BLOCK] };
 
-    /// Adds the divisors at nodes of these directions, with places looked up at `there`.
+    /// Adds the logarithms of the divisor (model divided out before interpolation) at one interpolation node for each
+    /// query of a block, with outgoing directions `there`.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
@@ -172,7 +186,8 @@ impl Divisors {
         }
     }
 
-    /// Mean of the logarithms at place `i`.
+    /// Weighted mean of the logarithms of the divisor (model divided out before interpolation) over the interpolation
+    /// nodes of query `i`.
     #[inline(always)]
     pub(super) fn mean(&self, i: usize) -> f32 {
         self.sums[i] / self.weights[i]

@@ -29,7 +29,7 @@ use crate::numeric::wide;
 use ::wide::f32x4;
 use course::{Course, Divisors};
 
-/// Tables of the smooth form.
+/// Tables for smooth interpolation of spectral coefficients over outgoing and incoming directions.
 #[derive(Debug)]
 pub(super) struct Smooth {
     elements: Elements,
@@ -37,24 +37,29 @@ pub(super) struct Smooth {
     has_cosine: bool,
     nodes: Nodes,
     alignment: Alignment,
-    /// Candidate alignments, and the function's change of shape under each.
+    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
+    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
+    /// their shape.
     changes: Vec<(Alignment, f64)>,
-    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
+    /// Leave-one-out error: Σ |error| · cos θo over Σ value · cos θo, when each measured incoming direction is
+    /// predicted from its neighbours.
     left_out: Option<f64>,
     width: usize,
     node_count: usize,
-    /// Directions of the incoming nodes.
+    /// Directions of the incoming interpolation nodes, prepared for alignment.
     origins: Vec<Origin>,
-    /// Coefficients `[index entry][incoming node][outgoing node][width]`.
+    /// Spectral coefficients `[combination of indices][incoming node][outgoing node][coefficient]`.
     values: Vec<f32>,
-    /// Shares `[index entry][incoming node][outgoing node]` of live cells among unmasked ones, and of unmasked among
-    /// all. Empty if all cells are live.
+    /// Two shares for each `[combination of indices][incoming node][outgoing node]`: of lit triangles among the
+    /// unmasked ones around, and of unmasked triangles among all. Empty if all triangles are lit.
     presence: Vec<[f32; 2]>,
-    /// Interpolation between incidences; `None` if it is linear in logarithms.
+    /// Interpolation between incoming directions with a divisor (model divided out before interpolation) or a cubic;
+    /// `None` if it is linear in logarithms.
     course: Option<Box<Course>>,
 }
 
-/// A place: the nodes around its incoming direction, and its directions.
+/// Query prepared for smooth interpolation: its incoming and outgoing direction, and the interpolation nodes around the
+/// incoming one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) around: Around,
@@ -62,19 +67,19 @@ pub(super) struct Seen {
     pub(super) wo: Vector,
 }
 
-/// Block of places, with room for their lookups.
+/// Block of queries prepared for smooth interpolation, with room for their lookups.
 #[derive(Clone, Debug)]
 pub(super) struct SeenBlock {
     nodes: [[u32; BLOCK]; 3],
     weights: [[f32; BLOCK]; 3],
     pub(super) wi: Vectors,
     pub(super) wo: Vectors,
-    /// Patches under each of the nodes.
+    /// Interpolation patches around the outgoing directions, under each of up to three incoming nodes.
     patches: [Patches<BLOCK>; 3],
 }
 
 impl SeenBlock {
-    /// Scratch space; overwritten before it is read.
+    /// Initial scratch space for a block of queries; every value is overwritten before it is read.
     pub(super) const NOTHING: Self = Self {
         nodes: [[0; BLOCK]; 3],
         weights: [[0.0; BLOCK]; 3],
@@ -102,13 +107,13 @@ impl SeenBlock {
 }
 
 impl Smooth {
-    /// Nodes over incoming directions.
+    /// Interpolation nodes over incoming directions.
     #[inline(always)]
     pub(super) fn nodes(&self) -> &Nodes {
         &self.nodes
     }
 
-    /// Stated interpolation between incidences.
+    /// Interpolation that the file or the user specified for use between incoming directions.
     pub(super) fn between(&self) -> Between {
         self.course.as_ref().map_or_else(Between::default, |course| course.stated())
     }
@@ -118,30 +123,34 @@ impl Smooth {
         self.domain
     }
 
-    /// Alignment of lobes between incoming directions.
+    /// Alignment of lobes for interpolation between incoming directions.
     #[inline]
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
 
-    /// Candidate alignments, and the function's change of shape under each.
+    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
+    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
+    /// their shape.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
 
-    /// Leave-one-out error: share of light misplaced when an incoming direction is predicted from those around it.
+    /// Leave-one-out error: Σ |error| · cos θo over Σ value · cos θo, when each measured incoming direction is
+    /// predicted from its neighbours.
     pub(super) fn left_out_error(&self) -> Option<f64> {
         self.left_out
     }
 
-    /// Row of one table at a direction, with its presence.
+    /// Spectral coefficients at an outgoing direction, interpolated in the table of one incoming node, with the
+    /// fraction of the interpolation weight that lies on nonzero triangles.
     fn looked_up(&self, table: usize, d: Vector) -> Mixed {
         let mut patches = Patches::<1>::NOWHERE;
         self.elements.write(d.map(|x| x as f32), &mut patches, 0);
         self.gather(1, [table; 3], [&patches; 3], [0; 3], [1.0, 0.0, 0.0])
     }
 
-    /// Row of the table of one entry of the incoming axis, whose direction is `wi`.
+    /// Spectral coefficients at `wo` under the sampled incoming direction number `incoming`, which is `wi`.
     pub(super) fn own(&self, entry: usize, incoming: usize, wi: Vector, wo: Vector) -> Mixed {
         let (node, there) = match self.nodes {
             Nodes::Same(to) => (0, carried(self.alignment, self.domain, wi, to, wo).0),
@@ -150,13 +159,13 @@ impl Smooth {
         self.looked_up(entry * self.node_count + node, there)
     }
 
-    /// Row of the table of a node.
+    /// Spectral coefficients at `wo` under an incoming interpolation node.
     pub(super) fn under(&self, entry: usize, node: usize, wo: Vector) -> Mixed {
         self.looked_up(entry * self.node_count + node, wo)
     }
 
-    /// Returns true if the patch around a direction has light at a corner, so that the function is positive inside it.
-    /// Only for quantities without an incoming direction.
+    /// Returns true if the interpolation patch around a direction has light at a corner, so that the function is
+    /// positive inside the patch. Only for quantities without an incoming direction.
     pub(super) fn is_lit_around(&self, entry: usize, d: Vector) -> bool {
         let base = entry * self.node_count * self.elements.len();
         let patch = self.elements.at(d.map(|x| x as f32));
@@ -167,12 +176,13 @@ impl Smooth {
             })
     }
 
-    /// Directions of the outgoing nodes.
+    /// Directions of the interpolation nodes over outgoing directions.
     pub(super) fn outgoing_nodes(&self) -> Vec<Vector> {
         self.elements.directions()
     }
 
-    /// Interpolated row at a place, in index entry `entry`.
+    /// Spectral coefficients interpolated smoothly for a pair of directions. `entry` is the row-major position of the
+    /// query's indices (positions on the axes before the directions).
     #[inline(always)]
     pub(super) fn at(&self, entry: usize, seen: &Seen) -> Mixed {
         if let Some(course) = &self.course {
@@ -197,7 +207,8 @@ impl Smooth {
         self.gather(around.count, self.tables(entry, [a, b, c]), [&patches; 3], [0, 1, 2], [u, v, w])
     }
 
-    /// Writes the interpolated rows at the first `to.len()` places of a block: first all are looked up, then gathered.
+    /// Writes the interpolated spectral coefficients of the first `to.len()` queries of a block: first all are looked
+    /// up, then all are summed.
     pub(super) fn at_block(&self, entry: usize, seen: &mut SeenBlock, to: &mut [Mixed]) {
         let alignment = if matches!(self.nodes, Nodes::One) { Alignment::None } else { self.alignment };
         let is_whole = self.domain == Domain::Sphere;
@@ -240,9 +251,12 @@ impl Smooth {
         }
     }
 
-    /// Writes the patches in which places are seen under the `count` nodes around, and multiplies weights by the
-    /// alignment weight. `each` receives, for every node around, its directions, the aligned outgoing directions, and
-    /// the weights.
+    /// For each query of a block (batch evaluated together) and each of the `count` incoming nodes around it: moves the
+    /// outgoing direction with the lobe to that node and writes the interpolation patch there. Multiplies the node's
+    /// interpolation weight by the factor that the alignment of lobes gives.
+    ///
+    /// `each` is called `count` times, with one node for each query. It receives the nodes' directions (x, y, z, and
+    /// cosine and sine of the azimuth), the moved outgoing directions, and the weights of the nodes.
     #[inline(always)]
     fn look_up_block(
         &self,
@@ -291,13 +305,17 @@ impl Smooth {
         }
     }
 
-    /// Table numbers of nodes.
+    /// Numbers of the tables of spectral coefficients over outgoing directions that belong to three incoming
+    /// interpolation nodes. `entry` is the row-major position of the query's indices (positions on the axes before the
+    /// directions).
     #[inline]
     fn tables(&self, entry: usize, nodes: [u32; 3]) -> [usize; 3] {
         nodes.map(|node| entry * self.node_count + node as usize)
     }
 
-    /// Interpolated row of one table or three, in the patches of these lanes.
+    /// Weighted mean of the spectral coefficients interpolated over outgoing directions in one table or in three, one
+    /// for each incoming interpolation node. `patches` hold the table positions around the outgoing direction and their
+    /// weights.
     #[inline(always)]
     fn gather<const N: usize>(
         &self,
@@ -317,8 +335,9 @@ impl Smooth {
         }
     }
 
-    /// Implementation of [`Smooth::gather`] for a fixed width and number of tables. Unused tables have weight 0.
-    /// Weights of patches already include those of tables.
+    /// Weighted mean of the spectral coefficients interpolated over outgoing directions in `COUNT` tables, one for each
+    /// incoming interpolation node; compiled for `WIDTH` coefficients. Unused tables have weight 0. The weights in
+    /// `patches` already include those of the tables.
     #[inline(always)]
     fn gather_in<const WIDTH: usize, const COUNT: usize, const N: usize>(
         &self,
@@ -350,7 +369,9 @@ impl Smooth {
         Mixed::settled(row, live, known)
     }
 
-    /// Weighted sum of rows. `of` returns, for each node of each patch, its place in the table and its factor.
+    /// Weighted sum of spectral coefficients over the outgoing nodes of `COUNT` interpolation patches, each in the
+    /// table of a different incoming node. `of(n, k)` returns the position of node `n` of patch `k` in its table, and
+    /// the node's weight.
     #[inline(always)]
     fn summed<const WIDTH: usize, const COUNT: usize>(
         &self,
@@ -374,7 +395,9 @@ impl Smooth {
         row
     }
 
-    /// Share of light in a patch of the table at `base`, and the unmasked share.
+    /// Fraction of nonzero triangles among the unmasked ones around an outgoing direction, and fraction of unmasked
+    /// triangles among all. Both are interpolated between the corners of the patch around the direction, in the table
+    /// of one incoming direction that starts at `base`.
     fn presence_in<const N: usize>(&self, base: usize, patches: &Patches<N>, lane: usize) -> (f32, f32) {
         let (mut live, mut known) = (0.0, 0.0);
         for (nodes, corners) in patches.nodes.iter().zip(&patches.corners) {

@@ -8,11 +8,14 @@ use crate::evaluate::mixed::{Mixed, Mixture};
 use crate::evaluate::planes::Planes;
 use rayon::prelude::*;
 
-/// Approximate number of nodes at which alignments are compared.
+/// Approximate number of outgoing directions at which alignments of lobes between incoming directions are compared.
+/// More make the choice more reliable and slower.
 const COMPARED: usize = 600;
 
 impl Smooth {
-    /// Returns the change of the function's shape from one incoming direction to its neighbours under `alignment`.
+    /// Returns the standard deviation of ln(f₁ / f₂), averaged over pairs of neighbouring incoming directions. f₁ and
+    /// f₂ are values of the material's function under the two, at outgoing directions aligned by `alignment`. The
+    /// result is 0 if lobes keep their shape.
     pub(super) fn change_between(
         &self,
         planes: &Planes,
@@ -34,7 +37,8 @@ impl Smooth {
         )
     }
 
-    /// Mean of three wavelengths under one entry of the incoming axis, whose direction is `wi`.
+    /// Sum over three wavelengths of the material's function at the sampled incoming direction `wi` and the outgoing
+    /// direction `wo`; a measure of brightness.
     pub(in crate::evaluate) fn brightness(
         &self,
         planes: &Planes,
@@ -49,7 +53,8 @@ impl Smooth {
         if self.has_cosine { d[2].abs() } else { 1.0 }
     }
 
-    /// Leave-one-out error: share of the entries' light that prediction from their neighbours misplaces.
+    /// Leave-one-out error: Σ |error| · cos θo over Σ value · cos θo, when each sampled incoming direction is predicted
+    /// from its neighbours.
     pub(super) fn left_out(
         &self,
         planes: &Planes,
@@ -91,7 +96,8 @@ impl Smooth {
     }
 }
 
-/// Mean of three wavelengths.
+/// Sum of three samples of an interpolated spectrum (at a quarter, half and three quarters of the wavelengths), times
+/// the fraction of the interpolation weight that lies on nonzero samples; NaN if masked.
 fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
     let row = &mixed.row[..planes.count()];
     let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas() - 1) / 4)).sum();

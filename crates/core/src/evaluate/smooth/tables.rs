@@ -13,18 +13,23 @@ use crate::evaluate::planes::{Cell, Planes};
 use crate::evaluate::reconstruct::{Cells, Weights, node_weights};
 use rayon::prelude::*;
 
-/// Number of passes that correct for the average of an exponential.
+/// Number of passes that correct node values for the difference between the average of an exponential and the
+/// exponential of the average. More passes are more exact.
 const CORRECTIONS: usize = 2;
-/// Upper bound on a correction of a logarithm; larger ones come from cells too steep for the second-order estimate.
+/// Upper bound on the correction for the difference between the logarithm of a triangle's average value and the
+/// triangle's average logarithm (mean over wavelengths). Larger corrections come from triangles in which the function
+/// is too steep for the second-order estimate.
 const LARGEST_CORRECTION: f64 = 0.5;
-/// Leave-one-out error below which one incoming direction, aligned by rotation, represents all.
+/// Leave-one-out error below which the function of one incoming direction, rotated with `wi`, represents all incoming
+/// directions.
 const ALIKE: f64 = 2e-3;
-/// Maximum number of coefficients in all tables.
+/// Maximum number of spectral coefficients in all tables for smooth interpolation; beyond it there is no smooth
+/// interpolation by coefficients.
 const MOST_VALUES: usize = 1 << 28;
 
 impl Smooth {
-    /// Builds the coefficients of smooth interpolation for every cell of outgoing directions, `[index entry][incoming
-    /// entry][cell]`. `None` if they would be too large.
+    /// Builds the tables for smooth interpolation from the spectral coefficients of all triangles, `[combination of
+    /// indices][incoming][outgoing triangle]`. `None` if the tables would be too large.
     pub(in crate::evaluate) fn new(
         planes: &Planes,
         cells: &Cells,
@@ -95,7 +100,8 @@ impl Smooth {
         Some(smooth)
     }
 
-    /// Values at the outgoing nodes, for every incoming entry.
+    /// Spectral coefficients at the interpolation nodes over outgoing directions, for every sampled incoming direction.
+    /// Then, at each node, the fractions of nonzero and of unmasked triangles around it.
     fn reconstruct(
         &self,
         planes: &Planes,
@@ -140,8 +146,8 @@ impl Smooth {
         (values, presence)
     }
 
-    /// Excess of the logarithm of a cell's average over the average of its logarithm, to second order: half the
-    /// variance over the cell.
+    /// Excess of the logarithm of a triangle's average over the average of the logarithm, to second order: half the
+    /// variance over the triangle.
     fn excess(&self, coupling: &[f64], planes: usize, table: &[f32], points: [Vector; 3]) -> [f64; MOST_PLANES] {
         let rows = points.map(|point| self.gathered(table, point));
         let mut products = [0.0; MOST_PLANES * MOST_PLANES];
@@ -165,7 +171,7 @@ impl Smooth {
         excess.map(|e| e * share)
     }
 
-    /// Row of one table at a direction.
+    /// Spectral coefficients interpolated at an outgoing direction in the table of one incoming direction.
     fn gathered(&self, table: &[f32], d: Vector) -> Row {
         let patch = self.elements.at(d.map(|x| x as f32));
         let mut row = [0.0; MOST_PLANES];
@@ -176,7 +182,8 @@ impl Smooth {
         row
     }
 
-    /// Shares of live cells among the unmasked ones around every node, and of unmasked cells among all.
+    /// Two shares for every outgoing node: of lit triangles among the unmasked ones around the node, and of unmasked
+    /// triangles among all around.
     fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
         let mesh = cells.mesh();
         let (leaves, areas) = (mesh.len(), mesh.solid_angles());
@@ -204,7 +211,8 @@ impl Smooth {
         (0..incoming).into_par_iter().flat_map_iter(|entry| around.iter().map(move |a| share(entry, a))).collect()
     }
 
-    /// Adds tables of the derived nodes, made of those of the surrounding entries.
+    /// Appends tables of spectral coefficients over outgoing directions for the interpolation nodes that lie between
+    /// sampled incoming directions. They are computed from the tables of the sampled directions around.
     fn add_nodes_between(&mut self, nodes: &Nodes, entries: usize, directions: &[Vector], course: Option<&Course>) {
         let (all, own) = nodes.counts();
         if all == own {
@@ -253,7 +261,8 @@ impl Smooth {
     }
 }
 
-/// Writes node values, as weighted sums of averages `[cell][width]`.
+/// Writes the spectral coefficients at interpolation nodes, as weighted sums of triangle averages
+/// `[triangle][coefficient]`.
 fn apply(weights: &[Weights], averages: &[f32], width: usize, table: &mut [f32]) {
     for (weights, row) in weights.iter().zip(table.chunks_exact_mut(width)) {
         row.fill(0.0);

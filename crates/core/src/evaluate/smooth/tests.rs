@@ -8,7 +8,7 @@ use crate::evaluate::{Alignment, Density, Interpolation, Material, Place, Sample
 
 const LAMBDAS: usize = 7;
 
-/// GGX with Schlick's factor over a coloured diffuse base.
+/// GGX lobe with Schlick's Fresnel factor over a coloured diffuse base.
 fn gloss(alpha: f64, wi: Vector, wo: Vector, lambda: f64) -> f64 {
     let h = [wi[0] + wo[0], wi[1] + wo[1], wi[2] + wo[2]];
     let length = dot(h, h).sqrt();
@@ -26,7 +26,7 @@ fn grid() -> WavelengthGrid {
     WavelengthGrid::even(400.0, 50.0, LAMBDAS).unwrap()
 }
 
-/// Averages over outgoing cells, at the incoming directions of the axis.
+/// Averages of the test function over outgoing triangles, at the incoming directions of the axis.
 fn measured(incoming: Axis, level: u8, f: impl Fn(Vector, Vector, f64) -> f64) -> Measurement {
     let directions: Vec<Vector> = match &incoming {
         Axis::Elevation(values) => values.iter().map(|&t| Direction::from_degrees(t, 0.0).xyz()).collect(),
@@ -55,7 +55,7 @@ fn gap() -> Measurement {
     measured(elevations, 4, |wi, wo, lambda| gloss(0.15, wi, wo, lambda))
 }
 
-/// A low-discrepancy point of the upper hemisphere down to 80 degrees (Roberts 2018).
+/// Low-discrepancy point of the upper hemisphere, up to 80 degrees from the normal (Roberts 2018).
 fn point(i: usize) -> Vector {
     let u = (0.5 + i as f64 * 0.754_877_666_246_693).fract();
     let phi = std::f64::consts::TAU * (0.5 + i as f64 * 0.569_840_290_998_053).fract();
@@ -68,7 +68,7 @@ fn direction(v: Vector) -> Option<Direction> {
     Direction::new(v[0], v[1], v[2])
 }
 
-/// er(L2) in % over 1,500 outgoing directions for each of `incoming`.
+/// Root mean square relative error er(L2) in % over 1,500 outgoing directions, for each of the directions `incoming`.
 fn error(m: &Material, how: Interpolation, incoming: &[Vector], alpha: f64) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     let mut out = [0.0; LAMBDAS];

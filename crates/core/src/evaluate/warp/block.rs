@@ -10,21 +10,22 @@ use super::warps::Warps;
 use crate::evaluate::kernel::{BLOCK, Block, Vectors, set_vector, vector_of};
 use crate::numeric::wide;
 
-/// Block of drawn directions.
+/// Block of drawn outgoing directions with their densities and leaf triangles.
 #[derive(Clone, Debug)]
 pub(in crate::evaluate) struct Draws {
     pub(in crate::evaluate) directions: Vectors,
-    /// Densities in sr⁻¹; not positive for a failed draw, whose direction is arbitrary.
+    /// Densities in sr⁻¹ of the drawn directions; not positive for a failed draw, whose direction is arbitrary.
     pub(in crate::evaluate) pdf: Block,
     pub(in crate::evaluate) leaves: [u32; BLOCK],
 }
 
 impl Draws {
-    /// Empty block.
+    /// Initial value of a block of outgoing directions before any is drawn: all sampling densities are 0.
     pub(in crate::evaluate) const NOTHING: Self =
         Self { directions: [[0.0; BLOCK], [0.0; BLOCK], [1.0; BLOCK]], pdf: [0.0; BLOCK], leaves: [0; BLOCK] };
 
-    /// Writes coordinates and densities, all 0 for a failed draw, and returns |cos θ| (or 1) over the density.
+    /// Writes the coordinates and densities of drawn directions, all 0 for a failed draw, and returns |cos θ| (or 1
+    /// without a cosine factor) over the density.
     pub(in crate::evaluate) fn write(&self, has_cosine: bool, [x, y, z, pdf]: [&mut [f32]; 4]) -> [f32; BLOCK] {
         let mut shares = [0.0; BLOCK];
         for (i, share) in shares.iter_mut().enumerate() {
@@ -43,16 +44,16 @@ impl Draws {
     }
 }
 
-/// Squares of leaves that a descent reached: the probabilities of their halves, and the rescaled coordinates of the
-/// points.
+/// For each tree descended: the leaf square (pair of triangles) reached, the probabilities of its two triangles, and
+/// the point of the unit square rescaled to the leaf square.
 struct Reached {
     squares: [u32; BLOCK],
     masses: [Block; 2],
     left: [Block; 2],
 }
 
-/// Points in the halves of squares, as [`super::square::Point`], kept away from edges, and the density there over the
-/// triangle.
+/// Points inside the triangles of leaf squares, as barycentric coordinates kept away from edges, with the triangle (0
+/// lower, 1 upper) and the density there with respect to the triangle.
 struct Inside {
     halves: [u32; BLOCK],
     coordinates: Vectors,
@@ -61,7 +62,8 @@ struct Inside {
 
 #[allow(clippy::needless_range_loop, reason = "places of many arrays side by side")]
 impl Warps {
-    /// Draws a direction from each cell and point of the unit square, by the tree alone and down to its leaves.
+    /// Draws a direction for each sampling tree and point of the unit square, without a defensive component and down to
+    /// the leaf triangles.
     pub(in crate::evaluate) fn draw_block(
         &self,
         cells: &[u32; BLOCK],
@@ -82,7 +84,7 @@ impl Warps {
         );
     }
 
-    /// Writes the directions of points, and their densities.
+    /// Writes the directions of points inside leaf triangles, and their densities in sr⁻¹.
     #[inline(always)]
     fn write_points(&self, cells: &[u32; BLOCK], reached: &Reached, inside: &Inside, to: &mut Draws) {
         for i in 0..BLOCK {
@@ -96,7 +98,7 @@ impl Warps {
         }
     }
 
-    /// Descends all trees together, level by level.
+    /// Descends all sampling trees of a block together, level by level.
     #[inline(always)]
     fn reach(&self, cells: &[u32; BLOCK], u: &[Block; 2]) -> Reached {
         let (mesh, last) = (&**self.mesh(), self.mesh().mesh().level());
@@ -190,7 +192,7 @@ impl Warps {
         inside
     }
 
-    /// Reads the unnormalised linear density at the four corners of one square of leaves (two triangles) for each
+    /// Reads the unnormalised linear density at the four corners of one leaf square (pair of triangles) for each
     /// direction of a block.
     #[inline(always)]
     fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
@@ -206,7 +208,8 @@ impl Warps {
     }
 }
 
-/// Reduces fractions to numbers.
+/// Divides the coordinates of a block of points in the unit square, kept as numerators `over` and denominators `under`.
+/// The quotients, limited to less than 1, replace the numerators.
 #[inline(always)]
 fn reduce(over: &mut [Block; 2], under: &[Block; 2]) {
     for (over, &under) in over.as_flattened_mut().iter_mut().zip(under.as_flattened()) {

@@ -5,14 +5,16 @@ use std::hint::select_unpredictable;
 
 /// Largest f64 below 1.
 pub(in crate::evaluate) const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
-/// Minimum barycentric distance of points from the edges of their leaf, so that rounding cannot move one over the edge.
+/// Minimum barycentric distance of drawn points from the edges of their leaf triangle, so that rounding cannot move a
+/// point over an edge.
 const MARGIN: f64 = 1e-9;
 
-/// Number of levels after which a fraction is reduced. Its terms shrink with the masses of triangles, which are at
-/// least 1e-45.
+/// Number of levels of a sampling tree after which a coordinate of the unit square, kept as numerator and denominator,
+/// is replaced by its quotient. Numerator and denominator shrink level by level with the probabilities of triangles,
+/// which are at least 1e-45, and must not underflow.
 pub(super) const UNREDUCED: u8 = 3;
 
-/// Coordinate of the unit square as a fraction, so that a choice need not wait for a division.
+/// Coordinate of the unit square as numerator and denominator, so that a random choice need not wait for a division.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fraction {
     pub(super) over: f64,
@@ -36,8 +38,8 @@ impl Fraction {
         Self::new(self.value())
     }
 
-    /// Returns true if the coordinate lies beyond the `first` of two masses (never if the second is 0), and the
-    /// coordinate rescaled to the mass that contains it.
+    /// Splits 0..1 in proportion to two masses. Returns true if the coordinate lies in the second part (never if the
+    /// second mass is 0), and the coordinate rescaled to its part.
     #[inline(always)]
     #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
     fn split(self, first: f64, second: f64) -> (bool, Self) {
@@ -48,8 +50,8 @@ impl Fraction {
     }
 }
 
-/// Chooses a quadrant, the half a by the first coordinate and the half b by the second, and rescales both to the
-/// choice. Never chooses a quadrant of weight 0.
+/// Chooses a quadrant of a square by four weights: the half along a by the first coordinate, then the half along b by
+/// the second. Rescales both coordinates to the quadrant. Never chooses a quadrant of weight 0.
 #[inline(always)]
 pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize {
     let (a, first) = u[0].split(w0 + w1, w2 + w3);
@@ -58,7 +60,7 @@ pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize
     2 * usize::from(a) + usize::from(b)
 }
 
-/// Start and length, in both coordinates, of the rectangle in which [`choose`] selects a quadrant.
+/// Start and length, along each coordinate of the unit square, of the rectangle in which [`choose`] selects a quadrant.
 pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2]) {
     let share = |first: f64, second: f64, which: usize| {
         let (first, second) = (first / (first + second), second / (first + second));
@@ -70,7 +72,8 @@ pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2]
     ([a, b], [width, height])
 }
 
-/// Coordinates `u` in a square of level 0, which may run the other way.
+/// Mirrors the coordinates `u` within one of the squares into which the octahedron unfolds, as [`FLIPS`] states.
+/// Squares that share an edge in the unfolded octahedron then also share it in the unit square.
 #[inline(always)]
 pub(super) fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     [0, 1].map(|k| {
@@ -79,7 +82,7 @@ pub(super) fn flipped(square: usize, u: [Fraction; 2]) -> [Fraction; 2] {
     })
 }
 
-/// Barycentric coordinates moved at least [`MARGIN`] from the edges.
+/// Barycentric coordinates moved inwards to at least [`MARGIN`] from the triangle's edges.
 #[inline(always)]
 pub(super) fn inward([a, b, c]: [f64; 3]) -> [f64; 3] {
     if a.min(b).min(c) >= MARGIN {

@@ -24,18 +24,21 @@ use crate::domain::{Direction, Domain, TriangleMesh};
 use crate::evaluate::lookup::{MeshLookup, octant};
 use std::sync::Arc;
 
-/// Eight triangles of four squares, each as lower then upper half: one load in a descent.
+/// Eight numbers of a sampling tree, one for each triangle of four sibling squares (lower, then upper triangle of
+/// each). One memory load fetches all that a descent compares.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(32))]
 pub(super) struct Group(pub(super) [f32; 8]);
 
-/// Positions, among a triangle's vertices, of the right angle and of the hypotenuse's ends (0,0) and (1,1).
+/// Order of a triangle's vertices within its square (pair of triangles): numbers of the vertex at the right angle, and
+/// of the hypotenuse's ends (0,0) and (1,1).
 pub(super) type Frame = [u8; 3];
 
-/// All orders of three vertices; a frame is stored as its number here.
+/// All orders of three vertices of a triangle; a vertex order is stored as its number in this list.
 const FRAMES: [Frame; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
-/// For each square of level 0, the octant and frame of its lower and its upper half.
+/// Octants that form the lower and the upper triangle of each of the four squares into which the octahedron unfolds,
+/// with the numbers of each triangle's vertices at the right angle and at the square's corners (0,0) and (1,1).
 const TOP: [[(u32, Frame); 2]; 4] = [
     [(3, [2, 0, 1]), (2, [1, 0, 2])],
     [(0, [1, 0, 2]), (1, [2, 0, 1])],
@@ -43,62 +46,67 @@ const TOP: [[(u32, Frame); 2]; 4] = [
     [(4, [1, 0, 2]), (5, [2, 0, 1])],
 ];
 
-/// Start and direction of each square of level 0 in a and in b, chosen so that neighbours meet.
+/// Offset and sign of each of the two coordinates in each of the four squares into which the octahedron unfolds. A sign
+/// of −1 mirrors a square, so that squares meet at the same edges in the unit square as in the unfolded octahedron.
 pub(super) const FLIPS: [[[f64; 2]; 2]; 4] = [[ALONG, AGAINST], [ALONG, ALONG], [AGAINST, AGAINST], [AGAINST, ALONG]];
 const ALONG: [f64; 2] = [0.0, 1.0];
 const AGAINST: [f64; 2] = [1.0 - f64::EPSILON / 2.0, -1.0];
 
-/// Maximum number of levels.
+/// Maximum number of levels of a sampling tree.
 const LEVELS: usize = MAX_LEVEL as usize + 1;
 
-/// Cosine and sine of the rotation about z from octant 0 to octant q (of 4).
+/// Cosine and sine of the rotation about z from octant 0 to each of the octants 0 to 3 on the same side of the horizon.
 const TURNS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
 
-/// Vertices of a leaf of octant 0, or their dual vectors. The inner products of dual vectors with a direction ω are the
-/// barycentric coordinates of the planar point on its ray, divided by that point's length.
+/// Three vertices of a leaf triangle of octant 0, or their dual vectors. Inner products of the dual vectors with a
+/// direction are barycentric coordinates, divided by the length of the point where its ray meets the planar triangle.
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
     vectors: [Vector; 3],
-    /// Reciprocal of area · distance from the origin of the planar triangle.
+    /// Quotient 1 / (A · d), with A the area of the planar triangle and d the distance of its plane from the origin.
     density: f64,
 }
 
-/// Tables of one mesh and one measure, for any number of [`super::Warps`].
+/// Geometry tables of one triangle mesh and one measure, which any number of [`super::Warps`] share.
 #[derive(Debug)]
 pub struct WarpMesh {
     mesh: TriangleMesh,
     measure: Measure,
     lookup: Arc<MeshLookup>,
     leaves: Vec<Leaf>,
-    /// Dual vectors of the same leaves, which give barycentric coordinates.
+    /// Dual vectors of the leaf triangles, which give barycentric coordinates.
     duals: Vec<Leaf>,
-    /// For each triangle, level by level: 2 · its square, + 1 for the upper half.
+    /// For each triangle, level by level: twice the number of its square (pair of triangles in the unfolded
+    /// octahedron), plus 1 for the upper triangle.
     places: Vec<u32>,
-    /// Start of each level in `places`; start of each level in a tree, counted in single numbers.
+    /// For each subdivision level of the mesh, position of its first triangle in `places`. Then, for each level,
+    /// position of its first integral over a triangle in a sampling tree read as one list of numbers.
     firsts: [usize; LEVELS],
     starts: [usize; LEVELS],
-    /// Number of groups in one tree.
+    /// Number of groups (of eight triangles) in one sampling tree.
     groups: usize,
-    /// For each place of the last level: the leaf · 8 + the number of its frame.
+    /// For each leaf triangle, in the order of the squares (pairs of triangles): eight times its number in the mesh,
+    /// plus the number of its vertex order within the square.
     framed: Vec<u32>,
-    /// Vertex numbers of the squares of leaves: (0,0), (0,1), (1,0), (1,1).
+    /// Vertex numbers of each square (pair of leaf triangles), in the order (0,0), (0,1), (1,0), (1,1).
     quads: Vec<[u32; 4]>,
     points: Vec<Direction>,
-    /// Tree of the measure alone.
+    /// Sampling tree of the measure alone: solid angles or projected solid angles of all triangles.
     measures: Vec<Group>,
-    /// Factor |cos θ| or 1 at each vertex.
+    /// Cosine factor at each vertex of the mesh: |cos θ|, or 1 if the measure is the solid angle.
     cosines: Vec<f32>,
-    /// Exact measure of every leaf.
+    /// Exact solid angle or projected solid angle of every leaf triangle, in sr.
     exact: Vec<f64>,
 }
 
 impl WarpMesh {
-    /// Builds the tables of `mesh`, with trees weighted by `measure`.
+    /// Builds the geometry tables of `mesh`, for trees that weight values by `measure`.
     pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
         Self::over(Arc::new(MeshLookup::new(mesh)), measure)
     }
 
-    /// Like [`WarpMesh::new`], with existing lookup tables of the mesh.
+    /// Builds the geometry tables of a triangle mesh, for sampling trees that weight values by `measure`. Uses the
+    /// existing tables `lookup`, which find the triangle that contains a direction.
     pub(in crate::evaluate) fn over(lookup: Arc<MeshLookup>, measure: Measure) -> Self {
         let mesh = lookup.mesh();
         let count = 1_usize << (2 * u32::from(mesh.level()));
@@ -154,7 +162,7 @@ impl WarpMesh {
         this
     }
 
-    /// Mesh of the tables.
+    /// Triangle mesh that the tables describe.
     pub fn mesh(&self) -> TriangleMesh {
         self.mesh
     }
@@ -164,27 +172,28 @@ impl WarpMesh {
         &self.lookup
     }
 
-    /// Measure by which the trees weight values.
+    /// Measure of the integrals over triangles from which sampling trees are built: solid angle or projected solid
+    /// angle.
     pub fn measure(&self) -> Measure {
         self.measure
     }
 
-    /// Exact integral of |cos θ| over every leaf, or its solid angle, in sr, in the order of the mesh.
+    /// Exact projected solid angle or solid angle in sr of every leaf triangle, in the order of the mesh.
     pub fn measures(&self) -> &[f64] {
         &self.exact
     }
 
-    /// Vertices of the mesh, which triangles share.
+    /// Vertices of the mesh, each listed once although triangles share it.
     pub fn vertices(&self) -> &[Direction] {
         &self.points
     }
 
-    /// Numbers in [`WarpMesh::vertices`] of every leaf's vertices, in the order of the mesh.
+    /// Vertex numbers of every leaf triangle, as indices into [`WarpMesh::vertices`], in the order of the mesh.
     pub fn corners(&self) -> &[[u32; 3]] {
         self.lookup.all_corners()
     }
 
-    /// Memory in bytes, without the lookup tables of the mesh, which may be shared.
+    /// Memory of the geometry tables in bytes, without the lookup tables of the mesh, which may be shared.
     pub fn memory(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&*self.leaves)
@@ -198,7 +207,7 @@ impl WarpMesh {
             + size_of_val(&*self.exact)
     }
 
-    /// Expected [`WarpMesh::memory`] of tables before they are built, and expected memory of each tree on them.
+    /// Expected memory in bytes of the geometry tables before they are built, and of each sampling tree that uses them.
     pub(in crate::evaluate) fn expected_memory(lookup: &MeshLookup) -> [usize; 2] {
         let (mesh, vertices) = (lookup.mesh(), lookup.vertices());
         let octant = 1_usize << (2 * u32::from(mesh.level()));
@@ -211,28 +220,29 @@ impl WarpMesh {
         [shared, groups + vertices * size_of::<f32>() + size_of::<f64>()]
     }
 
-    /// Number of groups in one tree: the root, then one for every square above the last level.
+    /// Number of groups (of eight triangles) in one sampling tree: the root, then one for every square (pair of
+    /// triangles) above the last level.
     #[inline]
     pub(super) fn groups(&self) -> usize {
         self.groups
     }
 
-    /// Group of the quadrants of `square`, a square of `level`.
+    /// Number of the group that holds the eight triangles of the four quadrants of `square`, a square of level `level`.
     pub(super) fn children(&self, level: u8, square: usize) -> usize {
         1 + self.mesh.bases() / 2 * first(level) + square
     }
 
-    /// Tree of the measure alone.
+    /// Sampling tree of the measure alone: solid angles or projected solid angles of all triangles.
     pub(super) fn geometry(&self) -> &[Group] {
         &self.measures
     }
 
-    /// Factor |cos θ| or 1 at each vertex.
+    /// Cosine factor at each vertex of the mesh: |cos θ|, or 1 if the measure is the solid angle.
     pub(super) fn cosines(&self) -> &[f32] {
         &self.cosines
     }
 
-    /// Writes the tree of the leaves' integrals. `sums` is overwritten.
+    /// Writes the sampling tree for the integrals over leaf triangles given in `sums`, which is overwritten.
     pub(super) fn fill(&self, sums: &mut [f64], tree: &mut [Group]) {
         for level in (0..=self.mesh.level()).rev() {
             let nodes = self.mesh.bases() << (2 * u32::from(level));
@@ -246,45 +256,47 @@ impl WarpMesh {
         }
     }
 
-    /// Position of triangle `node` of `level` in a tree, counted in single numbers.
+    /// Position, in a sampling tree read as one list of numbers, of the integral over triangle `node` of a level.
     #[inline(always)]
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
         // Groups of a level are contiguous, in the order of their squares.
         self.starts[usize::from(level)] + self.place(level, node)
     }
 
-    /// Group that contains a square of `level` among its parent's quadrants.
+    /// Number of the group that holds a square (pair of triangles) of a level together with its three siblings.
     pub(super) fn group_of(&self, level: u8, square: usize) -> usize {
         level.checked_sub(1).map_or(0, |above| self.children(above, square / 4))
     }
 
-    /// Place of triangle `node` of `level`: 2 · its square, + 1 for the upper half.
+    /// Twice the number of the square (pair of triangles) that contains triangle `node` of a level, plus 1 if the
+    /// triangle is the upper one.
     #[inline]
     pub(super) fn place(&self, level: u8, node: usize) -> usize {
         self.places[self.firsts[usize::from(level)] + node] as usize
     }
 
-    /// Leaf at a place of the last level, and its frame.
+    /// Number of the leaf triangle at a position among the squares (twice the square's number, plus 1 for the upper
+    /// triangle), and its vertex order within the square.
     #[inline]
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
         unframed(self.framed[place])
     }
 
-    /// Vertex numbers of a square of leaves: (0,0), (0,1), (1,0), (1,1).
+    /// Vertex numbers of a square (pair of leaf triangles), in the order (0,0), (0,1), (1,0), (1,1).
     #[inline]
     pub(super) fn quad(&self, square: usize) -> [u32; 4] {
         self.quads[square]
     }
 
-    /// Vertex numbers of a leaf.
+    /// Vertex numbers of a leaf triangle.
     #[inline(always)]
     pub(super) fn corners_of(&self, leaf: usize) -> [u32; 3] {
         self.lookup.corners(leaf)
     }
 
-    /// Direction through a point of the planar triangle `leaf`, given by its barycentric coordinates of the vertices in
-    /// `frame`. Also returns |p|³ / (area · distance), the factor from a density of the coordinates (mean 1 over the
-    /// triangle) to one of solid angle.
+    /// Direction through a point p of the planar triangle `leaf`, given by its barycentric coordinates for the vertex
+    /// order `frame`. Also returns |p|³ / (area · distance), the factor from a density of the coordinates (mean 1 over
+    /// the triangle) to one of solid angle.
     #[inline]
     pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];
@@ -303,8 +315,9 @@ impl WarpMesh {
         (direction, square * length * geometry.density)
     }
 
-    /// Leaf that contains `direction`, the barycentric coordinates of the planar point on its ray, and the factor of
-    /// [`WarpMesh::point`]; `None` outside the domain.
+    /// Leaf triangle that contains `direction`, and the barycentric coordinates of the point where its ray meets the
+    /// planar triangle. Also returns the factor from a density over the planar triangle to one of solid angle; `None`
+    /// outside the domain.
     #[inline]
     pub(super) fn locate(&self, direction: Direction) -> Option<(usize, [f64; 3], f64)> {
         let (leaf, folded) = self.lookup.descend(direction.xyz())?;
@@ -312,7 +325,8 @@ impl WarpMesh {
         Some((leaf, coordinates, factor))
     }
 
-    /// Barycentric coordinates and the factor of a direction in `leaf`, folded into the first octant.
+    /// Barycentric coordinates in `leaf` of a direction mapped into the first octant, and the factor from a density
+    /// over the planar triangle to one of solid angle.
     #[inline(always)]
     fn coordinates(&self, leaf: usize, folded: Vector) -> ([f64; 3], f64) {
         let geometry = &self.duals[leaf & (self.duals.len() - 1)];
@@ -322,8 +336,8 @@ impl WarpMesh {
         ([a * length, b * length, c * length], length * length * length * geometry.density)
     }
 
-    /// Barycentric coordinates of the planar point on the ray of a unit vector in `leaf`, and the factor of
-    /// [`WarpMesh::point`].
+    /// Barycentric coordinates of the point where the ray of a unit vector meets the planar triangle `leaf`. Also
+    /// returns the factor from a density over the planar triangle to one of solid angle.
     #[inline(always)]
     pub(super) fn coordinates_in(&self, leaf: usize, [x, y, z]: Vector) -> ([f64; 3], f64) {
         let is_odd = (leaf >> (2 * u32::from(self.mesh.level()))) & 1;
@@ -332,7 +346,7 @@ impl WarpMesh {
     }
 }
 
-/// Leaf with these vertices, and its dual vectors.
+/// Leaf triangle with the given vertices, and its dual vectors.
 fn leaf_and_dual(vertices: [Vector; 3]) -> (Leaf, Leaf) {
     let [a, b, c] = vertices;
     let planes = [cross(b, c), cross(c, a), cross(a, b)];
@@ -349,12 +363,14 @@ fn unframed(framed: u32) -> (usize, Frame) {
     ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
 }
 
-/// Number of nodes of one octant above `level`.
+/// Number of triangles of one octant in all levels above `level`.
 fn first(level: u8) -> usize {
     ((1 << (2 * u32::from(level))) - 1) / 3
 }
 
-/// For each triangle, level by level, its place; for each place of the last level, its leaf and frame.
+/// For each triangle of the unfolded octahedron, level by level: twice the number of the square whose half it is, plus
+/// 1 for the upper half. Then, in the order of the finest squares' halves: the triangle's number, with the order of its
+/// vertices (right angle, then corners (0,0) and (1,1) of the square).
 fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     let bases = mesh.bases();
     let mut squares: Vec<[(u32, Frame); 2]> = TOP[..bases / 2].to_vec();
@@ -373,8 +389,8 @@ fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     (places, framed)
 }
 
-/// Quadrants of a square. The centre child's right angle is the midpoint of its parent's hypotenuse. It lies across the
-/// hypotenuse that it shares with the child at the right angle.
+/// Splits a square of two triangles into its four quadrants. The centre child of a triangle has its right angle at the
+/// midpoint of the parent's hypotenuse. It shares its own hypotenuse with the child at the parent's right angle.
 fn quadrants([lower, upper]: [(u32, Frame); 2]) -> [[(u32, Frame); 2]; 4] {
     let child = |(node, frame): (u32, Frame), which: usize| (4 * node + u32::from(frame[which]), frame);
     let centre = |(node, [right, start, end]): (u32, Frame)| (4 * node + 3, [right, end, start]);

@@ -1,42 +1,44 @@
 //! Options of sampling: the measure of the tree, the density in the last triangle, the defensive part.
 
-/// Measure by which the tree weights values, and by which a probability is divided below the end level.
+/// Measure of solid angle, projected or not, that weights values in a sampling tree. Where a tree stops following the
+/// function, the triangles below share the probability in proportion to the measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// Projected solid angle |cos θ| dω: BRDF, BTDF, BSDF.
+    /// Projected solid angle |cos θ| dω, used for a BRDF, BTDF or BSDF.
     Projected,
-    /// Solid angle dω: emission and phase functions.
+    /// Solid angle dω, used for emission and phase functions.
     SolidAngle,
 }
 
-/// Density inside the last triangle.
+/// Sampling density inside the triangle in which the descent of a sampling tree ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Density {
-    /// Constant on the planar triangle; goes with piecewise constant evaluation.
+    /// Density constant on the planar triangle, which belongs to piecewise constant evaluation.
     Uniform,
-    /// Linear on the planar triangle between the vertex values (f·cos; cos below a coarser end level). Constant if the
-    /// vertex values are all 0.
+    /// Density linear on the planar triangle, in proportion to f·cos at the vertices (to cos alone where the tree stops
+    /// following the function at a coarser level). Constant if the vertex values are all 0.
     #[default]
     Linear,
 }
 
-/// Options of sampling. Sampling, density and inversion match only with equal options.
+/// Options of importance sampling. Drawing, density and inversion agree only with equal options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleOptions {
-    /// End level of the choice by value; below it directions follow the measure. 0 is the base triangles, `None` or a
-    /// number beyond the last level the leaves.
+    /// Level of the triangles at which a sampling tree stops choosing by the function's value; below it directions
+    /// follow the (projected) solid angle. 0 is the coarsest triangles; `None`, or a number beyond the last level, the
+    /// finest.
     pub level: Option<u8>,
-    /// Density inside the last triangle.
+    /// Sampling density, constant or linear, inside the triangle in which the descent of a sampling tree ends.
     pub density: Density,
-    /// Fraction δ, 0 ≤ δ < 1, of directions drawn independently of the function: by the cosine for
+    /// Fraction δ, 0 ≤ δ < 1, of directions drawn independently of the function: in proportion to the cosine for
     /// [`Measure::Projected`], uniformly for [`Measure::SolidAngle`]. With δ > 0 the density is positive wherever the
-    /// function is nonzero. A smooth function has light beside dark leaves, and between incoming directions where no
-    /// tree expects it. The first coordinate is split: below 1 − δ it is the tree's, above it the defensive part's.
+    /// function is nonzero, even where no sampling tree has light. First coordinates below 1 − δ select the tree,
+    /// others the defensive component.
     pub defensive: f64,
 }
 
 impl SampleOptions {
-    /// Default defensive fraction.
+    /// Default fraction of directions drawn independently of the function (defensive sampling).
     pub const DEFENSIVE: f64 = 0.03;
 }
 

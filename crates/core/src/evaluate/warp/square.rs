@@ -6,29 +6,31 @@
 
 use std::hint::select_unpredictable;
 
-/// Point of a square.
+/// Point of the unit square (a, b), which consists of a lower triangle (b < a) and an upper triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Point {
-    /// True in the upper half, b > a.
+    /// True if the point (a, b) of the unit square lies in the upper triangle, b > a; false in the lower one.
     pub(super) upper: bool,
     pub(super) a: f64,
     pub(super) b: f64,
 }
 
 impl Point {
-    /// Point of a half with these barycentric coordinates: of the right angle, the hypotenuse's ends (0,0), (1,1).
+    /// Point of the lower or upper triangle of a square, given by its barycentric coordinates with respect to the right
+    /// angle and the hypotenuse's ends (0,0) and (1,1).
     pub(super) fn new(upper: bool, [_, start, end]: [f64; 3]) -> Self {
         if upper { Self { upper, a: end, b: 1.0 - start } } else { Self { upper, a: 1.0 - start, b: end } }
     }
 
-    /// Barycentric coordinates in the point's half: of the right angle, of (0,0), of (1,1).
+    /// Barycentric coordinates of the point in its triangle, with respect to the right angle and the hypotenuse's ends
+    /// (0,0) and (1,1).
     #[inline(always)]
     pub(super) fn coordinates(self) -> [f64; 3] {
         if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }
     }
 }
 
-/// Density constant on each half, given by the masses.
+/// Density on a square that is constant on each of its two triangles, given by the triangles' probabilities.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Constant(pub(super) [f64; 2]);
 
@@ -58,18 +60,19 @@ impl Constant {
     }
 }
 
-/// Density linear on each half.
+/// Density on a square that is linear on each of its two triangles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear {
-    /// For each half, the density at the right angle, at (0,0) and at (1,1), divided by `scale`.
+    /// For the lower (b < a) and the upper triangle of the unit square (a, b): density at the vertex with the right
+    /// angle, at (0,0) and at (1,1), each divided by the common factor `scale`.
     values: [[f64; 3]; 2],
     scale: f64,
 }
 
 #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Linear {
-    /// Linear density with the shape of `shapes` ≥ 0 at the corners and these masses; constant on a half whose shapes
-    /// are all 0.
+    /// Linear density that is proportional to `shapes` ≥ 0 at the corners of each triangle, with the triangles'
+    /// probabilities `masses`. It is constant on a triangle whose shapes are all 0.
     #[inline(always)]
     pub(super) fn new(masses: [f64; 2], shapes: [[f64; 3]; 2]) -> Self {
         let [(lower, lower_sum), (upper, upper_sum)] = [shaped(shapes[0]), shaped(shapes[1])];
@@ -79,14 +82,17 @@ impl Linear {
         Self { values, scale: 3.0 / (lower_sum * upper_sum) }
     }
 
-    /// Density in a half at a point given by its barycentric coordinates.
+    /// Probability density at a point, given by barycentric coordinates, of the lower (b < a) or upper triangle of the
+    /// unit square (a, b). The area of each triangle counts as 1: the mean of the density over a triangle is the
+    /// triangle's probability.
     #[inline(always)]
     pub(super) fn density(self, upper: bool, [a, b, c]: [f64; 3]) -> f64 {
         let [right, start, end] = [0, 1, 2].map(|k| if upper { self.values[1][k] } else { self.values[0][k] });
         (right * a + start * b + end * c) * self.scale
     }
 
-    /// Coefficients of a, a² and a³ in the mass left of a.
+    /// Coefficients of a, a² and a³ in the cumulative distribution of the coordinate a of points (a, b) in the unit
+    /// square, whose density is linear on the triangles b < a and b > a. They have a common factor.
     #[inline(always)]
     fn marginal(self) -> [f64; 3] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
@@ -94,8 +100,8 @@ impl Linear {
         [side, l0 + u1 - side, (lr + l1 - 2.0 * l0 + side - 2.0 * u1) / 3.0]
     }
 
-    /// Densities at the intersections of the line at a with the bottom, the hypotenuse from below and from above, and
-    /// the top.
+    /// Densities at four points of the unit square (a, b) with the given a, up to a common factor: at b = 0, on the
+    /// diagonal b = a as part of the lower and of the upper triangle, and at b = 1.
     #[inline(always)]
     fn column(self, a: f64) -> [f64; 4] {
         let [[lr, l0, l1], [ur, u0, u1]] = self.values;
@@ -108,19 +114,22 @@ impl Linear {
         self.draw_on(self.line_at(u[0]), u[1])
     }
 
-    /// Position a to which the marginal maps the first coordinate.
+    /// Coordinate a of a point (a, b) drawn in the unit square, found from the random number `u` by inverting the
+    /// cumulative distribution of a.
     #[inline]
     pub(super) fn line_at(self, u: f64) -> f64 {
         root(self.marginal(), u)
     }
 
-    /// Like [`Linear::line_at`], without branches; the flag is true if the result is exact.
+    /// Coordinate a of a point (a, b) drawn in the unit square, found from the random number `u` by inverting the
+    /// cumulative distribution of a without branches. The flag is true if the result is exact to rounding.
     #[inline(always)]
     pub(super) fn near(self, u: f64) -> (f64, bool) {
         near_root(self.marginal(), u)
     }
 
-    /// Point on the line at `a` to which the conditional density maps the second coordinate.
+    /// Point (a, b) of the unit square whose coordinate `a` is given; b is found from the random number `u` by
+    /// inverting the conditional distribution of b.
     #[inline(always)]
     pub(super) fn draw_on(self, a: f64, u: f64) -> Point {
         let [bottom, below, above, top] = self.column(a);
@@ -148,15 +157,15 @@ impl Linear {
     }
 }
 
-/// Shape and its sum; constant if all values are 0.
+/// Corner values that a linear density is proportional to, and their sum; all 1 if the given values are all 0.
 #[inline(always)]
 fn shaped(values: [f64; 3]) -> ([f64; 3], f64) {
     let sum = values[0] + values[1] + values[2];
     if sum > 0.0 { (values, sum) } else { ([1.0; 3], 3.0) }
 }
 
-/// Linear density of one triangle with the shape of `values` at its vertices and mean `mass`, at barycentric
-/// coordinates.
+/// Linear density at a point of a triangle, given by its barycentric coordinates. The density is proportional to
+/// `values` at the vertices and has the mean `mass`.
 #[inline(always)]
 pub(super) fn linear_at(mass: f64, values: [f64; 3], [a, b, c]: [f64; 3]) -> f64 {
     let ([x, y, z], sum) = shaped(values);
@@ -169,33 +178,38 @@ fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
-/// Distance along a line of this length, with densities `p` and `q` at its ends, that encloses the mass `v` / 2.
+/// Distance x from the start of a line of the given `length` at which the integral of a density from 0 to x is `v` / 2.
+/// The density is linear, from `p` at the start to `q` at the end. Callers double all integrals, which saves the factor
+/// ½ in (`p` + `q`) · `length` / 2.
 #[inline(always)]
 fn along(p: f64, q: f64, length: f64, v: f64) -> f64 {
     ratio(v, p + (p * p + v * (q - p) / length).max(0.0).sqrt())
 }
 
-/// Fraction of a line's mass below its fraction `x`: the inverse of [`along`].
+/// Fraction of the integral of a density along a line that lies between the start and the fraction `x` of the length.
+/// The density is linear, from `p` at the start to `q` at the end. Inverse of [`along`].
 fn mass_below(p: f64, q: f64, x: f64) -> f64 {
     ratio(x * (p * (2.0 - x) + q * x), p + q)
 }
 
-/// Errors of the mass below this fraction of the total are rounding errors.
+/// Fraction of the total probability of a unit square's points below which an error of their cumulative distribution
+/// counts as rounding.
 const ROUNDING: f64 = 1e-14;
-/// Maximum number of steps: bisection reaches neighbouring numbers after about as many steps as there are binary
-/// digits.
+/// Maximum number of iterations of the root search: bisection reaches neighbouring numbers after about as many as there
+/// are binary digits.
 const MOST_STEPS: usize = 64;
 
-/// Root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), whose left side increases on 0..=1. Two Halley
-/// steps (the next derivatives are at hand) are nearly always enough. Cardano's formula needs a cosine of a third of an
-/// arc cosine, and cancels where the slope is small.
+/// Root in 0..=1 of m(a) = c1·a + c2·a² + c3·a³ = u·(c1 + c2 + c3), where m increases on 0..=1. Two Halley steps are
+/// nearly always enough. Cardano's formula needs a cosine of a third of an arc cosine, and cancels where the slope is
+/// small.
 #[inline]
 fn root(c: [f64; 3], u: f64) -> f64 {
     let (a, is_found) = near_root(c, u);
     if is_found { a } else { bounded_root(c, u) }
 }
 
-/// Result of two Halley steps; the flag is true if it is the root.
+/// Approximate solution a of m(a) = u·m(1) after two Halley steps, where m(a) = c1·a + c2·a² + c3·a³ is a cumulative
+/// distribution up to a factor. The flag is true if it is exact to rounding.
 #[inline(always)]
 #[allow(clippy::needless_bitwise_bool, clippy::manual_range_contains, reason = "without branches")]
 fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
@@ -208,7 +222,8 @@ fn near_root([c1, c2, c3]: [f64; 3], u: f64) -> (f64, bool) {
     (a, (left.abs() <= ROUNDING * total) & (a >= 0.0) & (a <= 1.0))
 }
 
-/// Halley steps within bounds that each step narrows, with bisection as a fallback.
+/// Solves m(a) = u·m(1) for a in 0..=1, where m(a) = c1·a + c2·a² + c3·a³ increases. Halley steps stay within bounds
+/// that each step narrows, with bisection as a fallback.
 #[cold]
 fn bounded_root(c: [f64; 3], u: f64) -> f64 {
     let total = c[0] + c[1] + c[2];
@@ -232,13 +247,14 @@ fn bounded_root(c: [f64; 3], u: f64) -> f64 {
     a
 }
 
-/// Mass m(a) left of a.
+/// Cumulative distribution, up to a factor, of the coordinate a of points in the unit square: m(a) = c1·a + c2·a² +
+/// c3·a³, proportional to the probability of a smaller coordinate.
 #[inline(always)]
 fn mass_left([c1, c2, c3]: [f64; 3], a: f64) -> f64 {
     a * (c1 + a * (c2 + a * c3))
 }
 
-/// Halley step from `a`, where m is too large by `error`.
+/// Halley step from `a` towards the solution of m(a) = c1·a + c2·a² + c3·a³ = v, where m(a) is too large by `error`.
 #[inline(always)]
 fn halley([c1, c2, c3]: [f64; 3], a: f64, error: f64) -> f64 {
     let slope = c1 + a * (2.0 * c2 + a * 3.0 * c3);
@@ -252,7 +268,7 @@ mod tests {
     use rand::RngExt;
     use rand_pcg::Pcg32;
 
-    /// Random corner values, some of them 0, some tiny.
+    /// Random corner values of the two triangles of a square, some of them 0, some tiny.
     fn values(rng: &mut Pcg32) -> [[f64; 3]; 2] {
         [0, 1].map(|_| {
             [0, 1, 2].map(|_| match rng.random::<u32>() % 5 {

@@ -23,7 +23,7 @@ fn mean_diffuse() -> f64 {
     lambdas().map(diffuse).sum::<f64>() / 75.0
 }
 
-/// Specular lobe.
+/// GGX specular lobe of the test surface.
 fn ggx(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     let a2 = 0.04;
     let sum = [0, 1, 2].map(|k| wi[k] + wo[k]);
@@ -36,13 +36,13 @@ fn ggx(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     ndf * shadowing * (0.04 + 0.96 * (1.0 - cosine).powi(5)) / (4.0 * wi[2] * wo[2])
 }
 
-/// Mean over wavelengths of f·cos.
+/// Mean over wavelengths of f·cos θo of the test surface.
 fn value(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     let z = wo[2].max(1e-9);
     (mean_diffuse() + ggx(wi, [wo[0], wo[1], z])) * z
 }
 
-/// Surface at one incoming direction, with its tree.
+/// Test surface under one incoming direction, with its sampling tree.
 struct Scene {
     wi: [f64; 3],
     warps: Warps,
@@ -64,7 +64,7 @@ impl Scene {
         Self { wi, warps }
     }
 
-    /// Mean and variance of f·cos/pdf over `n` × `n` jittered points.
+    /// Mean and variance of the sample weights f·cos/pdf over `n` × `n` jittered points.
     fn moments(&self, n: usize, options: &SampleOptions) -> [f64; 2] {
         moments(n, |u| {
             let drawn = self.warps.sample(0, u, options).unwrap();
@@ -99,8 +99,9 @@ fn hemisphere() -> Arc<WarpMesh> {
     Arc::new(WarpMesh::new(TriangleMesh::new(Domain::Hemisphere, 4).unwrap(), Measure::Projected))
 }
 
-/// Mean over incoming directions of the variance at end levels 0 to 4, relative to uniform sampling, for both
-/// densities.
+/// Variance of f·cos/pdf, averaged over incoming directions and divided by that of uniform sampling: for densities
+/// constant and linear inside triangles, and for sampling trees that follow the function down to subdivision level 0,
+/// 1, 2, 3 or 4.
 fn table(mesh: &Arc<WarpMesh>, cosines: [f64; 2]) -> [[f64; 5]; 2] {
     let mut rng = Pcg32::new(0x7_ab1e, 9);
     let (mut uniform, mut tree) = (0.0, [[0.0; 5]; 2]);
@@ -139,9 +140,9 @@ fn table_9() {
     }
 }
 
-/// Variance of the weight relative to its squared mean at the full level, averaged over four incoming directions.
-/// Cases: f piecewise constant with a constant density (only the cosine varies in a leaf), and the analytic f with both
-/// densities.
+/// Variance of the sample weight relative to its squared mean, with trees down to the last level, averaged over four
+/// incoming directions. Cases: piecewise constant f with a constant density (only the cosine varies in a triangle), and
+/// the analytic f with constant and linear densities.
 #[test]
 fn the_weight_hardly_varies_at_level_4() {
     let mesh = hemisphere();

@@ -10,13 +10,14 @@ use std::sync::Arc;
 const DENSITIES: [Density; 2] = [Density::Uniform, Density::Linear];
 const MEASURES: [Measure; 2] = [Measure::Projected, Measure::SolidAngle];
 
-/// Positive and rough: neighbours differ by up to a factor of 60; some are exactly 0.
+/// Irregular test numbers: neighbours differ by up to a factor of 10, and some are exactly 0.
 fn rough(i: usize) -> f64 {
     let x = (i.wrapping_mul(2_654_435_761) >> 7) % 61;
     if x < 6 { 0.0 } else { x as f64 / 30.0 }
 }
 
-/// Two cells of rough numbers and rough vertex values, and one of zeros.
+/// Sampling trees of three test functions. The first two have irregular mean values on triangles and values at
+/// vertices, some exactly 0; the third is 0 everywhere.
 fn warps(domain: Domain, level: u8, measure: Measure) -> Warps {
     let mesh = Arc::new(WarpMesh::new(TriangleMesh::new(domain, level).unwrap(), measure));
     let measures = mesh.measures().to_vec();
@@ -32,7 +33,7 @@ fn options(level: Option<u8>, density: Density, defensive: f64) -> SampleOptions
     SampleOptions { level, density, defensive }
 }
 
-/// Every measure × domain × level.
+/// All tested combinations of measure (solid angle or projected solid angle), domain and mesh level.
 fn all(levels: std::ops::RangeInclusive<u8>) -> impl Iterator<Item = Warps> {
     MEASURES.into_iter().flat_map(move |measure| {
         let levels = levels.clone();
@@ -44,8 +45,8 @@ fn direction(v: Vector) -> Direction {
     Direction::new(v[0], v[1], v[2]).unwrap()
 }
 
-/// Integral of the tree's density over the planar triangle of the vertices of `part`, a piece of `leaf`. The density
-/// with respect to area is linear, so that the value at the centroid times the area is exact. dω = (n·p)/|p|³ dA.
+/// Integral of the tree's density over the planar triangle `part`, a piece of `leaf`. The density with respect to area
+/// is linear, so that the value at the centroid times the area is exact. dω = (n·p)/|p|³ dA.
 fn integral(warps: &Warps, cell: usize, leaf: [Vector; 3], part: [Vector; 3], options: &SampleOptions) -> f64 {
     let normal = cross(sub(leaf[1], leaf[0]), sub(leaf[2], leaf[0]));
     let normal = scale(normal, 1.0 / norm(normal));
@@ -98,15 +99,15 @@ fn triangles_of_the_end_level_have_their_share() {
     }
 }
 
-/// The z-score of χ² with `k` degrees of freedom (Wilson & Hilferty 1931).
+/// Standard normal deviate of a χ² value with `k` degrees of freedom (Wilson & Hilferty 1931).
 fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// 2 measures × 3 domains × (1 + 2 + 3 + 4 + 5) end levels of levels 0 to 4 × 2 densities × 2 mixtures = 360 one-sided
-/// tests at significance 0.01 / 360 each (Bonferroni): z < 4.03. A correct sampler fails with probability 1 % for fresh
-/// seeds; these are fixed. Bins are the children of the leaves (they see the density within a leaf), merged until 5
-/// samples are expected.
+/// χ² test of drawn directions: 2 measures × 3 domains × (1 + 2 + 3 + 4 + 5) end levels × 2 densities × 2 mixtures =
+/// 360 one-sided tests, each at significance 0.01 / 360 (Bonferroni): z < 4.03. A correct sampler fails with
+/// probability 1 % for fresh seeds; these are fixed. Bins are the children of the leaves, which show the density within
+/// a leaf, merged until 5 samples are expected in each.
 #[test]
 fn samples_follow_their_density() {
     const N: usize = 20_000;
@@ -245,7 +246,7 @@ fn the_map_is_continuous_within_leaf_squares_and_jumps_only_between_them() {
     }
 }
 
-/// A (0,2)-sequence: van der Corput and Sobol' in base 2, moved by `shift` digit by digit.
+/// (0,2)-sequence of points: van der Corput and Sobol' in base 2, scrambled digit by digit by `shift`.
 fn low_discrepancy(i: u32, shift: [u32; 2]) -> [f64; 2] {
     let mut second = 0_u32;
     let (mut direction, mut n) = (1_u32 << 31, i);
@@ -259,7 +260,7 @@ fn low_discrepancy(i: u32, shift: [u32; 2]) -> [f64; 2] {
     [i.reverse_bits() ^ shift[0], second ^ shift[1]].map(|x| (f64::from(x) + 0.5) / 4_294_967_296.0)
 }
 
-/// Variance over 100 randomisations of estimates of ∫ f, a smooth f, from 1024 points.
+/// Variance, over 100 randomisations, of estimates of the integral of a smooth function f from 1024 drawn points.
 fn variances(warps: &Warps, f: impl Fn(Direction) -> f64, options: &SampleOptions) -> [f64; 3] {
     const N: u32 = 1024;
     const RUNS: usize = 100;

@@ -10,36 +10,40 @@ use std::hint::select_unpredictable;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-/// Direction drawn by a warp.
+/// Direction drawn from a sampling tree, with its density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drawn {
-    /// Drawn direction.
+    /// Drawn direction, a unit vector.
     pub direction: Direction,
-    /// Density in sr⁻¹ of the direction, of the mixture if there is a defensive part; equals [`Warps::pdf`].
+    /// Probability density of the direction in sr⁻¹, including the defensive component if there is one; equals
+    /// [`Warps::pdf`].
     pub pdf: f64,
-    /// Leaf triangle that contains the direction.
+    /// Number of the leaf triangle that contains the direction.
     pub leaf: usize,
-    /// Barycentric coordinates in the planar triangle of the leaf's vertices ([`WarpMesh::corners`]). They allow
-    /// evaluation of a function that is linear on triangles without another search.
+    /// Barycentric coordinates of the drawn direction in the planar triangle of the leaf's vertices
+    /// ([`WarpMesh::corners`]). A function that is linear on triangles can be evaluated from them without another
+    /// search.
     pub coordinates: [f64; 3],
 }
 
-/// Warps of many functions (one for each incoming cell) on one mesh, in flat tables.
+/// Sampling trees that map the unit square to directions in proportion to a function, for many functions (one for each
+/// incoming direction) on one mesh.
 #[derive(Clone, Debug)]
 pub struct Warps {
     mesh: Arc<WarpMesh>,
-    /// Tree of each cell, as fractions of the cell's total.
+    /// Sampling tree of each function: integrals over triangles as fractions of the function's total.
     trees: Vec<Group>,
-    /// Vertex values `[cell, vertex]`, to any scale; empty without vertex values.
+    /// Values `[function, vertex]` at the mesh's vertices of the functions that the sampling trees follow (including
+    /// the cosine factor, if any), divided by each function's largest vertex value; 0 without vertex values.
     vertices: Vec<f32>,
     totals: Vec<f64>,
 }
 
 impl Warps {
-    /// Builds the warps of `cells` functions. `fill(cell, integrals, values)` receives two slices of zeros in the order
-    /// of the mesh. It writes the integral of the cell's function over every leaf (mean × [`WarpMesh::measures`]). It
-    /// also writes the function times the measure's cosine at every vertex ([`WarpMesh::vertices`]). Negative and
-    /// non-finite numbers count as 0.
+    /// Builds the sampling trees of `cells` functions. `fill(cell, integrals, values)` receives two slices of zeros in
+    /// the order of the mesh. It writes the integral of function `cell` over every leaf triangle (mean ×
+    /// [`WarpMesh::measures`]), and the function times the measure's cosine at every vertex. Negative and non-finite
+    /// numbers count as 0.
     pub fn new(mesh: Arc<WarpMesh>, cells: usize, fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync) -> Self {
         let (leaves, groups, points) = (mesh.mesh().len(), mesh.groups(), mesh.vertices().len());
         let mut trees = vec![Group::default(); cells * groups];
@@ -67,49 +71,52 @@ impl Warps {
         Self { mesh, trees, vertices, totals }
     }
 
-    /// Trees of all cells, as fractions of their totals.
+    /// Sampling trees of all functions, with integrals as fractions of each function's total.
     #[inline(always)]
     pub(super) fn groups(&self) -> &[Group] {
         &self.trees
     }
 
-    /// Vertex values `[cell, vertex]`, to any scale.
+    /// Values `[function, vertex]` at the mesh's vertices of the functions that the sampling trees follow, divided by
+    /// each function's largest vertex value.
     #[inline(always)]
     pub(super) fn vertices(&self) -> &[f32] {
         &self.vertices
     }
 
-    /// Tables of the triangles, which do not depend on the material.
+    /// Geometry tables of the triangle mesh (vertices, solid angles, order of the triangles), shared by the sampling
+    /// trees of all functions.
     #[inline]
     pub fn mesh(&self) -> &Arc<WarpMesh> {
         &self.mesh
     }
 
-    /// Number of functions.
+    /// Number of functions, each of which has a sampling tree.
     pub fn cells(&self) -> usize {
         self.totals.len()
     }
 
-    /// Integral of a cell's function over all leaves. If it is 0, only a defensive part draws directions.
+    /// Integral of function `cell` over all leaf triangles. If it is 0, only a defensive component draws directions.
     #[inline]
     pub fn total(&self, cell: usize) -> f64 {
         self.totals[cell]
     }
 
-    /// Mean of a cell's function over a leaf, weighted by the measure, as stored in the tree.
+    /// Mean over a leaf triangle of the function that sampling tree number `cell` follows, weighted by solid angle or
+    /// projected solid angle. It is computed from the f32 probability stored in the tree.
     pub fn mean(&self, cell: usize, leaf: usize) -> f64 {
         f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf)) * self.totals[cell]
             / self.mesh.measures()[leaf]
     }
 
-    /// Memory in bytes, without the shared tables: for each cell, 4 bytes for every triangle of every level and every
-    /// vertex.
+    /// Memory of the trees in bytes, without the shared geometry tables: for each function, 4 bytes for every triangle
+    /// of every level and for every vertex.
     pub fn memory(&self) -> usize {
         size_of::<Self>() + size_of_val(&*self.trees) + size_of_val(&*self.vertices) + size_of_val(&*self.totals)
     }
 
-    /// Draws a direction from a point `u`, clamped to the unit square. A cell of total 0 draws all its directions from
-    /// the defensive part; `None` if there is none.
+    /// Draws a direction in proportion to function `cell` from a point `u`, clamped to the unit square. A function
+    /// whose integral is 0 draws all directions from the defensive component; `None` if there is none.
     #[inline(always)]
     pub fn sample(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Option<Drawn> {
         let [first, second] = u.map(|u| u.clamp(0.0, BELOW_ONE));
@@ -143,8 +150,9 @@ impl Warps {
         }
     }
 
-    /// Point of the unit square that [`Warps::sample`] maps to `direction`; `None` if there is none. In a mixture two
-    /// points map to it: the result is the tree's, or the defensive part's if the tree's density is 0.
+    /// Point of the unit square that [`Warps::sample`] maps to `direction`; `None` if there is none. With a defensive
+    /// component two points map to a direction: the result is the tree's point, or the defensive one if the tree's
+    /// density is 0.
     pub fn invert(&self, cell: usize, direction: Direction, options: &SampleOptions) -> Option<[f64; 2]> {
         let defensive = self.defensive(cell, options);
         let (leaf, coordinates, _) = self.mesh.locate(direction)?;
@@ -157,7 +165,7 @@ impl Warps {
         (defensive > 0.0).then_some([1.0 - defensive + u * defensive, v])
     }
 
-    /// Fraction drawn by the defensive part.
+    /// Fraction of directions that the defensive component draws.
     fn defensive(&self, cell: usize, options: &SampleOptions) -> f64 {
         if self.totals[cell] > 0.0 {
             options.defensive.clamp(0.0, BELOW_ONE)
@@ -179,14 +187,15 @@ impl Warps {
         &self.trees[cell * groups..][..groups]
     }
 
-    /// Probability of triangle `node` of `level`.
+    /// Probability with which a sampling tree reaches triangle number `node` of a level.
     #[inline(always)]
     fn probability_at(&self, cell: usize, level: u8, node: usize) -> f32 {
         let slot = self.mesh.slot(level, node);
         self.tree(cell)[slot / 8].0[slot % 8]
     }
 
-    /// Probability of a leaf with the end level `end`.
+    /// Probability with which a sampling tree reaches a leaf triangle if the tree stops following the function at level
+    /// `end`.
     fn probability(&self, cell: usize, end: u8, leaf: usize) -> f64 {
         let level = self.mesh.mesh().level();
         if end == level {
@@ -198,7 +207,7 @@ impl Warps {
         f64::from(self.probability_at(cell, end, node)) * self.mesh.measures()[leaf] / of_measure
     }
 
-    /// Shape numbers at the vertices for the linear density inside a leaf.
+    /// Values at the mesh's vertices to which the linear density inside a leaf triangle is proportional.
     #[inline(always)]
     fn shape(&self, cell: usize, end: u8) -> &[f32] {
         if end == self.mesh.mesh().level() {
@@ -209,14 +218,16 @@ impl Warps {
         }
     }
 
-    /// Density in sr⁻¹ of the tree at a unit vector in `leaf`, uniform in leaves of the last level.
+    /// Density in sr⁻¹ with which a sampling tree draws a unit vector in triangle `leaf`, if the density is uniform
+    /// inside leaf triangles.
     #[inline(always)]
     pub(in crate::evaluate) fn uniform_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         f64::from(self.probability_at(cell, self.mesh.mesh().level(), leaf))
             * self.mesh.coordinates_in(leaf, direction).1
     }
 
-    /// Like [`Warps::uniform_density`], but linear in leaves of the last level.
+    /// Density in sr⁻¹ with which a sampling tree draws a unit vector in triangle `leaf`, if the density is linear
+    /// inside leaf triangles.
     #[inline(always)]
     pub(in crate::evaluate) fn linear_density(&self, cell: usize, leaf: usize, direction: [f64; 3]) -> f64 {
         let level = self.mesh.mesh().level();
@@ -225,7 +236,8 @@ impl Warps {
         self.linear_in(cell, level, leaf, probability, coordinates) * factor
     }
 
-    /// Sum of [`Warps::linear_density`] over several cells, weighted by their shares.
+    /// Density in sr⁻¹ with which a mixture of sampling trees draws a unit vector in triangle `leaf`, if the density is
+    /// linear inside leaf triangles. Tree number `cells[k]` is drawn from with probability `shares[k]`.
     #[inline(always)]
     pub(in crate::evaluate) fn linear_densities(
         &self,
@@ -244,7 +256,8 @@ impl Warps {
         sum
     }
 
-    /// Linear density inside a leaf of this probability, with respect to its triangle.
+    /// Linear density at a point of a leaf triangle that is reached with the given probability. The density is relative
+    /// to a uniform one in the triangle: its mean is the probability.
     #[inline(always)]
     fn linear_in(&self, cell: usize, end: u8, leaf: usize, probability: f64, coordinates: [f64; 3]) -> f64 {
         let shape = self.shape(cell, end);
@@ -252,7 +265,8 @@ impl Warps {
         linear_at(probability, values, coordinates)
     }
 
-    /// Leaf that contains a direction, its coordinates there, and the tree's density in sr⁻¹.
+    /// Leaf triangle that contains a direction, the direction's barycentric coordinates in it, and the tree's density
+    /// in sr⁻¹.
     #[inline(always)]
     fn leaf_density(
         &self,
@@ -270,7 +284,7 @@ impl Warps {
         Some((leaf, coordinates, density * factor))
     }
 
-    /// Draws a direction by the tree alone.
+    /// Draws a direction from the sampling tree alone, without a defensive component.
     #[inline(always)]
     fn draw(&self, cell: usize, u: [f64; 2], options: &SampleOptions) -> Drawn {
         let end = self.end(options);
@@ -304,7 +318,8 @@ impl Warps {
         Drawn { direction, pdf: density * factor, leaf, coordinates }
     }
 
-    /// Returns the point of the unit square that [`Warps::draw`] maps to these barycentric coordinates in a leaf.
+    /// Returns the point of the unit square that [`Warps::draw`] maps to the given barycentric coordinates in a leaf
+    /// triangle.
     fn place(&self, cell: usize, leaf: usize, coordinates: [f64; 3], options: &SampleOptions) -> [f64; 2] {
         let (last, end) = (self.mesh.mesh().level(), self.end(options));
         let place = self.mesh.place(last, leaf);
@@ -334,8 +349,8 @@ impl Warps {
         [0, 1].map(|k| (offset[k] + scale[k] * u[k]).clamp(0.0, BELOW_ONE))
     }
 
-    /// Descends to a square of leaves. `decide` chooses a quadrant from a level and four weights. Returns the square
-    /// and the probabilities of its halves.
+    /// Descends a sampling tree to a square of two leaf triangles. `decide` chooses a quadrant from a level and four
+    /// weights. Returns the square's number and the probabilities of its triangles.
     #[inline(always)]
     fn descend(&self, cell: usize, end: u8, mut decide: impl FnMut(u8, [f64; 4]) -> usize) -> (usize, [f64; 2]) {
         let (mesh, last) = (&*self.mesh, self.mesh.mesh().level());
@@ -379,7 +394,7 @@ impl Warps {
         (square, [measures[0] * lower, measures[1] * upper])
     }
 
-    /// Linear density on a square of leaves.
+    /// Linear density on a square of two leaf triangles.
     fn linear(&self, cell: usize, end: u8, square: usize, masses: [f64; 2]) -> Linear {
         let shape = self.shape(cell, end);
         let [start, upper, lower, end] = self.mesh.quad(square);
@@ -388,7 +403,8 @@ impl Warps {
         Linear::new(masses, [[value(lower), start, end], [value(upper), start, end]])
     }
 
-    /// Defensive density in sr⁻¹ on the domain: |cos θ| over its integral, or 1 over the solid angle.
+    /// Density in sr⁻¹ of defensive sampling over the whole domain: |cos θ| over its integral, or 1 over the solid
+    /// angle.
     pub(in crate::evaluate) fn background(&self, direction: Direction) -> f64 {
         let sides = if self.mesh.mesh().domain() == Domain::Sphere { 0.5 } else { 1.0 };
         match self.mesh.measure() {
@@ -397,8 +413,8 @@ impl Warps {
         }
     }
 
-    /// Draws a defensive direction by polar angles. The first coordinate gives the height (each hemisphere of a sphere
-    /// takes half of its range), the second the azimuth.
+    /// Draws a defensive direction (independent of the function). The first coordinate gives the height above the
+    /// horizon (each hemisphere of a sphere takes half of its range), the second the azimuth.
     pub(in crate::evaluate) fn draw_background(&self, [mut u, v]: [f64; 2]) -> Direction {
         let mut down = self.mesh.mesh().domain() == Domain::Lower;
         if self.mesh.mesh().domain() == Domain::Sphere {
@@ -429,8 +445,8 @@ impl Warps {
     }
 }
 
-/// Runs `work` on each of `items` of some `size`, on as many threads as rayon has, but on none of rayon's. Trees are
-/// built on first use by a thread for which others may wait, and rayon's threads must not be among those.
+/// Runs `work` on each of `items` of `size` leaves, on as many threads as rayon has, but on none of rayon's. Sampling
+/// trees are built on first use by a thread for which others may wait, so that rayon's threads must not be needed.
 fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
     let threads = rayon::current_num_threads().min(items.len() * size / LEAST_WORK).max(1);
     let share = items.len().div_ceil(threads).max(1);
@@ -452,5 +468,5 @@ fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
     });
 }
 
-/// Minimum number of leaves for which a thread pays off.
+/// Minimum number of leaf triangles for which an additional thread pays off.
 const LEAST_WORK: usize = 1 << 14;

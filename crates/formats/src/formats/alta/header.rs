@@ -8,18 +8,18 @@ use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Source, snippet};
 use crate::notes::{ScatteringNote, ValueNote};
 
-/// Upper bound on the values in a row: three channels.
+/// Upper bound on the number of values in a row of an ALTA file: three channels.
 pub(super) const MOST_VALUES: usize = 3;
-/// Upper bound on the header lines that are examined.
+/// Upper bound on the header lines of an ALTA file that are examined. Raising it recognises files with longer comments.
 const LOOKED_AT: usize = 200;
-/// Advice for the user of a file that is not read.
+/// Advice for the user of an ALTA file that cannot be read.
 const CONVERT: &str = "convert it with ALTA (`data2data --param ISOTROPIC_TV_TL_DPHI`, or SPHERICAL_TL_PL_TV_PV where it is \
                        anisotropic), or write its directions and values as radiometric-csv";
 
-/// Layout of the rows of a file.
+/// Contents of the rows of an ALTA file.
 pub(super) struct Header {
     pub(super) coordinates: Coordinates,
-    /// Values in a row: 1, or 3 for RGB.
+    /// Number of values in a row of an ALTA file: 1, or 3 for RGB.
     pub(super) values: usize,
 }
 
@@ -30,7 +30,7 @@ fn field(line: &str) -> Option<(&str, &str)> {
     Some((key, value.trim()))
 }
 
-/// Returns true if the first lines name ALTA's coordinates, values or dimensions.
+/// Returns true if the first lines of a file name ALTA's coordinates, values or dimensions.
 pub(super) fn is_header(head: &str) -> bool {
     let is_dimensions = |value: &str| {
         value.split_whitespace().count() == 2 && value.split_whitespace().all(|n| n.parse::<u32>().is_ok())
@@ -50,7 +50,7 @@ fn unsupported(message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::Unsupported, NAME, message)
 }
 
-/// Reads the header; refuses files with missing or unsupported fields.
+/// Reads the header of an ALTA file; refuses files with missing or unsupported fields.
 pub(super) fn read(source: &Source, how: &Interpretation, report: &mut ParseReport) -> Result<Header, FormatError> {
     let mut fields: Vec<(&str, &str, usize)> = Vec::new();
     for line in source.lines().take(LOOKED_AT) {
@@ -108,7 +108,7 @@ fn coordinates(name: Option<&str>) -> Result<Coordinates, FormatError> {
     }
 }
 
-/// Refuses values that are not a BRDF in 1/sr, or more values than channels.
+/// Refuses an ALTA file whose values are not a BRDF in 1/sr, or that has more values in a row than channels.
 fn check_values(
     name: Option<&str>,
     count: usize,

@@ -33,9 +33,11 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Angles are rounded to multiples of 1/ROUNDING degrees, so that grids are recognised: files have 6 to 15 digits.
+/// Number of rounding steps of angles in one degree, so that grids are recognised in numbers of 6 to 15 digits. Raising
+/// it keeps more rounding errors of files.
 const ROUNDING: f64 = 1e4;
-/// Cosine by which rounded angles may lie below the horizon: 0.006 degrees.
+/// Depth, as a cosine, by which a rounded direction may lie below the horizon: 0.006 degrees. Raising it accepts more
+/// directions below the horizon.
 const HORIZON: f64 = 1e-4;
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -72,7 +74,7 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Pairs of directions in degrees, and their values.
+/// Pairs of directions of an ALTA file, `[theta_i, phi_i, theta_o, phi_o]` in degrees, and their values.
 struct Rows {
     pairs: Vec<[f64; 4]>,
     values: Vec<f32>,
@@ -125,8 +127,8 @@ fn rows(source: &Source, header: &Header, report: &mut ParseReport) -> Result<Ro
     Ok(rows)
 }
 
-/// Reads the numbers of a line; a missing value becomes NaN. Returns the count of numbers in the line, including
-/// confidence limits (at most two for each of `values`).
+/// Reads the numbers of a row of an ALTA file; a missing value becomes NaN. Returns the count of numbers in the row,
+/// including confidence limits (at most two for each of `values`).
 fn row(source: &Source, line: Token<'_>, numbers: &mut [f64], values: usize) -> Result<usize, FormatError> {
     let coordinates = numbers.len() - values;
     let (mut tokens, mut count) = (Tokens::new(line.text, 0), 0);
@@ -161,8 +163,8 @@ fn row(source: &Source, line: Token<'_>, numbers: &mut [f64], values: usize) -> 
     Ok(count)
 }
 
-/// Returns the angles of a pair of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees; `None` if one is below
-/// the horizon.
+/// Returns the angles of a pair of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees; `None` if a direction is
+/// below the horizon.
 fn above(pair: &Pair) -> Option<[f64; 4]> {
     let mut angles = [0.0; 4];
     for (direction, angles) in [pair.light, pair.view].into_iter().zip(angles.chunks_exact_mut(2)) {

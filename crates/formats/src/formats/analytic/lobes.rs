@@ -4,15 +4,15 @@ use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, cross, dot, norm, scale, sub, unit};
 use std::f64::consts::PI;
 
-/// Prepared lobe: value(wi, wo, λ) = shape(wi, wo) · weight(λ) · fresnel(cos, λ).
+/// Lobe prepared for evaluation: value(wi, wo, λ) = shape(wi, wo) · weight(λ) · fresnel(cos, λ).
 pub(super) struct Lobe {
     pub(super) shape: Shape,
-    /// One factor per wavelength.
+    /// Weight of the lobe at each wavelength.
     pub(super) weight: Vec<f64>,
     pub(super) interface: Option<Interface>,
 }
 
-/// Dependence of a lobe on the directions.
+/// Part of a lobe that depends on the directions only.
 pub(super) enum Shape {
     Lambert,
     LambertTransmission,
@@ -46,23 +46,25 @@ pub(super) enum Shape {
         axis: Vector,
         exponent: f64,
     },
-    /// Constant 1 in every direction.
+    /// Factor 1 for every pair of directions. It stands for isotropic emission, for spectra without directions, and for
+    /// reflectances whose dependence on direction is in the Fresnel factor alone.
     Constant,
 }
 
-/// Optical constants of an interface, one entry per wavelength.
+/// Optical constants of an interface at each wavelength: refractive index, complex index or normal reflectance.
 pub(super) enum Interface {
     Dielectric(Vec<f64>),
     Conductor(Vec<(f64, f64)>),
     Schlick(Vec<f64>),
 }
 
-/// Local x, y and z axes of a lobe.
+/// Orthonormal x, y and z axes of a lobe in the surface frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axes([Vector; 3]);
 
 impl Axes {
-    /// Axes with a normal tilted by `tilt` towards azimuth `toward` and rotated by `turn` about it; degrees.
+    /// Creates the axes of a lobe whose normal is tilted by `tilt` towards azimuth `toward`, with the x axis rotated by
+    /// `turn` about the normal; degrees.
     pub(super) fn new(turn: f64, tilt: f64, toward: f64) -> Self {
         let z = Direction::from_degrees(tilt, toward).xyz();
         let along = Direction::from_degrees(90.0, turn).xyz();
@@ -75,12 +77,12 @@ impl Axes {
     }
 }
 
-/// Lower bound on cosines. Quotients are evaluated there at grazing angles, where lobes have finite limits but 0/0 has
-/// none.
+/// Lower bound on cosines in denominators. At grazing angles a quotient of lobes is evaluated with it, where its limit
+/// is finite but 0/0 is undefined.
 const HORIZON: f64 = 1e-6;
 
 impl Shape {
-    /// Returns the value for `wi` and `wo`, and the cosine of incidence at the interface.
+    /// Returns the part of a lobe that depends on `wi` and `wo`, and the cosine of incidence for Fresnel's equations.
     pub(super) fn at(&self, wi: Vector, wo: Vector) -> (f64, f64) {
         let same_side = wi[2] * wo[2] >= 0.0;
         match *self {
@@ -120,7 +122,8 @@ impl Shape {
 }
 
 impl Interface {
-    /// Returns the reflectance of unpolarised light at wavelength number `lambda`.
+    /// Returns the Fresnel reflectance of unpolarised light; `lambda` is the index of the wavelength, `cosine` that of
+    /// incidence.
     pub(super) fn reflectance(&self, lambda: usize, cosine: f64) -> f64 {
         match self {
             Self::Dielectric(n) => dielectric(n[lambda], cosine),
@@ -134,7 +137,8 @@ impl Interface {
     }
 }
 
-/// Oren–Nayar lobe without the reflectance ρ; Oren & Nayar 1994, equation 30.
+/// Returns the Oren–Nayar BRDF for a reflectance of 1; `a` and `b` follow from the roughness (Oren & Nayar 1994,
+/// equation 30).
 fn oren_nayar(wi: Vector, wo: Vector, a: f64, b: f64) -> f64 {
     let (ci, co) = (wi[2].abs(), wo[2].abs());
     let (si, so) = ((1.0 - ci * ci).max(0.0).sqrt(), (1.0 - co * co).max(0.0).sqrt());
@@ -144,7 +148,7 @@ fn oren_nayar(wi: Vector, wo: Vector, a: f64, b: f64) -> f64 {
     (a + b * span) / PI
 }
 
-/// Returns D·G/(4 cos θi cos θo), and the cosine between `wi` and the half vector.
+/// Returns the GGX microfacet term D·G/(4 cos θi cos θo), and the cosine between `wi` and the half vector.
 fn ggx(wi: Vector, wo: Vector, (ax, ay): (f64, f64), frame: &Axes) -> (f64, f64) {
     let sum = add(wi, wo);
     let length = norm(sum);

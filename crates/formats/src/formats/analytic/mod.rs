@@ -52,12 +52,13 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Upper bound on the document's size in bytes; tables of spectra fit many times over.
+/// Upper bound on the size, in bytes, of the JSON document that describes a measurement to be computed from a model.
+/// Raising it accepts larger tables of spectra.
 const MAX_BYTES: usize = 1 << 24;
-/// Upper bound on direction pairs times wavelengths in one document; a lobe without a Fresnel term counts one
-/// wavelength.
+/// Upper bound on the evaluations of a model: direction pairs times wavelengths, where a lobe without a Fresnel term
+/// counts one wavelength. Raising it allows finer axes and longer computations.
 const MAX_EVALUATIONS: usize = 1 << 31;
-/// Default wavelength in nm of data without a wavelength axis.
+/// Default wavelength in nm at which a model without a wavelength axis is evaluated.
 const WAVELENGTH: f64 = 550.0;
 
 fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
@@ -90,7 +91,7 @@ fn malformed(message: impl Into<String>) -> FormatError {
     refuse(FormatErrorKind::Malformed, message)
 }
 
-/// Returns the parser's message without its trailing position.
+/// Returns the JSON parser's message without the position at its end.
 fn plain(error: &serde_json::Error) -> String {
     let text = error.to_string();
     text.rsplit_once(" at line ").map_or(text.clone(), |(message, _)| message.to_owned())
@@ -106,7 +107,7 @@ fn check(noise: Noise) -> Result<(), FormatError> {
     Ok(())
 }
 
-/// Returns the acquisition with all its axes and with zeros as samples.
+/// Creates a measurement whose samples will be computed from a model: all its axes, with 0 for every sample so far.
 fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, FormatError> {
     let ours = |e: FormatError| FormatError { format: NAME, ..e };
     let mut described = json!({"axes": document.axes});
@@ -151,7 +152,7 @@ fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, Forma
     Ok(acquisition)
 }
 
-/// Evaluation points of the samples.
+/// Directions and wavelengths at which the model is evaluated for the samples.
 struct Axes {
     incoming: Option<Entries>,
     outgoing: Option<Entries>,
@@ -250,7 +251,8 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
     }
 }
 
-/// Checks that reflection goes up and transmission down; any other domain would give zeros that look like data.
+/// Refuses a BRDF with outgoing directions below the surface, and a BTDF with outgoing directions above: the model
+/// would give zeros that look like data.
 fn check_domains(quantity: Quantity, outgoing: Option<&Axis>) -> Result<(), FormatError> {
     let expected = match quantity {
         Quantity::Brdf => Domain::Hemisphere,
@@ -278,7 +280,8 @@ fn bound(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize)
     Ok(())
 }
 
-/// Notes an albedo above 1: an unphysical model is allowed, but its author should know.
+/// Adds a note if the model has a directional albedo above 1. An unphysical model is allowed, but its author should
+/// know.
 fn note_energy(lobes: &[Lobe], lambdas: &[f64], report: &mut ParseReport) {
     const THETAS: [f64; 4] = [0.0, 30.0, 60.0, 80.0];
     let worst = THETAS.map(|theta| {
@@ -293,7 +296,8 @@ fn note_energy(lobes: &[Lobe], lambdas: &[f64], report: &mut ParseReport) {
     }
 }
 
-/// Returns the directional albedo, one number per wavelength, by quadrature over a fine hemisphere.
+/// Returns the directional albedo of the lobes for light from polar angle `theta` in degrees, one number per
+/// wavelength, by quadrature over a fine hemisphere.
 fn albedo(lobes: &[Lobe], theta: f64, lambdas: usize) -> Vec<f64> {
     let mut total = vec![0.0; lambdas];
     let Some(mesh) = crate::domain::TriangleMesh::new(Domain::Hemisphere, 5) else { return total };

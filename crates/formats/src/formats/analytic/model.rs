@@ -5,12 +5,14 @@ use super::lobes::{Axes, Interface, Lobe, Shape};
 use super::spectra;
 use crate::domain::{Direction, Quantity};
 
-/// Upper bound on the lobes of one model.
+/// Upper bound on the number of lobes in one model.
 const MAX_LOBES: usize = 256;
-/// Lower bound on the GGX roughness: narrower lobes fall between the points of any mesh.
+/// Lower bound on the GGX roughness: narrower lobes fall between the sample points of any triangle mesh. Lowering it
+/// allows narrower lobes.
 const MIN_ALPHA: f64 = 0.001;
 
-/// Returns the lobes of `model` at `lambdas` (nm) for `quantity`, or a message that names the faulty field.
+/// Returns the lobes of `model` at the wavelengths `lambdas` (nm) for `quantity`, or a message that names the faulty
+/// field.
 pub(super) fn lobes(model: &Model, quantity: Quantity, lambdas: &[f64]) -> Result<Vec<Lobe>, String> {
     let mut maker = Maker { quantity, lambdas, lobes: Vec::new() };
     maker.add("model", model, &vec![1.0; lambdas.len()])?;
@@ -69,7 +71,7 @@ impl Maker<'_> {
         Ok(())
     }
 
-    /// Checks that the weights of a phase function sum to 1 at every wavelength.
+    /// Refuses a phase function whose lobe weights do not sum to 1 at every wavelength.
     fn whole(&self) -> Result<(), String> {
         for (i, lambda) in self.lambdas.iter().enumerate() {
             let total: f64 = self.lobes.iter().map(|lobe| lobe.weight[i]).sum();
@@ -104,7 +106,7 @@ fn name(model: &Model) -> &'static str {
     }
 }
 
-/// Returns the quantities that a lobe can contribute to.
+/// Returns the radiometric quantities to which a kind of lobe can contribute.
 fn fits(model: &Model) -> &'static [Quantity] {
     match model {
         Model::Lambert { .. } | Model::OrenNayar { .. } | Model::Ggx { .. } | Model::Asperity { .. } => {
@@ -126,7 +128,8 @@ fn fits(model: &Model) -> &'static [Quantity] {
 
 type Range = (f64, f64);
 
-/// Returns the spectrum of the lobe itself with the name and the allowed range of its field.
+/// Returns the spectrum that is a parameter of the lobe itself, such as its reflectance, with the name and the allowed
+/// range of the parameter.
 fn own_weight(model: &Model, quantity: Quantity) -> Option<(&'static str, &spectra::Shape, Range)> {
     match model {
         Model::Lambert { reflectance } | Model::OrenNayar { reflectance, .. } => {

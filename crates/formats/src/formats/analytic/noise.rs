@@ -5,7 +5,7 @@ use crate::numeric::random::open;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-/// A stream of independent normal deviates with mean 0 and variance 1 (Box & Muller 1958).
+/// Stream of independent normal random numbers with mean 0 and variance 1 (Box & Muller 1958).
 struct Normal {
     uniform: Pcg64,
     spare: Option<f64>,
@@ -27,7 +27,7 @@ impl Normal {
     }
 }
 
-/// Adds noise to the samples in order.
+/// Adds simulated noise to the samples in their order.
 pub(super) fn disturb(samples: &mut [f32], noise: Noise) {
     let mut normal = Normal::new(noise.seed);
     for sample in samples {

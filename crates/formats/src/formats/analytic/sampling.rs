@@ -6,28 +6,30 @@ use crate::domain::{Axis, Direction, TriangleMesh, Vertices, centroid, child, so
 use crate::formats::{Angles, AzimuthExtent, Azimuths};
 use rayon::prelude::*;
 
-/// Quadrature points of one axis of directions. Every entry has the same number of points, with weights that sum to 1.
+/// Quadrature points for each entry of an axis of directions. Every entry has an equal number of points, with weights
+/// that sum to 1.
 pub(super) struct Entries {
     points: usize,
     directions: Vec<(Vector, f64)>,
 }
 
-/// Number of values that one task computes at a time.
+/// Upper bound on the number of values that one parallel task computes at a time.
 const BLOCK: usize = 1 << 12;
 
 impl Entries {
-    /// Placeholder for an absent axis: one entry, straight up.
+    /// Returns the quadrature points for a measurement without an axis of directions: a single one, straight up.
     pub(super) fn none() -> Self {
         Self { points: 1, directions: vec![([0.0, 0.0, 1.0], 1.0)] }
     }
 
-    /// One point per triangle: its centroid.
+    /// Returns one point per triangle of a mesh: its centroid.
     pub(super) fn centroids(mesh: TriangleMesh) -> Self {
         let directions = (0..mesh.len()).map(|i| (mesh.centroid(i).xyz(), 1.0)).collect();
         Self { points: 1, directions }
     }
 
-    /// Points for averages over triangles: each is subdivided at least once, and at least to level 3.
+    /// Returns the quadrature points for averages over the triangles of a mesh: each triangle is subdivided at least
+    /// once, and at least to level 3.
     pub(super) fn averages(mesh: TriangleMesh) -> Self {
         let depth = 3_u8.saturating_sub(mesh.level()).max(1);
         let points = 1_usize << (2 * u32::from(depth));
@@ -46,13 +48,14 @@ impl Entries {
         Self { points, directions }
     }
 
-    /// One point per elevation, at azimuth 0.
+    /// Returns one point per polar angle in degrees, at azimuth 0.
     pub(super) fn elevations(thetas: &[f64]) -> Self {
         let directions = thetas.iter().map(|&theta| (Direction::from_degrees(theta, 0.0).xyz(), 1.0)).collect();
         Self { points: 1, directions }
     }
 
-    /// One point per pair of angles, theta outermost; azimuth 0 if the grid has none.
+    /// Returns one point per pair of a polar angle and an azimuth, the polar angle varying slowest; azimuth 0 if the
+    /// grid has none.
     pub(super) fn angles(angles: &Angles) -> Self {
         let zero = Azimuths { phi: vec![0.0], extent: AzimuthExtent::Circle };
         let azimuths = &angles.phi.as_ref().unwrap_or(&zero).phi;
@@ -62,12 +65,12 @@ impl Entries {
         Self { points: 1, directions }
     }
 
-    /// Returns the number of entries.
+    /// Returns the number of entries of the axis of directions.
     pub(super) fn len(&self) -> usize {
         self.directions.len() / self.points
     }
 
-    /// Returns the number of quadrature points per entry.
+    /// Returns the number of quadrature points per entry of the axis of directions.
     pub(super) fn points(&self) -> usize {
         self.points
     }
@@ -77,7 +80,8 @@ impl Entries {
     }
 }
 
-/// Returns the points of `axis`, for averages or for point values; `None` for an axis without directions.
+/// Returns the quadrature points of an axis of directions: for averages over its triangles or for point values; `None`
+/// for an axis without directions.
 pub(super) fn entries(axis: &Axis, average: bool) -> Option<Entries> {
     match axis {
         Axis::Triangles(mesh) if average => Some(Entries::averages(*mesh)),
@@ -87,7 +91,7 @@ pub(super) fn entries(axis: &Axis, average: bool) -> Option<Entries> {
     }
 }
 
-/// Evaluates the lobes; returns values `[incoming, outgoing, lambda]`, row-major.
+/// Evaluates the lobes of a model; returns values `[incoming, outgoing, lambda]`, row-major.
 pub(super) fn evaluate(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize) -> Vec<f32> {
     let outgoing_len = outgoing.len();
     let mut values = vec![0.0_f32; incoming.len() * outgoing_len * lambdas];

@@ -6,28 +6,28 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
 
-/// A function of wavelength: `0.5`, `"light skin"`, `{"planck": {"kelvin": 2856}}`, …
+/// Function of wavelength in a model: `0.5`, `"light skin"`, `{"planck": {"kelvin": 2856}}`, …
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Shape(Kind);
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Kind {
-    /// Constant over wavelength.
+    /// Spectrum that is constant over wavelength.
     Constant(f64),
-    /// A patch of the `ColorChecker` (N. Ohta).
+    /// Reflectance of a patch of the `ColorChecker` (N. Ohta), by its name.
     Colorchecker(String),
-    /// Linear between the tabulated values, constant outside.
+    /// Spectrum that is linear between the tabulated values and constant outside them.
     Table { wavelengths: Vec<f64>, values: Vec<f64> },
-    /// Planck's law per wavelength, normalised to 1 at 560 nm.
+    /// Blackbody spectrum by Planck's law per unit of wavelength, normalised to 1 at 560 nm.
     Planck { kelvin: f64 },
-    /// `base + Σ height·exp(−½((λ − at)/width)²)`.
+    /// Sum of Gaussian peaks, `base + Σ height·exp(−½((λ − at)/width)²)`, in nm.
     Gaussians {
         #[serde(default)]
         base: f64,
         peaks: Vec<Peak>,
     },
-    /// Smooth step from `low` to `high` centred at `at`, over about 4 `width` nm.
+    /// Smooth step over wavelength from `low` to `high`, centred at `at`, over about 4 `width` nm.
     Sigmoid { low: f64, high: f64, at: f64, width: f64 },
 }
 
@@ -39,13 +39,13 @@ struct Peak {
     height: f64,
 }
 
-/// The second radiation constant hc/k in nm·K (CODATA 2018).
+/// Second radiation constant hc/k in nm·K (CODATA 2018).
 const SECOND_RADIATION: f64 = 1.438_776_877e7;
 const REFERENCE_NM: f64 = 560.0;
 const PATCHES: &str = include_str!("../../../../../data/colorchecker_n_ohta.csv");
 
 impl Shape {
-    /// Returns the values at `lambdas` (nm), or a message about an invalid description.
+    /// Returns the values of the spectrum at the wavelengths `lambdas` (nm), or a message about an invalid description.
     pub(super) fn at(&self, lambdas: &[f64]) -> Result<Vec<f64>, String> {
         let values = self.evaluate(lambdas)?;
         match values.iter().zip(lambdas).find(|(value, _)| !value.is_finite()) {

@@ -10,40 +10,40 @@ use std::collections::HashSet;
 use std::io::{Cursor, Read};
 use zip::{CompressionMethod, ZipArchive, result::ZipError};
 
-/// Upper bound on the files in one archive.
+/// Upper bound on the number of files in one archive.
 pub(super) const MAX_MEMBERS: usize = 1000;
-/// Upper bound on the unpacked size of all files together, in bytes.
+/// Upper bound on the unpacked size of all files in an archive together, in bytes.
 const MAX_UNPACKED: u64 = 2 << 30;
-/// Upper bound on the unpacked bytes per byte of the archive, beyond an allowance of [`FREE`] bytes. Tables of numbers
-/// reach about 10.
+/// Upper bound on the unpacked bytes per byte of an archive, beyond an allowance of [`FREE`] bytes. Tables of numbers
+/// reach about 10. Raising it accepts archives that expand more.
 const MAX_RATIO: u64 = 200;
 const FREE: u64 = 1 << 20;
-/// Upper bound on the length of a name in bytes.
+/// Upper bound on the length of a file's name in an archive, in bytes.
 const MAX_NAME: usize = 1024;
-/// Suffixes of the names of an array and of its manifest.
+/// Suffixes of the file names of an array and of the manifest that describes its axes.
 const ARRAY: &str = ".npy";
 const MANIFEST: &str = ".axes.json";
-/// Upper bound on the names listed in a message.
+/// Upper bound on the number of file names that a message lists.
 const SHOWN: usize = 10;
 
-/// A file of an archive.
+/// File within an archive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Member {
-    /// Name including folders, separated by `/`.
+    /// Name of the file in the archive, including folders, separated by `/`.
     pub name: String,
-    /// Unpacked size in bytes.
+    /// Unpacked size of the file in bytes.
     pub bytes: u64,
     index: usize,
 }
 
-/// An archive whose names and sizes are within their limits.
+/// Zip archive whose file names and sizes are within their limits.
 #[derive(Debug)]
 pub struct Archive<'a> {
     zip: ZipArchive<Cursor<&'a [u8]>>,
     members: Vec<Member>,
 }
 
-/// Returns true if `bytes` start a zip archive other than a spreadsheet workbook.
+/// Returns true if `bytes` begin as a zip archive other than a spreadsheet workbook.
 pub fn is_archive(bytes: &[u8]) -> bool {
     (bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")) && !foreign::is_workbook(bytes)
 }
@@ -53,7 +53,7 @@ pub(super) fn refused(kind: FormatErrorKind, message: impl Into<String>) -> Form
 }
 
 impl<'a> Archive<'a> {
-    /// Reads the list of members without unpacking any.
+    /// Reads the list of files in an archive without unpacking any.
     pub fn open(bytes: &'a [u8]) -> Result<Self, FormatError> {
         let mut zip = ZipArchive::new(Cursor::new(bytes)).map_err(|error| broken("the archive", &error))?;
         if zip.len() > MAX_MEMBERS {
@@ -100,12 +100,12 @@ impl<'a> Archive<'a> {
         Ok(Self { zip, members })
     }
 
-    /// Returns the files, sorted by name, without those that operating systems add.
+    /// Returns the files of the archive, sorted by name, without the files that operating systems add.
     pub fn members(&self) -> &[Member] {
         &self.members
     }
 
-    /// Unpacks a member and checks it against its size and checksum.
+    /// Unpacks a file of the archive and checks it against its size and checksum.
     pub fn unpack(&mut self, member: &Member) -> Result<Vec<u8>, FormatError> {
         let quoted = snippet(&member.name);
         let file = self.zip.by_index(member.index).map_err(|error| broken(&quoted, &error))?;
@@ -127,7 +127,8 @@ impl<'a> Archive<'a> {
         Ok(bytes)
     }
 
-    /// Returns the manifest of an array: the member `NAME.axes.json` beside it.
+    /// Returns the manifest of an array, from the file `NAME.axes.json` beside it in the archive; `None` if there is
+    /// none.
     pub fn manifest_of(&mut self, array: &Member) -> Result<Option<serde_json::Value>, FormatError> {
         let Some(stem) = array.name.strip_suffix(ARRAY) else { return Ok(None) };
         let name = format!("{stem}{MANIFEST}");
@@ -138,13 +139,13 @@ impl<'a> Archive<'a> {
         })
     }
 
-    /// Returns true if the member is the manifest of an array beside it.
+    /// Returns true if a file of the archive is the manifest of an array beside it.
     pub fn is_manifest(&self, member: &Member) -> bool {
         let Some(stem) = member.name.strip_suffix(MANIFEST) else { return false };
         self.members.iter().any(|other| other.name.strip_suffix(ARRAY) == Some(stem))
     }
 
-    /// Returns the member with that full name, or the only one with that name in any folder.
+    /// Returns the file of the archive with that full name, or the only one with that name in any folder.
     pub(super) fn find(&self, wanted: &str) -> Result<Member, FormatError> {
         let exact = self.members.iter().find(|member| member.name == wanted);
         let mut bare = self.members.iter().filter(|member| member.name.rsplit('/').next() == Some(wanted));
@@ -163,14 +164,15 @@ impl<'a> Archive<'a> {
     }
 }
 
-/// Returns the names of the first members, for messages.
+/// Returns the names of the first files of an archive, for messages.
 pub(super) fn listed(members: &[Member]) -> String {
     let shown: Vec<String> = members.iter().take(SHOWN).map(|member| snippet(&member.name)).collect();
     let more = members.len().saturating_sub(SHOWN);
     format!("{}{}", shown.join(", "), if more > 0 { format!(" and {more} more") } else { String::new() })
 }
 
-/// Returns the name unless it points outside the archive (absolute, with `..`, `\` or `:`), is empty or is too long.
+/// Returns the name of a file in an archive. Refuses a name that points outside the archive (absolute, with `..`, `\`
+/// or `:`), is empty or is too long.
 fn checked_name(name: &str) -> Result<String, FormatError> {
     let outside = name.starts_with(['/', '\\'])
         || name.contains(['\\', ':'])
@@ -183,7 +185,7 @@ fn checked_name(name: &str) -> Result<String, FormatError> {
     Ok(name.to_owned())
 }
 
-/// Returns true for files that operating systems add to archives, such as `__MACOSX`.
+/// Returns true for the names of files that operating systems add to archives, such as `__MACOSX`.
 fn is_litter(name: &str) -> bool {
     name.split('/').any(|part| part.starts_with('.') || part == "__MACOSX" || part.eq_ignore_ascii_case("thumbs.db"))
 }

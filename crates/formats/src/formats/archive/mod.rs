@@ -18,10 +18,10 @@ use crate::notes::{Quoted, TextNote};
 use about::ABOUT;
 use container::{listed, refused};
 
-/// Options that the file inside an archive may accept, and the option that selects it.
+/// Names of the options that the files inside an archive may accept, and of the option `member` that selects one.
 const OPTIONS: &[&str] = &["wavelength_unit", "column", "axes", "normalization", "member"];
 
-/// Reads the requested member, or the only one that is a measurement.
+/// Reads the measurement in the requested file of an archive, or in the only file that is a measurement.
 pub(super) fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> {
     refuse_idle_options(&ABOUT, OPTIONS, how)?;
     let mut archive = Archive::open(bytes)?;
@@ -41,7 +41,7 @@ pub(super) fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, Fo
 }
 
 impl Archive<'_> {
-    /// Reads a member as if it were a file of its own. An array takes the manifest beside it.
+    /// Reads the measurement in a file of the archive. An array takes the manifest beside it.
     pub fn read(&mut self, member: &Member, how: &Interpretation) -> Result<Acquisition, FormatError> {
         let unpacked = self.unpack(member)?;
         self.read_unpacked(member, &unpacked, how)
@@ -60,7 +60,7 @@ impl Archive<'_> {
         probing::read_file(unpacked, &how)
     }
 
-    /// Returns the only member that some reader recognises.
+    /// Returns the only file of the archive that is a measurement in a known format; refuses none and several.
     fn only_measurement(&mut self) -> Result<Member, FormatError> {
         let mut found = Vec::new();
         for member in self.members().to_vec() {

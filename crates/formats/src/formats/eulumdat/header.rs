@@ -9,7 +9,7 @@ use crate::formats::interpretation::Interpretation;
 use crate::formats::text::Brief;
 use crate::notes::LuminaireNote;
 
-/// Header fields that determine the intensities.
+/// Header fields of an EULUMDAT file that determine the intensities.
 pub(super) struct Header {
     pub(super) symmetry: usize,
     pub(super) planes: usize,
@@ -20,7 +20,7 @@ pub(super) struct Header {
     sets: Vec<LampSet>,
 }
 
-/// Names of the dimensions in mm on lines 13 to 21.
+/// Names of the dimensions in mm on lines 13 to 21 of an EULUMDAT file.
 pub(super) const DIMENSIONS: [&str; 9] = [
     "luminaire_length_mm",
     "luminaire_width_mm",
@@ -32,7 +32,7 @@ pub(super) const DIMENSIONS: [&str; 9] = [
     "luminous_height_c180_mm",
     "luminous_height_c270_mm",
 ];
-/// Room indices of the direct ratios.
+/// Room indices for which an EULUMDAT file lists the direct ratios.
 pub(super) const ROOM_INDICES: [&str; 10] = ["0.6", "0.8", "1", "1.25", "1.5", "2", "2.5", "3", "4", "5"];
 
 impl Header {
@@ -113,13 +113,13 @@ impl Header {
         self.sets.first().is_some_and(|set| set.count < 0.0)
     }
 
-    /// Returns the lumens that the intensities refer to.
+    /// Returns the lumens of the lamps to which the intensities refer; `None` if the file has none.
     fn lumens(&self) -> Option<f64> {
         self.sets.first().map(|set| set.lumens).filter(|lumens| *lumens > 0.0)
     }
 
-    /// Returns the unit and the factor of a stored value. The unit is the requested one, else candela if the lumens are
-    /// known.
+    /// Returns the unit of the intensities, and the factor from the stored numbers to them. The unit is the requested
+    /// one, else candela if the lumens of the lamps are known.
     pub(super) fn unit(&self, how: &Interpretation, report: &mut ParseReport) -> Result<(Unit, f64), FormatError> {
         let per_kilolumen = self.conversion;
         let needs = |message: String| FormatError::new(FormatErrorKind::NeedsOption, NAME, message);
@@ -149,8 +149,8 @@ impl Header {
         }
     }
 
-    /// Warns if the integrated flux differs from the lamps' flux times the light output ratio. Absolute files are
-    /// compared with the stated flux of the luminaire.
+    /// Adds a warning if the flux integrated from the intensities differs from the lamps' flux times the light output
+    /// ratio. Absolute files are compared with the stated flux of the luminaire.
     pub(super) fn check_flux(&self, found: f64, report: &mut ParseReport) {
         let Some(lumens) = self.lumens() else { return };
         let ratio = if self.is_absolute() { 100.0 } else { self.output_ratio.unwrap_or(0.0) };
@@ -166,7 +166,7 @@ impl Header {
     }
 }
 
-/// Formats a number for the metadata; empty for a blank line.
+/// Formats a number of the header for the metadata; empty for a blank line.
 fn written(value: Option<f64>) -> String {
     value.map_or_else(String::new, |value| Brief(value).to_string())
 }

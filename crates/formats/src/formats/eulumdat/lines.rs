@@ -6,23 +6,24 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::number;
 use crate::formats::text::{self, Source, Token, snippet};
 
-/// Number of lines before those of the lamp sets.
+/// Number of lines of an EULUMDAT file before those of the lamp sets.
 pub(super) const HEAD_LINES: usize = 26;
-/// Upper bound on lamp sets, more than any luminaire has alternatives.
+/// Upper bound on the number of lamp sets in an EULUMDAT file, more than any luminaire has alternatives.
 const MAX_SETS: usize = 1000;
-/// Upper bound on the lines of a file: far more than 721 planes of 721 angles.
+/// Upper bound on the number of lines with intensities in an EULUMDAT file: far more than 721 planes of 721 angles.
 const MAX_LINES: usize = 1 << 21;
-/// Upper bound on the lines up to the last lamp set. They are collected first, because they are not read strictly in
-/// order.
+/// Upper bound on the number of lines of an EULUMDAT file up to the last set of lamps. These lines are collected first,
+/// because the reader does not read them strictly in order.
 const HEAD: usize = HEAD_LINES + 6 * MAX_SETS;
-/// Number of characters kept of a text.
+/// Upper bound on the characters that are kept of a text in an EULUMDAT file.
 const MAX_TEXT: usize = 256;
 
-/// Reader of the remaining lines.
+/// Reader of the lines of an EULUMDAT file, from the current position on.
 pub(super) struct Lines<'a> {
     source: &'a Source,
     head: Vec<Token<'a>>,
-    /// Lines after the head.
+    /// Iterator over the lines of the EULUMDAT file after the first 6026. These first lines, which can contain sets of
+    /// lamps, are stored instead, because the reader does not read them in order.
     body: text::Lines<'a>,
     next: usize,
 }
@@ -34,23 +35,23 @@ impl<'a> Lines<'a> {
         Self { source, head, body, next: 0 }
     }
 
-    /// Returns the byte offset of the next line.
+    /// Returns the byte offset of the next line of the file.
     pub(super) fn at(&self) -> usize {
         self.head.get(self.next).map_or(self.body.offset(), |line| line.offset)
     }
 
-    /// Returns a refusal at a byte offset of the text.
+    /// Returns an error that rejects the file at a byte offset of its text.
     pub(super) fn refused(&self, offset: usize, message: impl Into<String>) -> FormatError {
         self.source.malformed(offset, message)
     }
 
-    /// Returns an upper bound on the remaining lines: each takes at least one byte.
+    /// Returns an upper bound on the number of remaining lines: each takes at least one byte.
     fn most(&self) -> usize {
         self.source.text().len() + 1 - self.at()
     }
 
     /// Passes the numbers that follow, one per line with its byte offset, to `take`, until a line is not a number.
-    /// Returns the lines after them.
+    /// Returns the lines from that one on.
     pub(super) fn take_numbers(
         &self,
         mut take: impl FnMut(f64, usize) -> Result<(), FormatError>,
@@ -88,13 +89,13 @@ impl<'a> Lines<'a> {
         Ok(Token { text: text.trim(), offset: offset + blanks })
     }
 
-    /// Returns a line of free text.
+    /// Returns the next line as free text.
     pub(super) fn text(&mut self, expected: &str) -> Result<String, FormatError> {
         Ok(self.line(expected)?.text.chars().filter(|c| !c.is_control()).take(MAX_TEXT).collect())
     }
 
-    /// Returns a refusal of an unexpected value. Up to the lamp sets it names the line number of the format's layout,
-    /// which the user can look up.
+    /// Returns an error for a line with an unexpected value. In the lines before the lamps it names the number of the
+    /// line in the format's layout, which the user can look up.
     fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
         let place = if self.next <= HEAD_LINES {
             format!(" (line {} of the format; are all lines above there?)", self.next)
@@ -109,7 +110,8 @@ impl<'a> Lines<'a> {
         decimal(line.text).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// Returns a number that may be blank, because the intensities do not depend on it.
+    /// Returns the number on the next line; `None` if it is blank, which is allowed because the intensities do not
+    /// depend on it.
     pub(super) fn optional(&mut self, expected: &str) -> Result<Option<f64>, FormatError> {
         let line = self.line(expected)?;
         if line.text.is_empty() {
@@ -118,7 +120,7 @@ impl<'a> Lines<'a> {
         decimal(line.text).map(Some).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// Returns a whole number in `low..=high`; `3.0` is accepted.
+    /// Returns the whole number in `low..=high` on the next line; `3.0` is accepted.
     pub(super) fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
         let line = self.line(expected)?;
         match decimal(line.text) {
@@ -127,12 +129,12 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// Returns the number of items that follow, one per line.
+    /// Returns the number on the next line that counts items which follow, one per line.
     pub(super) fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
-    /// Returns `count` numbers, each with its byte offset.
+    /// Returns the numbers on the next `count` lines, each with its byte offset.
     pub(super) fn numbers(&mut self, count: usize, expected: &str) -> Result<Vec<(f64, usize)>, FormatError> {
         (0..count)
             .map(|_| {
@@ -151,20 +153,20 @@ pub(super) fn decimal(text: &str) -> Option<f64> {
     })
 }
 
-/// Set of lamps for the luminaire; several sets are alternatives.
+/// Set of lamps that fits the luminaire; several sets are alternatives.
 pub(super) struct LampSet {
-    /// Number of lamps in the set; negative where the file states absolute intensities (candela).
+    /// Number of lamps in the set; a negative number means that the file states absolute intensities (candela).
     pub(super) count: f64,
     pub(super) kind: String,
-    /// Luminous flux in lm of all lamps of the set together; of the whole luminaire where the count is negative.
+    /// Luminous flux in lm of all lamps of the set together; of the whole luminaire if the number of lamps is negative.
     pub(super) lumens: f64,
     pub(super) colour: String,
     pub(super) rendering: String,
     pub(super) watts: Option<f64>,
 }
 
-/// Returns the lamp sets, and true if they are written field by field (six blocks of n lines), as in some older files.
-/// Set by set is the rule. The order chosen is the one in which the numeric fields parse.
+/// Returns the lamp sets, and true if the file lists them field by field (six blocks of n lines), as some older files
+/// do, instead of set by set. The order is the one in which the numeric fields can be parsed.
 pub(super) fn lamp_sets(lines: &mut Lines<'_>) -> Result<(Vec<LampSet>, bool), FormatError> {
     let left = lines.head.len().saturating_sub(lines.next + 1) / 6;
     let n = lines.whole("the number of lamp sets", 0, left.min(MAX_SETS))?;

@@ -32,8 +32,9 @@ use lines::{HEAD_LINES, Lines, decimal};
 
 pub(super) const READER: Reader = Reader { about: ABOUT, options: &[], probe, read };
 
-/// Recognises line 2 with a type 0..3, line 3 with a symmetry 0..4, and lines 4 and 6 with the numbers of planes and
-/// angles, each alone on its line. Other whole numbers there are accepted if lines 13 to 26 are numbers, too.
+/// Returns the confidence that a file is EULUMDAT: line 2 has a type 0..3, line 3 a symmetry 0..4, and lines 4 and 6
+/// the numbers of planes and angles, each alone on its line. Other whole numbers there are accepted if lines 13 to 26
+/// are numbers, too.
 fn probe(sample: &Sample<'_>) -> u8 {
     let text = sample.head.replace("\r\n", "\n");
     let lines: Vec<&str> = text.split(['\n', '\r']).take(HEAD_LINES).map(str::trim).collect();

@@ -9,7 +9,7 @@ use crate::formats::text::{self, Brief, snippet};
 use crate::formats::type_c::Planes;
 use crate::notes::{LuminaireNote, Quoted};
 
-/// The symmetries `Isym` in words.
+/// Symmetries of a luminaire in words, in the order of their number `Isym` in an EULUMDAT file.
 const SYMMETRIES: [&str; 5] = [
     "no symmetry",
     "axially symmetric",
@@ -18,7 +18,8 @@ const SYMMETRIES: [&str; 5] = [
     "quadrant symmetric",
 ];
 
-/// Reads the stored planes, their extent, and the symmetry in words. Intensities are `scale` times the stored numbers.
+/// Reads the stored C planes of an EULUMDAT file, the azimuths that they represent, and the symmetry in words.
+/// Intensities are `scale` times the stored numbers.
 pub(super) fn read(
     lines: &mut Lines<'_>,
     header: &Header,
@@ -69,8 +70,9 @@ pub(super) fn read(
     Ok((Stated { vertical, horizontal, intensities }, stand_for, SYMMETRIES[symmetry]))
 }
 
-/// Returns the symmetry that matches `found` values: the stated one if the count fits. Otherwise none or axial, if the
-/// count is exactly that of all planes or of one. `rest` are the lines after the values.
+/// Returns the number `Isym` of the symmetry that matches a count of `found` intensities: that of the header if the
+/// count fits. Otherwise no symmetry if the count is that of all planes, or axial symmetry if it is that of one plane.
+/// `rest` are the lines after the intensities.
 fn stored(
     header: &Header,
     found: usize,
@@ -123,8 +125,8 @@ fn stored(
     Ok(other)
 }
 
-/// Reads all numbers that follow, one per line, and multiplies them by `scale`. Returns the intensities and the lines
-/// after them, which are not part of the format.
+/// Reads all numbers that follow, one per line, and multiplies them by `scale`. Returns the intensities and the
+/// remaining lines, which are not part of the format.
 fn intensities<'a>(
     lines: &Lines<'a>,
     scale: f64,

@@ -7,10 +7,11 @@ use super::header::{DIMENSIONS, ROOM_INDICES};
 use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{AzimuthExtent, Frame, Unit};
 
-/// Names of the fields of a lamp set in the reader's metadata.
+/// Metadata keys of the six lines with which an EULUMDAT file describes one set of lamps. The reader stores the text of
+/// each line under its key.
 const LAMP: [&str; 6] = ["lamps", "lamp", "lumens", "colour", "colour_rendering", "watts"];
 
-/// Writes the planes of a type C grid under the header that the reader kept.
+/// Writes a luminaire on C planes as EULUMDAT, with the header fields that the reader of its source file kept.
 pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> {
     let directions = grid.directions;
     if directions.frame() != Frame::TypeC {
@@ -53,7 +54,8 @@ pub fn restate_eulumdat(grid: &Restatement<'_>) -> Result<Vec<u8>, FormatError> 
     Ok(text.into_bytes())
 }
 
-/// Returns the symmetry, and all planes on the circle: the stored ones and their mirror images.
+/// Returns the number `Isym` of the symmetry, and the azimuths C of all planes on the circle: the stored ones and their
+/// mirror images. `None` if EULUMDAT has no such symmetry.
 fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64]) -> Option<(u8, Vec<f64>)> {
     let ends = (stored[0], stored[stored.len() - 1]);
     let mut listed = stored.to_vec();
@@ -86,7 +88,7 @@ fn planes(grid: &Restatement<'_>, extent: Option<AzimuthExtent>, stored: &[f64])
     Some((symmetry, listed))
 }
 
-/// Returns the factor from stored numbers to intensities, as the reader applies it.
+/// Returns the factor from the numbers in the EULUMDAT file to intensities, as the reader applies it.
 fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     let conversion = grid.number("conversion_factor").unwrap_or(1.0);
     if grid.unit == Unit::CandelaPerKilolumen {
@@ -100,7 +102,7 @@ fn factor(grid: &Restatement<'_>) -> Result<f64, FormatError> {
     }
 }
 
-/// Returns the prefixes of the metadata keys, one for each lamp set.
+/// Returns the prefixes of the names of metadata, one for each lamp set.
 fn sets(grid: &Restatement<'_>) -> Vec<String> {
     if grid.kept("lamps").is_some() {
         return vec![String::new()];

@@ -5,7 +5,7 @@ use crate::formats::NoteKind;
 use crate::formats::acquisition::{AngleGrid, AzimuthExtent};
 use crate::formats::read as read_any;
 
-/// Variable parts of the test files.
+/// Parts of an EULUMDAT test file that vary between tests.
 struct Sheet {
     symmetry: usize,
     planes: Vec<f64>,
@@ -16,13 +16,14 @@ struct Sheet {
 
 const GAMMAS: [f64; 5] = [0.0, 30.0, 60.0, 90.0, 180.0];
 
-/// A value that tells every direction apart, 0 at the poles.
+/// Returns an intensity that differs for every direction and is 0 at the poles.
 fn shape(c: f64, gamma: f64) -> f64 {
     (gamma.to_radians().sin() * (1000.0 + c) * (1.0 + gamma)).round()
 }
 
 impl Sheet {
-    /// Planes every 30°, those stored in the order of the format.
+    /// Returns a test file with C planes every 30°; the planes that the symmetry needs have intensities, in the order
+    /// of the format.
     fn of(symmetry: usize) -> Self {
         let planes: Vec<f64> = (0..12).map(|i| 30.0 * f64::from(i)).collect();
         let stored: Vec<f64> = match symmetry {
@@ -76,7 +77,7 @@ fn says(acquisition: &Acquisition, kind: NoteKind, words: &str) -> bool {
     acquisition.report.notes.iter().any(|note| note.kind == kind && note.message.contains(words))
 }
 
-/// The intensity at a stated gamma and any C whose plane or mirror image is in the grid.
+/// Returns the intensity at a listed gamma and at any azimuth C whose plane or mirror image is in the grid.
 fn intensity(grid: &AngleGrid, gamma: f64, c: f64) -> f64 {
     let angles = grid.outgoing.as_ref().unwrap();
     let row = angles.theta.iter().position(|&theta| theta == 180.0 - gamma).unwrap();

@@ -5,12 +5,13 @@ use super::super::planes::{CPlanes, ascii, plain};
 use super::about::NAME;
 use crate::domain::Unit;
 
-/// Upper bound on the characters of a text field, for compatibility with old readers.
+/// Upper bound on the characters of a text in an EULUMDAT file that is written, because old readers accept no more.
 const LONGEST: usize = 78;
-/// Difference in degrees below which two angular steps are equal.
+/// Largest difference in degrees between steps of angles that count as equidistant.
 const STEP: f64 = 1e-9;
 
-/// Writes intensities in `unit`: cd for a luminaire of `flux` lumens, or cd/klm, for which `flux` is ignored.
+/// Writes the intensities of a luminaire as EULUMDAT. `unit` is cd for a luminaire of `flux` lumens, or cd/klm, for
+/// which `flux` is ignored.
 ///
 /// Absolute photometry is a lamp count of −1 with the flux of the luminaire. Required fields without a measured value
 /// (lamps, sizes, room ratios) are 0 or empty.
@@ -61,14 +62,15 @@ pub fn write_eulumdat(planes: &CPlanes, unit: Unit, flux: f64, name: &str) -> Re
     Ok(text.into_bytes())
 }
 
-/// Returns the step between equidistant angles up to `end`; 0 if they are not equidistant.
+/// Returns the step in degrees between equidistant angles up to `end`; 0 if they are not equidistant.
 fn step(angles: &[f64], end: f64) -> f64 {
     let closed: Vec<f64> = if angles.last() == Some(&end) { angles.to_vec() } else { [angles, &[end]].concat() };
     let first = closed.get(1).map_or(0.0, |second| second - closed[0]);
     if closed.array_windows().all(|[a, b]| ((b - a) - first).abs() <= STEP) { first } else { 0.0 }
 }
 
-/// Returns the fraction of the flux below the horizon. Each cell has the mean intensity of its corners.
+/// Returns the fraction of a luminaire's flux below the horizon. Each cell between neighbouring angles has the mean
+/// intensity of its corners.
 fn downward(planes: &CPlanes) -> f64 {
     let n = planes.gamma.len();
     let (mut below, mut all) = (0.0, 0.0);

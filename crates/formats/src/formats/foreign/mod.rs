@@ -4,7 +4,7 @@ mod words;
 
 use super::reader::{HEAD_BYTES, Sample};
 
-/// Foreign file format.
+/// File format that is recognised but cannot be read, with advice for the user.
 struct Foreign {
     name: &'static str,
     advice: &'static str,
@@ -147,7 +147,7 @@ const TABLE: &[Foreign] = &[
     },
 ];
 
-/// Returns a description of the file and advice, if its format is known but not read.
+/// Returns a description of the file and advice for the user, if its format is known but cannot be read.
 pub(super) fn recognise(sample: &Sample<'_>) -> Option<String> {
     if let Some(root) = xml_root(&sample.head) {
         return Some(xml(root, &sample.head));
@@ -160,19 +160,19 @@ fn is_hdf5(sample: &Sample<'_>) -> bool {
     sample.bytes.starts_with(b"\x89HDF\r\n\x1a\n")
 }
 
-/// Returns true if the first 64 KiB contain `needle`, ignoring ASCII case.
+/// Returns true if the first 64 KiB of a file contain `needle`, ignoring ASCII case.
 fn contains(bytes: &[u8], needle: &[u8]) -> bool {
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];
     head.windows(needle.len()).any(|window| window.eq_ignore_ascii_case(needle))
 }
 
-/// Returns true if one of the first 100 lines begins with `key`, ignoring ASCII case.
+/// Returns true if one of the first 100 lines of a file begins with `key`, ignoring ASCII case.
 fn says(sample: &Sample<'_>, key: &str) -> bool {
     let begins = |line: &str| line.get(..key.len()).is_some_and(|start| start.eq_ignore_ascii_case(key));
     sample.head.lines().take(100).any(|line| begins(line.trim_start()))
 }
 
-/// Returns true if a zip archive is a spreadsheet workbook: its first file is one that only workbooks have.
+/// Returns true if a zip archive is a spreadsheet workbook: the name of its first file is one that only workbooks have.
 pub(super) fn is_workbook(bytes: &[u8]) -> bool {
     const FIRST: [&[u8]; 4] = [b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/"];
     let first = bytes.strip_prefix(b"PK\x03\x04").and_then(|rest| rest.get(26..)).unwrap_or_default();
@@ -180,8 +180,8 @@ pub(super) fn is_workbook(bytes: &[u8]) -> bool {
     FIRST.iter().any(|name| first.starts_with(name)) && contains(list, b"xl/workbook.xml")
 }
 
-/// Recognises a list of wavelengths preceded by its length, followed by rows of four angles in radians and as many
-/// values as wavelengths. All numbers are separated by blanks.
+/// Returns true for pbrt's measured BRDF: the number of wavelengths and the wavelengths, then rows of four angles in
+/// radians with a value for each wavelength. All numbers are separated by blanks.
 fn is_pbrt(sample: &Sample<'_>) -> bool {
     let lines = sample.head.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut numbers = lines.flat_map(str::split_whitespace).map(super::text::number);
@@ -210,7 +210,7 @@ fn is_asd(sample: &Sample<'_>) -> bool {
     sample.head.contains('\0') && (mark == Some(b"ASD") || matches!(mark, Some([b'a', b's', b'2'..=b'8'])))
 }
 
-/// Returns the local name of the root element, if the text is XML.
+/// Returns the name of the root element without its prefix, if the text is XML.
 pub(super) fn xml_root(head: &str) -> Option<&str> {
     let mut rest = head.trim_start();
     if !rest.starts_with('<') {

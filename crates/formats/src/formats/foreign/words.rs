@@ -7,24 +7,24 @@ use crate::formats::spectral_table::layouts;
 use crate::formats::spectral_table::wavelength_unit::names_wavelength;
 use crate::formats::text::{Source, Token};
 
-/// Number of lines searched for column names.
+/// Upper bound on the lines of a file that are searched for column names.
 const LOOKED_AT: usize = 200;
-/// Upper bound on the characters of a column name; longer cells are prose.
+/// Upper bound on the characters of a column name; a longer cell is prose.
 const LONGEST: usize = 60;
 
-/// Returns true for a table with a column named as an angle in words ("Viewing Zenith", "Relative Azimuth").
+/// Returns true for a table in which a column is named as an angle in words ("Viewing Zenith", "Relative Azimuth").
 pub(super) fn is_directions(sample: &Sample<'_>) -> bool {
     // Phase functions have a reader of their own, whatever the name of their angle.
     let of_phase = || ["phase function", "scattering"].iter().any(|word| sample.head.to_lowercase().contains(word));
     sample.quantity != Some(Quantity::Phase) && has_columns(sample, is_angle, 1) && !of_phase()
 }
 
-/// Returns true for a table with columns named as angles by symbols (`theta_i`, `theta` beside `phi`).
+/// Returns true for a table in which columns are named as angles by symbols (`theta_i`, `theta` beside `phi`).
 pub(super) fn is_under_symbols(sample: &Sample<'_>) -> bool {
     has_columns(sample, is_angle_of_a_side, 1) || has_columns(sample, is_symbol, 2)
 }
 
-/// Returns true for figures of a lamp (CCT, CRI, illuminance) without a spectrum: in columns, or one per line.
+/// Returns true for a file with figures of a lamp (CCT, CRI, illuminance) but no spectrum: in columns, or one per line.
 pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
     const FEWEST: usize = 2;
     if has_columns(sample, is_figure, FEWEST) {
@@ -41,20 +41,20 @@ pub(super) fn is_summary(sample: &Sample<'_>) -> bool {
         && layouts::probe(&sample.head) == 0
 }
 
-/// Returns true for a surface property of `TracePro`, by its title or its column names.
+/// Returns true for a file with a surface property of `TracePro`, by its title or its column names.
 pub(super) fn is_tracepro(sample: &Sample<'_>) -> bool {
     let begins = |line: &str| line.starts_with("TracePro") || line.trim() == "Table_BSDF_Data";
     let names = |line: &str| line.contains("ScatterBeta") && line.contains("ScatterAzimuth");
     sample.head.lines().take(LOOKED_AT).any(|line| begins(line.trim_start_matches(['#', ' ', '"'])) || names(line))
 }
 
-/// Decodes the head as text. Its messages are never shown, so the format name is empty.
+/// Decodes the beginning of a file as text. Its error messages are never shown, so the name of the format is empty.
 fn source(sample: &Sample<'_>) -> Source {
     Source::decode(sample.head.as_bytes(), "")
 }
 
-/// Returns true if at least `fewest` cells of a row of names satisfy `is`, with numbers beneath them. The first column
-/// must not contain wavelengths.
+/// Returns true if a row of column names has at least `fewest` cells for which `is` is true, with numbers beneath them.
+/// The first column must not contain wavelengths.
 fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool {
     let source = source(sample);
     let lines: Vec<Token<'_>> =
@@ -81,13 +81,13 @@ fn has_columns(sample: &Sample<'_>, is: fn(&str) -> bool, fewest: usize) -> bool
     })
 }
 
-/// Returns a line without its leading comment mark.
+/// Returns a line without the comment mark `#` at its start.
 fn without_mark(line: Token<'_>) -> Token<'_> {
     let text = line.text.trim_start().trim_start_matches('#').trim_start();
     Token { text, offset: line.offset + line.text.len() - text.len() }
 }
 
-/// Returns true for the lower-case name of an angle of incidence or view.
+/// Returns true if the lower-case name of a column is that of an angle of incidence or view.
 fn is_angle(name: &str) -> bool {
     const ACRONYMS: [&str; 6] = ["vza", "sza", "raa", "vaa", "saa", "iza"];
     const OF: [&str; 9] =
@@ -100,12 +100,12 @@ fn is_angle(name: &str) -> bool {
         || name.contains("angle") && OF.iter().any(|of| name.contains(of))
 }
 
-/// Returns the symbol at the start of a lower-case name, without a unit: `theta_i (deg)`.
+/// Returns the symbol at the start of a column's lower-case name such as `theta_i (deg)`, without unit and underscores.
 fn symbol(name: &str) -> String {
     name.split(|c: char| c.is_whitespace() || matches!(c, '(' | '[')).next().unwrap_or_default().replace('_', "")
 }
 
-/// Returns true for the lower-case symbol of an angle of incidence, reflection or scattering.
+/// Returns true if the lower-case name of a column is the symbol of an angle of incidence, reflection or scattering.
 fn is_angle_of_a_side(name: &str) -> bool {
     let symbol = symbol(name);
     ["theta", "phi", "θ", "φ"].iter().any(|angle| {
@@ -113,12 +113,12 @@ fn is_angle_of_a_side(name: &str) -> bool {
     })
 }
 
-/// Returns true for the lower-case symbol of an angle.
+/// Returns true if the lower-case name of a column is the symbol `theta` or `phi`, without a subscript.
 fn is_symbol(name: &str) -> bool {
     ["theta", "phi", "θ", "φ"].contains(&symbol(name).as_str())
 }
 
-/// Returns true for the lower-case name of a figure that summarises a lamp's spectrum.
+/// Returns true if the lower-case name of a column is that of a figure that summarises a lamp's spectrum.
 fn is_figure(name: &str) -> bool {
     const FIGURES: [&str; 12] =
         ["cct", "cri", "ra", "duv", "lux", "illuminance", "ppfd", "tlci", "cqs", "rf", "rg", "lambdad"];

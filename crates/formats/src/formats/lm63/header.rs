@@ -6,7 +6,7 @@ use crate::formats::acquisition::ParseReport;
 use crate::formats::text::Brief;
 use crate::notes::LuminaireNote;
 
-/// The numbers before the angles.
+/// Numbers of an LM-63 file before its angles.
 pub(super) struct Header {
     pub(super) lamps: usize,
     pub(super) lumens: f64,
@@ -15,7 +15,7 @@ pub(super) struct Header {
     pub(super) horizontal: usize,
     pub(super) photometry: Photometry,
     pub(super) feet: bool,
-    /// Width (along Y), length (along X), height.
+    /// Width (along Y), length (along X) and height of the luminous opening, in the unit of the file.
     pub(super) opening: [f64; 3],
     pub(super) ballast_factor: f64,
     pub(super) field_12: f64,
@@ -23,7 +23,8 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Adds the numbers to the report. `generation` is field 12 as written, which is a code of digits since 2019.
+    /// Adds the numbers of an LM-63 file before its angles to the report of the parser. `generation` is the text of the
+    /// twelfth number, whose digits since LM-63-2019 encode how the file was generated.
     pub(super) fn describe(&self, revision: Revision, generation: &str, report: &mut ParseReport) {
         let [width, length, height] = self.opening;
         let unit = if self.feet { "ft" } else { "m" };
@@ -48,7 +49,7 @@ impl Header {
     }
 }
 
-/// Returns the shape of the luminous opening from the signs of width, length and height; a negative number is a
+/// Returns the shape of the luminous opening from the signs of its width, length and height; a negative number is a
 /// diameter.
 fn opening_shape(revision: Revision, [width, length, height]: [f64; 3]) -> &'static str {
     let sign = |x: f64| {

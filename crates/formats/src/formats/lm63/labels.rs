@@ -6,7 +6,7 @@ use crate::formats::error::FormatError;
 use crate::formats::text::Source;
 use crate::notes::{LuminaireNote, Quoted};
 
-/// Revisions that are read differently.
+/// Revisions of LM-63 that differ in the meaning of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Revision {
     Lm63_1986,
@@ -17,8 +17,8 @@ pub(super) enum Revision {
 }
 
 impl Revision {
-    /// Returns the revision named by a first line; `None` if the line is not a version tag. Case and blanks are
-    /// ignored.
+    /// Returns the revision that the first line of an LM-63 file names, and true if it is a known one; `None` if the
+    /// line is no version tag. Case and blanks are ignored.
     pub(super) fn of_tag(line: &str) -> Option<(Self, bool)> {
         let tag: String = line.chars().filter(|c| !c.is_whitespace()).map(|c| c.to_ascii_uppercase()).collect();
         let rest = tag.strip_prefix("IESNA").or_else(|| tag.strip_prefix("IES:"))?;
@@ -44,8 +44,8 @@ impl Revision {
         }
     }
 
-    /// Returns true if field 12 is the ballast-lamp photometric factor. Later revisions reserve it, then use it for a
-    /// code of digits.
+    /// Returns true if field 12 of the header is the ballast-lamp photometric factor. Later revisions reserve the
+    /// field, then use it for a code of digits.
     pub(super) fn field_12_multiplies(self) -> bool {
         matches!(self, Self::Lm63_1986 | Self::Lm63_1991)
     }
@@ -59,18 +59,18 @@ impl Revision {
     }
 }
 
-/// Contents of the head of a file.
+/// Contents of an LM-63 file before its numbers.
 pub(super) struct Labels {
     pub(super) revision: Revision,
-    /// True for TILT=INCLUDE.
+    /// True if the file has the line TILT=INCLUDE, after which tilt factors follow.
     pub(super) tilt_included: bool,
-    /// Byte offset of the first number.
+    /// Byte offset of the first number after the TILT line.
     pub(super) numbers_at: usize,
-    /// Keywords and their text in order; `[MORE]` lines are joined to the keyword that they continue.
+    /// Keywords of the file and their text in order; `[MORE]` lines are joined to the keyword that they continue.
     keywords: Vec<(String, String)>,
 }
 
-/// Returns the value of a TILT line, or `None` for another line.
+/// Returns the text after `TILT=` in a line of an LM-63 file, or `None` for another line.
 pub(super) fn tilt(line: &str) -> Option<&str> {
     let line = line.trim();
     let (word, rest) = line.split_at_checked(4)?;
@@ -78,11 +78,11 @@ pub(super) fn tilt(line: &str) -> Option<&str> {
     word.eq_ignore_ascii_case("TILT").then_some(value.trim())
 }
 
-/// Upper bounds on the keywords kept, and on the characters of each; real files have a few dozen short ones.
+/// Upper bounds on the number of keywords kept, and on the characters of each; real files have a few dozen short ones.
 const MAX_KEYWORDS: usize = 1000;
 const MAX_TEXT: usize = 4096;
 
-/// Reads everything up to the TILT line.
+/// Reads the revision and the keywords of an LM-63 file, up to its TILT line.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, FormatError> {
     let mut revision = None;
     let mut keywords: Vec<(String, String)> = Vec::new();
@@ -153,8 +153,8 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
 }
 
 impl Labels {
-    /// Returns the unit that the keywords state. Some laboratories write radiometric values into this photometric
-    /// format and state that in free text only. Candela if nothing contradicts.
+    /// Returns the unit of the intensities according to the keywords; candela if no keyword contradicts. Some
+    /// laboratories write radiometric values into this photometric format and say so in free text only.
     pub(super) fn unit(&self, report: &mut ParseReport) -> Unit {
         let declared = self.keywords.iter().find(|(key, _)| key.trim_start_matches('_') == "INTENSITYUNITS");
         if let Some((_, text)) = declared {
@@ -191,13 +191,13 @@ fn snippet_key(key: &str) -> String {
     key.chars().filter(|c| !c.is_control()).take(40).collect()
 }
 
-/// Returns the text in lower case, with `u` for the micro sign and without blanks around slashes.
+/// Returns the text in lower case, with `u` for the micro sign and without blanks around slashes, to search for units.
 fn normalised(text: &str) -> String {
     let text = text.to_lowercase().replace(['µ', 'μ'], "u");
     text.split('/').map(str::trim).collect::<Vec<_>>().join("/")
 }
 
-/// Returns a unit of radiant intensity found in `text`.
+/// Returns the unit of radiant intensity that `text` mentions; `None` if there is none.
 fn intensity_unit(text: &str) -> Option<Unit> {
     const UNITS: &[(&str, Unit)] = &[
         ("mw/sr", Unit::MilliwattPerSteradian),
@@ -213,13 +213,13 @@ fn intensity_unit(text: &str) -> Option<Unit> {
     UNITS.iter().find(|(name, _)| contains_word(&text, name)).map(|&(_, unit)| unit)
 }
 
-/// Returns a word of `text` that is not photometric.
+/// Returns a word of `text` that belongs to radiometry, not photometry; `None` if there is none.
 fn radiometric_word(text: &str) -> Option<&'static str> {
     let text = normalised(text);
     ["uw", "umol", "ppf", "ppfd"].into_iter().find(|word| contains_word(&text, word))
 }
 
-/// Returns true if `text` contains `word` without adjacent letters or digits.
+/// Returns true if `text` contains `word` as a whole, without adjacent letters or digits.
 fn contains_word(text: &str, word: &str) -> bool {
     let is_part = |c: Option<char>| c.is_some_and(char::is_alphanumeric);
     text.match_indices(word)

@@ -94,7 +94,7 @@ fn check_quantity(how: &Interpretation) -> Result<(), FormatError> {
     }
 }
 
-/// Returns the requested unit, else the one stated in the file's text, else candela.
+/// Returns the unit of the intensities: the requested one, else the one stated in the file's text, else candela.
 fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut ParseReport) -> Result<Unit, FormatError> {
     if let Some(unit) = how.unit {
         let is_intensity = unit.per_nanometre().is_some() || matches!(unit, Unit::Candela | Unit::CandelaPerKilolumen);
@@ -119,7 +119,7 @@ fn unit(labels: &Labels, header: &Header, how: &Interpretation, report: &mut Par
     Ok(unit)
 }
 
-/// Checks relative photometry: the flux of the distribution divided by that of the lamps is the luminaire efficiency.
+/// Adds a note if the luminaire efficiency is implausible: the flux of the intensities divided by that of the lamps.
 fn check_flux(flux: f64, lamp_lumens: f64, report: &mut ParseReport) {
     let efficiency = flux / lamp_lumens;
     if lamp_lumens > 0.0 && !(0.05..=1.05).contains(&efficiency) {

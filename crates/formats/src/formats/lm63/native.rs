@@ -11,7 +11,7 @@ use crate::formats::type_c::luminaire;
 use crate::notes::LuminaireNote;
 use crate::numeric::bracket::Bracket;
 
-/// Coordinate system of the angles.
+/// Photometric type of an LM-63 file: the coordinate system of its angles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Photometry {
     A,
@@ -29,13 +29,13 @@ impl Photometry {
     }
 }
 
-/// Candidate steps of the C grid in degrees, each a divisor of 90.
+/// Candidate steps of the resampled C grid in degrees, coarse first, each a divisor of 90.
 const STEPS: [f64; 6] = [5.0, 2.5, 2.0, 1.0, 0.5, 0.25];
-/// Tolerance in degrees outside the stated range, for rounding in `asin` and `atan2`.
+/// Tolerance in degrees outside the range of the listed angles, for rounding errors of `asin` and `atan2`.
 const ROUNDING: f64 = 1e-9;
 
-/// Resamples onto a C grid as fine as the stated angles, but no finer than 0.25°. Values outside the stated angles are
-/// zero.
+/// Resamples intensities of type A or B onto a type C grid as fine as the listed angles, but no finer than 0.25°.
+/// Values outside the listed angles are zero.
 ///
 /// Type B has planes about a horizontal axis, `d = (cos H sin V, −sin H, −cos H cos V)`. Type A has planes about the
 /// vertical axis, `d = (cos V cos H, −cos V sin H, sin V)`. H grows clockwise.
@@ -90,8 +90,8 @@ pub(super) fn convert(
     Ok((grid, symmetry))
 }
 
-/// Returns the planes as the file lists them. Horizontal angles are the latitudes of type B, vertical angles those of
-/// type A. Horizontal angles that start at 0 or above represent both sides.
+/// Returns the intensities on the planes that the file lists. Horizontal angles are the latitudes of type B, vertical
+/// angles those of type A. Horizontal angles that start at 0 or above represent both sides.
 fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, StatedGridError> {
     let is_lateral = table.horizontal[0] >= 0.0;
     let azimuths = |angles: &[f64], is_mirrored: bool| {
@@ -114,7 +114,8 @@ fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, 
     table.stated(directions.with_outside(Outside::Dark), polar)
 }
 
-/// Returns V and H of a direction in degrees. The angle of the plane is 0 at the poles, where all planes meet.
+/// Returns the vertical and the horizontal angle of a direction in degrees, in type A or B. The angle of the plane is 0
+/// at the poles, where all planes meet.
 fn native_angles(photometry: Photometry, direction: Direction) -> (f64, f64) {
     let [x, y, z] = direction.xyz();
     let azimuth = |y: f64, x: f64| if libm::hypot(x, y) < 1e-12 { 0.0 } else { libm::atan2(y, x) };
@@ -125,7 +126,8 @@ fn native_angles(photometry: Photometry, direction: Direction) -> (f64, f64) {
     (vertical.to_degrees(), horizontal.to_degrees())
 }
 
-/// Returns the coarsest candidate step that is no coarser than the stated angles.
+/// Returns the step in degrees of the C planes and angles to which a luminaire is resampled: the coarsest of the
+/// candidates that is no coarser than the steps in the file.
 fn step(table: &Ordered) -> f64 {
     let spacing = |angles: &[f64]| angles.array_windows().map(|[a, b]| b - a).fold(f64::MAX, f64::min);
     let finest = spacing(&table.vertical).min(spacing(&table.horizontal));
@@ -133,7 +135,8 @@ fn step(table: &Ordered) -> f64 {
 }
 
 impl Ordered {
-    /// Interpolates bilinearly in the stated angles; 0 outside them. A single plane is valid at its own angle only.
+    /// Returns the intensity at a vertical and a horizontal angle, bilinear in the listed angles and 0 outside them. A
+    /// single plane is valid at its own angle only.
     fn at(&self, vertical: f64, horizontal: f64) -> f32 {
         let (Some(v), Some(h)) = (locate(&self.vertical, vertical), locate(&self.horizontal, horizontal)) else {
             return 0.0;
@@ -146,7 +149,7 @@ impl Ordered {
     }
 }
 
-/// Returns the entries around `angle`; `None` outside the stated angles.
+/// Returns the listed angles around `angle` for interpolation; `None` outside the listed angles.
 fn locate(angles: &[f64], angle: f64) -> Option<Bracket> {
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     if angle < first - ROUNDING || angle > last + ROUNDING {

@@ -10,7 +10,7 @@ use crate::formats::intensities::{Intensities, Stated};
 use crate::formats::text::{Brief, Source, Token, Tokens, listed, snippet};
 use crate::notes::LuminaireNote;
 
-/// Reader of the numbers after the TILT line.
+/// Reader of the numbers after the TILT line of an LM-63 file.
 pub(super) struct Numbers<'a> {
     source: &'a Source,
     tokens: Tokens<'a>,
@@ -21,7 +21,7 @@ impl<'a> Numbers<'a> {
         Self { source, tokens: Tokens::new(source.text(), at) }
     }
 
-    /// Returns an upper bound on the remaining numbers: each takes a byte and a separator.
+    /// Returns an upper bound on the count of remaining numbers: each takes a byte and a separator.
     fn most(&self) -> usize {
         (self.source.text().len() - self.tokens.offset()).div_ceil(2)
     }
@@ -35,7 +35,7 @@ impl<'a> Numbers<'a> {
         self.placed(expected).map(|(value, _)| value)
     }
 
-    /// Returns a number and its byte offset.
+    /// Returns the next number of the file and its byte offset.
     #[inline]
     fn placed(&mut self, expected: &str) -> Result<(f64, usize), FormatError> {
         if let Some(number) = self.tokens.plain_number() {
@@ -45,7 +45,7 @@ impl<'a> Numbers<'a> {
         Ok((self.source.number(token, expected)?, token.offset))
     }
 
-    /// Returns a whole number in `low..=high`; `3.0` is accepted.
+    /// Returns the next number of the file, which must be a whole number in `low..=high`; `3.0` is accepted.
     fn whole(&mut self, expected: &str, low: usize, high: usize) -> Result<usize, FormatError> {
         let token = self.token(expected)?;
         let value = self.source.number(token, expected)?;
@@ -57,13 +57,13 @@ impl<'a> Numbers<'a> {
         Err(self.source.malformed(token.offset, message))
     }
 
-    /// Returns the number of items that follow, each at least one token.
+    /// Returns the next number of the file, which counts items that follow, each of at least one number.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }
 
-    /// Reads the block of TILT=INCLUDE: the dimming of the whole luminaire when installed at an angle, which does not
-    /// change its shape.
+    /// Reads the tilt factors after TILT=INCLUDE into the metadata: the dimming of the whole luminaire when installed
+    /// at an angle, which does not change the shape of its light.
     pub(super) fn tilt(&mut self, report: &mut ParseReport) -> Result<(), FormatError> {
         let geometry = self.whole("the lamp-to-luminaire geometry", 1, 3)?;
         let n = self.count("the number of tilt angles")?;
@@ -117,7 +117,8 @@ impl<'a> Numbers<'a> {
         Ok(header)
     }
 
-    /// Reads the angles and intensities and applies every multiplier. The count of numbers must match the header.
+    /// Reads the angles and intensities of a luminaire and applies every multiplier. The count of numbers must match
+    /// the header.
     pub(super) fn distribution(
         &self,
         header: &Header,
@@ -171,7 +172,8 @@ impl<'a> Numbers<'a> {
         Ok(stated)
     }
 
-    /// Reads `v` vertical and `h` horizontal angles, and the intensities at them times `factor`.
+    /// Reads `v` vertical and `h` horizontal angles, and `v` × `h` numbers that give intensities when multiplied by
+    /// `factor`.
     fn stated(&mut self, v: usize, h: usize, factor: f64) -> Result<Stated, FormatError> {
         let vertical = self.angles(v, "a vertical angle")?;
         let horizontal = self.angles(h, "a horizontal angle")?;

@@ -9,7 +9,7 @@ use crate::domain::limits::MAX_ENTRIES;
 use crate::domain::{Frame, Unit};
 use std::fmt::Write as _;
 
-/// Revisions and the first lines that name them; the first revision has none.
+/// Revisions of LM-63 and the first lines that name them; the oldest revision has none.
 const REVISIONS: [(Revision, &str); 5] = [
     (Revision::Lm63_1986, ""),
     (Revision::Lm63_1991, "IESNA91\n"),
@@ -17,11 +17,11 @@ const REVISIONS: [(Revision, &str); 5] = [
     (Revision::Lm63_2002, "IESNA:LM-63-2002\n"),
     (Revision::Lm63_2019, "IES:LM-63-2019\n"),
 ];
-/// Keywords required by the revisions from 2002 on.
+/// Keywords that LM-63 requires from the revision of 2002 on.
 const REQUIRED: [&str; 4] = ["TEST", "TESTLAB", "ISSUEDATE", "MANUFAC"];
 
-/// Writes the planes of a grid of type A, B or C. If `names_unit` is true, `[_INTENSITYUNITS]` states the unit, because
-/// the keywords do not.
+/// Writes a luminaire on planes of type A, B or C as LM-63. If `names_unit` is true, the keyword `[_INTENSITYUNITS]`
+/// states the unit, because the kept keywords do not.
 pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>, FormatError> {
     let directions = grid.directions;
     let azimuths = directions.azimuths().map_or(&[0.0][..], |azimuths| &azimuths.angles);
@@ -88,14 +88,16 @@ pub fn restate_lm63(grid: &Restatement<'_>, names_unit: bool) -> Result<Vec<u8>,
     Ok(text.replace('\n', "\r\n").into_bytes())
 }
 
-/// Returns the product of the multipliers, in the order in which the reader multiplies them.
+/// Returns the factor from listed numbers to intensities: the product of the multipliers in the header, in the order in
+/// which the reader multiplies them.
 fn factor(grid: &Restatement<'_>, revision: Revision) -> f64 {
     let of = |key: &str| grid.number(key).unwrap_or(1.0);
     let factor = of("candela_multiplier") * of("ballast_factor");
     if revision.field_12_multiplies() { factor * of(revision.field_12_name()) } else { factor }
 }
 
-/// Writes the TILT line and its factors, if the file has them. A list that the reader shortened is left out.
+/// Writes the TILT line and the tilt factors, if the source file has them. A list that the reader shortened is left
+/// out.
 fn tilt(grid: &Restatement<'_>, text: &mut String) {
     let tilt = grid.kept("tilt").unwrap_or("NONE");
     let parts = ["tilt_geometry", "tilt_angles", "tilt_factors"].map(|key| grid.kept(key));

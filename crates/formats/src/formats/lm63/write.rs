@@ -7,7 +7,7 @@ use super::lines::{LONGEST, list};
 use crate::domain::Unit;
 use std::fmt::Write as _;
 
-/// Writes intensities in `unit`. `notes` become `[OTHER]` keywords of any length.
+/// Writes the intensities of a luminaire as LM-63 in `unit`. `notes` become `[OTHER]` keywords of any length.
 ///
 /// Photometry is absolute (−1 lumens); `cd/klm` is relative to a lamp of 1000 lm. Units that are not photometric are
 /// named in `[_INTENSITYUNITS]`. A program that ignores this keyword takes the numbers for candela.
@@ -53,7 +53,7 @@ pub fn write_lm63(planes: &CPlanes, unit: Unit, notes: &[String]) -> Result<Vec<
     Ok(text.replace('\n', "\r\n").into_bytes())
 }
 
-/// Writes the text of a keyword, broken at blanks into `[MORE]` lines.
+/// Writes a keyword with its text, broken at blanks into `[MORE]` lines.
 fn keyword(text: &mut String, key: &str, value: &str) {
     let mut line = format!("[{key}]");
     for word in ascii(value, usize::MAX).split_whitespace() {

@@ -3,8 +3,8 @@
 use crate::domain::{Axis, DirectionGrid, Measurement, WavelengthGrid};
 use serde_json::{Value, json};
 
-/// Returns the manifest of a tensor, which reads back as the same axes: `quantity`, `value_unit`, `sampling` and
-/// `axes`. Quantities that may include the cosine also get `cosine_included`.
+/// Returns the manifest that describes the axes of a tensor and reads back as equal axes: `quantity`, `value_unit`,
+/// `sampling` and `axes`. Quantities that may include the cosine also get `cosine_included`.
 pub fn manifest_of(measurement: &Measurement) -> Value {
     let axes: Vec<Value> = measurement.tensor.axes().iter().map(describe).collect();
     let mut manifest = json!({
@@ -34,7 +34,7 @@ fn describe(axis: &Axis) -> Value {
     }
 }
 
-/// Describes a grid of directions; fields with default values are left out.
+/// Returns the description of a grid of directions for a manifest; fields with default values are left out.
 fn directions(grid: &DirectionGrid) -> Value {
     let polar = grid.polar();
     let mut axis = json!({"kind": "directions", "frame": grid.frame(), "polar": polar, "outside": grid.outside()});

@@ -10,14 +10,14 @@ use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
 use serde_json::{Map, Value};
 
-/// One axis of a manifest.
+/// One axis of an array according to its manifest: a complete axis, or one angle of a grid.
 pub(super) enum Entry {
     Axis(Axis),
     Angle(Angle),
 }
 
 impl Entry {
-    /// Returns the number of entries of the axis.
+    /// Returns the number of entries along the axis.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Axis(axis) => axis.len(),
@@ -27,7 +27,7 @@ impl Entry {
 }
 
 pub(super) struct Angle {
-    /// Position of the axis, for messages.
+    /// Number of the axis in the array, from 0, for messages.
     pub(super) axis: usize,
     pub(super) role: Role,
     pub(super) values: Vec<f64>,
@@ -35,7 +35,7 @@ pub(super) struct Angle {
     pub(super) extent: Option<AzimuthExtent>,
 }
 
-/// Role of an axis in a grid of angles, in the required order.
+/// Kind of an axis in a grid of angles, in the order in which the axes must come.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Role {
     Index,
@@ -65,7 +65,7 @@ impl Role {
 const KINDS: &str = "\"hemi:LEVEL\", \"lower:LEVEL\", \"sphere:LEVEL\", \"lambda:START:STEP:COUNT\", \"rgb\", \"index\", or \
                      an object with `kind` triangles, directions, wavelength, elevation, theta_i, phi_i, theta_o, phi_o or index";
 
-/// Parses axis number `axis` of a manifest for an array of `length` entries on that axis.
+/// Parses axis number `axis` of a manifest, and refuses it if it does not have `length` entries as the array has.
 pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let entry = described(axis, value, length, how)?;
     let what = match &entry {
@@ -79,7 +79,7 @@ pub(super) fn parse(axis: usize, value: &Value, length: usize, how: &Interpretat
     Ok(entry)
 }
 
-/// Parses axis number `axis` of a manifest. `length` is the length of an axis that does not state its own.
+/// Parses axis number `axis` of a manifest. `length` is the number of entries of an axis that does not state its own.
 pub(super) fn described(axis: usize, value: &Value, length: usize, how: &Interpretation) -> Result<Entry, FormatError> {
     let unknown = |found: &str| unfit(format!("axis {axis}: found {}, expected {KINDS}", snippet(found)));
     let entry = match value {
@@ -132,7 +132,8 @@ fn triangles(axis: usize, domain: Domain, level: u64) -> Result<Axis, FormatErro
     Ok(Axis::Triangles(mesh))
 }
 
-/// Resolves `"lambda"` without numbers: the user names the wavelengths, and their count must match the array's length.
+/// Returns the wavelength axis for `"lambda"` without numbers: the user names the wavelengths, and their count must
+/// match the array's length.
 fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<Axis, FormatError> {
     let Some(range) = &how.wavelengths else {
         return Err(unfit(format!(
@@ -151,7 +152,7 @@ fn bare_wavelengths(axis: usize, length: usize, how: &Interpretation) -> Result<
     Ok(Axis::Wavelength(grid))
 }
 
-/// Axis object and its position.
+/// JSON object that describes an axis, and the number of the axis.
 struct Object<'a> {
     axis: usize,
     fields: &'a Map<String, Value>,
@@ -271,7 +272,7 @@ fn full_form(
     }
 }
 
-/// A grid of directions as one axis of the array, `[polar, azimuth]` row-major.
+/// Returns the grid of directions that forms one axis of an array, `[polar, azimuth]` row-major.
 fn directions(object: &Object<'_>) -> Result<DirectionGrid, FormatError> {
     object.only(&["frame", "polar", "azimuths", "extent", "covers", "outside", "mirrored"])?;
     object.unit(DEGREES)?;
@@ -298,7 +299,8 @@ fn directions(object: &Object<'_>) -> Result<DirectionGrid, FormatError> {
     }
 }
 
-/// Returns the two angles of `covers`, if present.
+/// Returns the field `covers`: the first and the last polar angle, in degrees, of the range in which the grid has
+/// values. Returns `None` if the field is absent.
 fn covers(object: &Object<'_>) -> Result<Option<(f64, f64)>, FormatError> {
     if !object.has("covers") {
         return Ok(None);

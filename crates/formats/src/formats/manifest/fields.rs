@@ -10,7 +10,7 @@ use crate::notes::TextNote;
 use serde_json::{Map, Value};
 use std::str::FromStr;
 
-/// Returns the text under `key`, if present.
+/// Returns the text of the field `key` in a JSON object; `None` if it is absent or null.
 pub(super) fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Option<&'a str>, FormatError> {
     match fields.get(key) {
         None | Some(Value::Null) => Ok(None),
@@ -19,16 +19,16 @@ pub(super) fn text<'a>(fields: &'a Map<String, Value>, key: &str) -> Result<Opti
     }
 }
 
-/// Parses a name of a closed list; the refusal quotes only its beginning.
+/// Parses a name that must be one of a fixed set; the error quotes only its first 40 characters.
 pub(super) fn named<T: FromStr<Err = UnknownName>>(name: &str) -> Result<T, FormatError> {
     name.parse()
         .map_err(|error: UnknownName| unfit(UnknownName { found: error.found.chars().take(40).collect(), ..error }))
 }
 
-/// Fields that define the meaning of the numbers.
+/// Fields of a manifest that define the meaning of the numbers.
 const FIELDS: [&str; 6] = ["axes", "quantity", "value_unit", "unit", "sampling", "cosine_included"];
 
-/// Returns the field that `key` misspells: by one letter, by case, or by the marks between words.
+/// Returns the field of a manifest that `key` misspells: by one letter, by case, or by the marks between words.
 ///
 /// Other keys are metadata: what was measured, and by whom.
 fn misspelt(key: &str) -> Option<&'static str> {
@@ -46,7 +46,7 @@ fn misspelt(key: &str) -> Option<&'static str> {
     cosine.or_else(|| FIELDS.into_iter().chain(instrument::KEYS).find(|field| differs_once(&key, &plain(field))))
 }
 
-/// Returns the angles of the instrument, if stated.
+/// Returns the detector aperture and the source divergence that a manifest states, if any.
 pub(super) fn instrument(fields: &Map<String, Value>) -> Result<Instrument, FormatError> {
     let [aperture, divergence] =
         instrument::KEYS.map(|key| match fields.get(key) {
@@ -58,7 +58,8 @@ pub(super) fn instrument(fields: &Map<String, Value>) -> Result<Instrument, Form
     Ok(Instrument::of([aperture?, divergence?]))
 }
 
-/// Keeps unknown fields as metadata; refuses those that would change the meaning of the numbers.
+/// Keeps unknown fields of a manifest as metadata; refuses misspelt fields that would change the meaning of the
+/// numbers.
 pub(super) fn other_fields(fields: &Map<String, Value>, report: &mut ParseReport) -> Result<(), FormatError> {
     let is_known = |key: &str| FIELDS.contains(&key) || instrument::KEYS.contains(&key);
     for (key, value) in fields.iter().filter(|(key, _)| !is_known(key)) {

@@ -9,7 +9,7 @@ use crate::formats::error::FormatError;
 use crate::formats::text::Brief;
 use crate::notes::ScatteringNote;
 
-/// Combines angle axes into a grid; they must come in the order of [`Role`].
+/// Combines the angle axes of an array into a grid; they must come in the order of [`Role`].
 pub(super) fn assemble(
     quantity: Quantity,
     entries: Vec<Entry>,
@@ -81,7 +81,7 @@ pub(super) fn assemble(
     Ok(grid)
 }
 
-/// Divides the values at each outgoing angle by its cosine; values at 90 degrees are masked.
+/// Divides the values of a BRDF or BTDF at each outgoing angle by its cosine; values at 90 degrees are masked.
 pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -> Result<(), FormatError> {
     report.note(ScatteringNote::CosineDivided { source: "manifest" });
     let Some(outgoing) = &grid.outgoing else { return Ok(()) };
@@ -104,7 +104,7 @@ pub(super) fn divide_by_cosine(grid: &mut AngleGrid, report: &mut ParseReport) -
     Ok(())
 }
 
-/// Divides values `[…, theta, inner]` by |cos theta|. Values with a cosine of 0 are masked; returns their number.
+/// Divides values `[…, theta, inner]` by |cos theta|. Values at a cosine of 0 are masked; returns their number.
 fn divide(values: &mut [f32], theta: &[f64], inner: usize) -> usize {
     let mut grazing = 0;
     for (values, theta) in values.chunks_exact_mut(inner).zip(theta.iter().cycle()) {
@@ -140,7 +140,8 @@ fn polar(theta: Angle, phi: Option<Azimuths>, (low, high): (f64, f64)) -> Result
     Ok(Angles { theta: values, covers, phi })
 }
 
-/// Returns the azimuths of one side. If the last listed azimuth repeats the first, also returns the original list.
+/// Returns the incoming or the outgoing azimuths of a grid. If the last listed azimuth repeats the first one, also
+/// returns the original list.
 fn azimuths(
     phi: Option<Angle>,
     mirror: bool,

@@ -27,7 +27,7 @@ use fields::{instrument, named, other_fields, text};
 use refusal::unfit;
 use serde_json::{Map, Value};
 
-/// Returns the lengths of the axes in `manifest`, for data that are generated to fit it.
+/// Returns the number of entries on each axis of `manifest`, for an array whose values are computed to fit it.
 pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
     let Some(axes) = manifest.get("axes").and_then(Value::as_array) else {
         return Err(unfit("no list `axes`, expected {\"quantity\": …, \"axes\": […]}"));
@@ -37,7 +37,7 @@ pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>
     axes.iter().enumerate().map(|(i, axis)| Ok(entry::described(i, axis, length, how)?.len())).collect()
 }
 
-/// Attaches the axes, quantity and unit named by the manifest and the user to `samples` of `shape` (row-major).
+/// Combines `samples` of `shape` (row-major) with the axes, quantity and unit that the manifest and the user name.
 pub(super) fn interpret(
     manifest: &Value,
     shape: &[usize],
@@ -164,7 +164,7 @@ fn unit(
     }))
 }
 
-/// Returns true if the values include the factor `|cos theta_o|`.
+/// Returns true if the values of an array include the factor `|cos theta_o|`.
 fn cosine_included(
     fields: &Map<String, Value>,
     quantity: Quantity,
@@ -185,7 +185,7 @@ fn cosine_included(
     }
 }
 
-/// Reports the number of negative values, which are kept.
+/// Adds a note on the number of negative values, which are kept.
 fn count_negative(values: &[f32], report: &mut ParseReport) {
     let negative = values.iter().filter(|value| **value < 0.0).count();
     if negative > 0 {

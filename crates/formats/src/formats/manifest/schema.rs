@@ -6,12 +6,12 @@ use utoipa::openapi::schema::{AdditionalProperties, ArrayBuilder, ObjectBuilder,
 use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Name of the schema of an axis.
+/// Name of the JSON schema of an axis in a manifest.
 const AXIS: &str = "ArrayAxis";
-/// Name of the schema of a manifest with its fields.
+/// Name of the JSON schema of a manifest with all its fields.
 const WHOLE: &str = "ArrayDescription";
 
-/// Schema of a manifest: the axes of an array and the meaning of its values, or the axes alone.
+/// JSON schema of a manifest: the axes of an array and the meaning of its values, or the axes alone.
 #[derive(Debug)]
 pub struct ArrayManifest;
 
@@ -27,7 +27,7 @@ fn names<T: Copy>(all: &[T], name: fn(T) -> &'static str) -> Vec<&'static str> {
     all.iter().map(|&known| name(known)).collect()
 }
 
-/// Describes an axis: a short form or an object.
+/// Returns the JSON schema of an axis, which is text in a short form or an object.
 fn axis() -> Schema {
     let text = "Axis in its short form: `hemi:LEVEL`, `lower:LEVEL`, `sphere:LEVEL`, `lambda:START:STEP:COUNT`, `rgb` or `index`.";
     let long = ObjectBuilder::new()
@@ -57,7 +57,7 @@ fn axis() -> Schema {
     either.into()
 }
 
-/// Describes a manifest with its fields.
+/// Returns the JSON schema of a manifest with all its fields.
 fn whole() -> Schema {
     let other = OneOfBuilder::new()
         .item(of_type(Type::String, "Text."))

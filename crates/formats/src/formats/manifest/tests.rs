@@ -232,7 +232,7 @@ fn unfit_manifests_are_refused_with_their_reason() {
         (brdf(json!([{"kind": "directions", "polar": [0, 30]}])), vec![2], NeedsOption, "`frame`"),
         (brdf(json!([directions(&json!({"polar": [0, 200]}))])), vec![2], NeedsOption, "0 to 180"),
         (brdf(json!([directions(&json!({"azimuths": [0, 90]}))])), vec![4], NeedsOption, "`extent`"),
-        (brdf(json!([directions(&json!({"covers": [1, 90]}))])), vec![2], NeedsOption, "the covered range, 1 to 90"),
+        (brdf(json!([directions(&json!({"covers": [1, 90]}))])), vec![2], NeedsOption, "covers 1 to 90 degrees"),
         (brdf(json!([directions(&json!({"outside": "black"}))])), vec![2], NeedsOption, "masked, dark"),
         (brdf(json!([directions(&json!({"mirrored": 1}))])), vec![2], NeedsOption, "true or false"),
         (brdf(json!([{"kind": "index", "count": 3, "labels": ["a"]}])), vec![3], NeedsOption, "labels"),
@@ -259,7 +259,7 @@ fn unfit_manifests_are_refused_with_their_reason() {
     }
 }
 
-/// A grid of two polar angles with other fields in place of or beside its own.
+/// Returns the manifest axis of a grid of two polar angles, with `fields` in place of or beside its own fields.
 fn directions(fields: &Value) -> Value {
     let mut axis = json!({"kind": "directions", "frame": "surface", "polar": [0, 30]});
     for (key, value) in fields.as_object().unwrap() {

@@ -1,11 +1,12 @@
 //! Polar angles and azimuths of a table, which the format derives from their number.
 
-/// Returns the `n` polar angles of a table, in degrees.
+/// Returns the `n` polar angles of a measured BSDF file, in degrees: `i · 90°/n`.
 pub(super) fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
     (0..n).map(move |i| i as f64 * 90.0 / n as f64)
 }
 
-/// Returns the `m` azimuths in degrees between the two directions; a single one represents all azimuths.
+/// Returns the `m` azimuths of a measured BSDF file: degrees from 0 to 180 between incoming and outgoing direction. A
+/// single one represents all azimuths.
 pub(super) fn azimuths(m: usize) -> Vec<f64> {
     (0..m).map(|j| if m > 1 { j as f64 * 180.0 / (m - 1) as f64 } else { 0.0 }).collect()
 }

@@ -8,15 +8,16 @@ use crate::formats::acquisition::ParseReport;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// Metadata key that records the data line `MBSDF_DATA=` of the format's first programs.
+/// Name of the metadata that records the line `MBSDF_DATA=`, with which the first programs for the format began the
+/// data.
 pub(super) const SHORT_LINE: &str = "data_line";
 
-/// First line of every file.
+/// First line of every measured BSDF file.
 pub(super) const VERSION: &[u8] = b"NVIDIA ARC MBSDF V1\n";
 const MAX_LINE: usize = 1 << 12;
 const MAX_LINES: usize = 1000;
 
-/// One table of values.
+/// Table of reflection or transmission values in a measured BSDF file.
 pub(super) struct Block {
     pub(super) theta: usize,
     pub(super) phi: usize,
@@ -31,7 +32,7 @@ impl Block {
     }
 }
 
-/// Returns the reflection and the transmission block of a file.
+/// Returns the reflection table and the transmission table of a measured BSDF file; `None` for a missing one.
 pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<Block>, Option<Block>), FormatError> {
     if !bytes.starts_with(b"NVIDIA ARC MBSDF") {
         let found = String::from_utf8_lossy(&bytes[..bytes.len().min(64)]).into_owned();
@@ -81,7 +82,7 @@ pub(super) fn blocks(bytes: &[u8], report: &mut ParseReport) -> Result<(Option<B
     Ok((reflection, transmission))
 }
 
-/// Parses a block from byte `at` on; returns it and the offset of its end.
+/// Parses a table of values from byte `at` on; returns the table and the offset of its end.
 fn block(bytes: &[u8], at: usize) -> Result<(Block, usize), FormatError> {
     let head = bytes.get(at..at + 12).ok_or_else(|| {
         malformed(

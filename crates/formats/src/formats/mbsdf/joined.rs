@@ -9,14 +9,16 @@ use crate::domain::Axis;
 use crate::domain::limits::MAX_SAMPLES;
 use crate::numeric::bracket::Bracket;
 
-/// Polar angle in degrees of the transmitted side's horizon. The offset separates it from the reflected side's horizon
-/// at 90° in a joined table.
+/// Polar angle in degrees of the transmitted side's horizon. It differs from the reflected side's horizon at 90°, so
+/// that both fit in one table.
 pub(super) const BELOW_HORIZON: f64 = 90.000_001;
 
-/// Joins reflection (upper side) and transmission (lower side). Incoming angles and azimuths are the union of both
-/// lists, with each side interpolated linearly. Scalar values become grey beside RGB. The outgoing angles are those of
-/// the reflection, the horizon of each side, and those of the transmission from 180°. Each horizon row repeats the row
-/// nearest to it.
+/// Joins the tables of reflection (upper side) and transmission (lower side) into one table over both sides.
+///
+/// The incoming angles and azimuths of the joined table are all those of both tables; each table is interpolated
+/// linearly at those of the other. If only one table has RGB, the single values of the other are repeated in all three
+/// channels. The outgoing polar angles are those of the reflection, one at the horizon for each side, and 180° minus
+/// those of the transmission. Each horizon row repeats the row nearest to it.
 pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatError> {
     let incoming = union(polar_angles(above.theta).collect(), polar_angles(below.theta).collect());
     let phi = union(azimuths(above.phi), azimuths(below.phi));
@@ -70,8 +72,8 @@ pub(super) fn joined(above: &Block, below: &Block) -> Result<AngleGrid, FormatEr
     })
 }
 
-/// Returns the union of both lists in increasing order. Equal angles are bitwise equal, because both are the same
-/// rounded quotient.
+/// Returns the union of two lists of angles in increasing order. Equal angles of both lists have equal bits, because
+/// each is computed by a single division of whole numbers.
 fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
     a.append(&mut b);
     a.sort_by(f64::total_cmp);
@@ -80,7 +82,7 @@ fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
 }
 
 impl Block {
-    /// Interpolates linearly in the incoming angle and the azimuth.
+    /// Returns a value of the table, interpolated linearly in the incoming angle and the azimuth.
     fn at(&self, theta: Bracket, row: usize, phi: Bracket, channel: usize) -> f32 {
         let (channels, channel) = if self.rgb { (3, channel) } else { (1, 0) };
         let value =

@@ -41,7 +41,7 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Blocks of a file that are read.
+/// Tables of a measured BSDF file that are read: one of reflection and transmission, or both.
 enum Part {
     One(Block),
     Both(Block, Block),
@@ -112,7 +112,7 @@ fn count_negatives(values: &[f32], report: &mut ParseReport) {
     }
 }
 
-/// Returns the grid of one side.
+/// Returns the grid of angles of reflection or transmission values.
 fn grid(quantity: Quantity, block: Block) -> AngleGrid {
     let Block { theta: n, phi: m, rgb, mut values } = block;
     let incoming: Vec<f64> = polar_angles(n).collect();

@@ -8,8 +8,8 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Tensor};
 use crate::formats::error::FormatError;
 use crate::formats::restated::unfit;
 
-/// Writes the tables of `tensor`, `[incoming, outgoing]` or `[incoming, outgoing, rgb]` on the angles of a measured
-/// BSDF. `metadata` holds the header lines as the reader keeps them. Masked values become 0.
+/// Writes a measured BSDF file from `tensor`, `[incoming, outgoing]` or `[incoming, outgoing, rgb]` on the angles of
+/// the format. `metadata` holds the header lines as the reader keeps them. Masked values become 0.
 pub fn restate_mbsdf(tensor: &Tensor, metadata: &[(String, String)]) -> Result<Vec<u8>, FormatError> {
     let axes = tensor.axes();
     let (elevations, directions, is_rgb) = match axes {
@@ -61,13 +61,14 @@ pub fn restate_mbsdf(tensor: &Tensor, metadata: &[(String, String)]) -> Result<V
     Ok(bytes)
 }
 
-/// One table of a file: the rows of the grid from the normal to the horizon.
+/// One table to write, reflection or transmission: the rows of the grid from the normal to the horizon.
 struct Side {
     line: &'static str,
     rows: Vec<usize>,
 }
 
-/// Returns the tables that form the polar angles of a grid; `None` if they are not those of a measured BSDF.
+/// Returns the reflection and transmission tables to which the polar angles of a grid belong; `None` if the angles are
+/// not those of a measured BSDF file.
 fn sides(directions: &DirectionGrid, n: usize) -> Option<Vec<Side>> {
     let polar = directions.polar();
     let up: Vec<f64> = polar_angles(n).collect();

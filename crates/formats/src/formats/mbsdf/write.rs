@@ -9,24 +9,26 @@ use crate::domain::Direction;
 use crate::domain::limits::MAX_SAMPLES;
 use rayon::prelude::*;
 
-/// Contents and resolution of a file.
+/// Contents and resolution of a measured BSDF file to write.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MbsdfGrid {
-    /// Number of polar angles of each direction, `i · 90°/n`.
+    /// Number of polar angles of the incoming and of the outgoing directions, `i · 90°/n`.
     pub theta: usize,
-    /// Number of azimuths between the directions, `j · 180°/(m − 1)`; 1 for a function without azimuth.
+    /// Number of azimuths between incoming and outgoing directions, `j · 180°/(m − 1)`; 1 for a function that does not
+    /// depend on the azimuth.
     pub phi: usize,
-    /// True for three channels of linear sRGB, false for one channel.
+    /// True to write each BSDF value in three channels of linear sRGB, false to write it as a single number.
     pub rgb: bool,
-    /// True to write the reflection table.
+    /// True to write the table of reflection.
     pub reflection: bool,
-    /// True to write the transmission table; `wo` is then evaluated below the surface.
+    /// True to write the table of transmission; `wo` is then evaluated below the surface.
     pub transmission: bool,
-    /// Lines of metadata, `key="value"`.
+    /// Lines of metadata before the tables, `key="value"`.
     pub metadata: Vec<String>,
 }
 
-/// Writes `function` in sr⁻¹ without the cosine. It must be isotropic and symmetric about the plane of incidence.
+/// Writes a measured BSDF file from `function` in sr⁻¹ without the factor cos θo. The function must be isotropic and
+/// symmetric about the plane of incidence.
 pub fn write_mbsdf(grid: &MbsdfGrid, function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
     let sides: Vec<(bool, &str)> =
         [(grid.reflection, true, "MBSDF_DATA_REFLECTION="), (grid.transmission, false, "MBSDF_DATA_TRANSMISSION=")]
@@ -118,7 +120,7 @@ mod tests {
     use super::*;
     use crate::domain::Quantity;
 
-    /// Differs by side, angle, azimuth and channel.
+    /// Test function whose values differ by side, angle, azimuth and channel.
     #[derive(Debug)]
     struct Sheet;
 

@@ -12,5 +12,5 @@ pub(super) const ABOUT: Format = Format {
     writes: true,
 };
 
-/// First bytes of every array file.
+/// First bytes of every `NumPy` array file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";

@@ -11,7 +11,7 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::turned::turn;
 use crate::notes::ValueNote;
 
-/// The samples of an array in row-major order.
+/// Shape of an array and its samples in row-major order.
 pub(super) struct Array {
     pub(super) shape: Vec<usize>,
     pub(super) samples: Vec<f32>,
@@ -67,7 +67,8 @@ pub(super) fn read_array(bytes: &[u8], report: &mut ParseReport) -> Result<Array
     Ok(Array { shape, samples })
 }
 
-/// Decodes samples in row-major order. The error is the number of the first infinite sample in file order.
+/// Decodes the samples of an array in row-major order. The error is the number of the first infinite sample in file
+/// order, from 0.
 fn decode(body: &[u8], shape: &[usize], element: Element, fortran_order: bool) -> Result<Vec<f32>, usize> {
     let Element { size, big_endian, convert, .. } = element;
     let count = body.len() / size;
@@ -84,8 +85,8 @@ fn decode(body: &[u8], shape: &[usize], element: Element, fortran_order: bool) -
     Err(samples.iter().take_while(|sample| !sample.is_infinite()).count())
 }
 
-/// Reorders samples from first axis fastest to last axis fastest. `read(at, piece)` fills `piece` with the samples from
-/// number `at` on, in file order.
+/// Reorders the samples of an array from first axis fastest to last axis fastest. `read(at, piece)` fills `piece` with
+/// the samples from number `at` on, in file order.
 fn to_row_major(shape: &[usize], ordered: &mut [f32], mut read: impl FnMut(usize, &mut [f32])) {
     let [first, middle @ .., last] = shape else { return };
     let (outer, inner) = (ordered.len() / first, ordered.len() / last);

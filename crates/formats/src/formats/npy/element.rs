@@ -1,6 +1,6 @@
 //! Number types of arrays: names, sizes, and conversion of bytes to samples.
 
-/// A number type of an array.
+/// Number type of an array's elements, with its conversion to samples.
 #[derive(Clone, Copy)]
 pub(super) struct Element {
     pub(super) name: &'static str,
@@ -10,7 +10,8 @@ pub(super) struct Element {
     pub(super) value: Value,
 }
 
-/// Converts half precision: sign, 5 bits of exponent, 10 bits of mantissa (IEEE 754 binary16), exact in f64.
+/// Converts a half-precision number (IEEE 754 binary16: sign, 5 bits of exponent, 10 bits of mantissa), which is exact
+/// in f64.
 fn half(bits: u64) -> f64 {
     let fraction = bits & 0x3FF;
     let mantissa = fraction as f64;
@@ -24,7 +25,7 @@ fn half(bits: u64) -> f64 {
     if bits & 0x8000 == 0 { magnitude } else { -magnitude }
 }
 
-/// A row of the table for a type of whole numbers.
+/// Row of the table of number types for a type of whole numbers.
 macro_rules! whole {
     ($name:literal, $kind:ty) => {
         (
@@ -36,11 +37,12 @@ macro_rules! whole {
     };
 }
 
-/// Converts bytes in either byte order to samples; `Value` converts the bytes of one number.
+/// Function that converts the bytes of an array's numbers to float32 samples; the flag is true if they are big-endian.
 type Convert = fn(&[u8], bool, &mut [f32]);
+/// Function that converts the bytes of one number of an array to f64; the flag is true if they are big-endian.
 type Value = fn(&[u8], bool) -> f64;
 
-/// Writes a sample for each number of `N` bytes. Every NaN becomes the canonical one that masks a sample.
+/// Writes a float32 sample for each number of `N` bytes. Every NaN becomes the standard NaN that masks a sample.
 fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], sample: impl Fn([u8; N]) -> f32) {
     let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
     let (words, _) = body.as_chunks::<N>();
@@ -54,7 +56,8 @@ fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], s
     }
 }
 
-/// Returns the number at the start of `bytes`.
+/// Decodes one number of an array, an integer or a floating-point number, from the first `N` bytes of `bytes` and
+/// converts it to f64.
 fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]) -> f64) -> f64 {
     let mut word = bytes.first_chunk::<N>().copied().unwrap_or([0; N]);
     if big_endian {
@@ -63,7 +66,7 @@ fn number<const N: usize>(bytes: &[u8], big_endian: bool, value: impl Fn([u8; N]
     value(word)
 }
 
-/// Names, sizes in bytes and conversions of the number types.
+/// Number types of arrays: names, sizes in bytes and conversions.
 #[allow(clippy::cast_lossless, reason = "one row for each width, of which the widest are rounded")]
 pub(super) const ELEMENTS: &[(&str, usize, Convert, Value)] = &[
     (

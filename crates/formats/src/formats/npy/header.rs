@@ -6,10 +6,10 @@ use super::refusal::malformed;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// Longest header that is read, in bytes; longer ones are refused. `NumPy` writes about 120.
+/// Upper bound on the header of an array file, in bytes; `NumPy` writes about 120. Raising it accepts longer headers.
 const MAX_HEADER: usize = 1 << 16;
 
-/// Returns the text of the header and the byte offset of the data.
+/// Returns the text of an array file's header and the byte offset of the data.
 pub(super) fn header_of(bytes: &[u8]) -> Result<(&str, usize), FormatError> {
     let at = MAGIC.len();
     let (length, start) = match bytes.get(at..) {
@@ -38,14 +38,15 @@ pub(super) fn header_of(bytes: &[u8]) -> Result<(&str, usize), FormatError> {
     Ok((header, start + length))
 }
 
-/// Contents of a header.
+/// Contents of the header of an array file.
 pub(super) struct Header {
     pub(super) element: Element,
     pub(super) fortran_order: bool,
     pub(super) shape: Vec<usize>,
 }
 
-/// Parses the Python dictionary literal of a header: string keys; strings, booleans and tuples of integers as values.
+/// Parses the header of an array file, a Python dictionary literal: string keys; strings, booleans and tuples of
+/// integers as values.
 pub(super) fn parse_header(header: &str, data_at: usize) -> Result<Header, FormatError> {
     let start = data_at - header.len();
     let mut literal = Literal { text: header, at: 0, start };
@@ -91,7 +92,7 @@ pub(super) fn parse_header(header: &str, data_at: usize) -> Result<Header, Forma
     Ok(Header { element, fortran_order, shape })
 }
 
-/// Cursor over a literal; blanks are skipped before each item.
+/// Position in the text of a Python literal; blanks are skipped before each item.
 struct Literal<'a> {
     text: &'a str,
     at: usize,

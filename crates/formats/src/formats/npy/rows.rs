@@ -6,7 +6,7 @@ use super::header::{Header, header_of, parse_header};
 use super::refusal::malformed;
 use crate::formats::error::{FormatError, FormatErrorKind};
 
-/// Layout of the rows of a two-dimensional array, from its header alone.
+/// Layout of the rows of a two-dimensional array file, known from its header alone.
 #[derive(Clone, Copy)]
 pub struct ArrayRows {
     element: Element,
@@ -16,15 +16,15 @@ pub struct ArrayRows {
 }
 
 impl ArrayRows {
-    /// Number of bytes at the start of a file that always contain its header.
+    /// Number of bytes at the start of an array file that always contain its header.
     pub const HEAD: usize = (1 << 16) + 16;
 
-    /// Returns true if `head` starts with the signature of an array.
+    /// Returns true if `head` starts with the signature of a `NumPy` array file.
     pub fn is_array(head: &[u8]) -> bool {
         head.starts_with(MAGIC)
     }
 
-    /// Reads the header from the first bytes of a file, up to [`ArrayRows::HEAD`] of them.
+    /// Reads the header of an array from the first bytes of its file, up to [`ArrayRows::HEAD`] of them.
     pub fn of(head: &[u8]) -> Result<Self, FormatError> {
         if !Self::is_array(head) {
             return Err(malformed(0, "found other bytes, expected an array"));
@@ -41,27 +41,28 @@ impl ArrayRows {
         }
     }
 
-    /// Returns the number of rows.
+    /// Returns the number of rows of the array.
     pub fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Returns the number of values in a row.
+    /// Returns the number of values in a row of the array.
     pub fn columns(&self) -> usize {
         self.columns
     }
 
-    /// Returns the byte offset of the first row.
+    /// Returns the byte offset of the array's first row in its file.
     pub fn data_at(&self) -> usize {
         self.data_at
     }
 
-    /// Returns the size of a value in bytes.
+    /// Returns the size in bytes of one value of the array.
     pub fn size(&self) -> usize {
         self.element.size
     }
 
-    /// Decodes the bytes of some rows and appends the values to `numbers`. An incomplete last value is ignored.
+    /// Decodes the bytes of some rows of the array and appends the values to `numbers`. An incomplete last value is
+    /// ignored.
     pub fn numbers(&self, bytes: &[u8], numbers: &mut Vec<f64>) {
         let Element { size, big_endian, value, .. } = self.element;
         numbers.extend(bytes.chunks_exact(size).map(|bytes| value(bytes, big_endian)));

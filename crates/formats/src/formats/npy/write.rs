@@ -2,7 +2,7 @@
 
 use super::about::MAGIC;
 
-/// Writes little-endian float32 samples, row-major, as version 1.0; NaN = masked.
+/// Writes float32 samples as a `NumPy` array file of version 1.0: little-endian, row-major; NaN marks a masked sample.
 ///
 /// # Panics
 /// If the shape does not hold as many samples as there are.
@@ -16,7 +16,7 @@ pub fn write_npy(shape: &[usize], samples: &[f32]) -> Vec<u8> {
     bytes
 }
 
-/// Returns the header of such a file, up to its samples: 128 bytes for any shape of two axes.
+/// Returns the header of a `NumPy` array file of float32 samples: 128 bytes for any shape of two axes.
 pub fn npy_header(shape: &[usize]) -> Vec<u8> {
     let lengths = match shape {
         [only] => format!("({only},)"),

@@ -19,7 +19,8 @@ pub(super) fn says_volume(prose: &str) -> bool {
     prose.contains("volume scattering") || prose.lines().any(|line| !line.contains("normalization") && words(line))
 }
 
-/// Reads a table of two columns or more. Also returns true if the header mentions a volume scattering function.
+/// Reads a phase function from a table of two columns or more, with a description of its form. Also returns true if the
+/// header mentions a volume scattering function.
 pub(super) fn read(
     source: &Source,
     how: &Interpretation,

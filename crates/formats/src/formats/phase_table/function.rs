@@ -5,57 +5,61 @@ use crate::formats::acquisition::DirectionalFunction;
 use std::f64::consts::PI;
 
 /// Angle in degrees below which a volume scattering function is interpolated by power laws, as in Petzold's tables.
+/// Raising it uses power laws for more entries.
 const POWER_LAW_BELOW: f64 = 10.0;
 
-/// Variable in which the table is linear between its entries.
+/// Variable in which a phase function is interpolated linearly between the entries of its table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Between {
-    /// Linear in the scattering angle.
+    /// Values are linear in the scattering angle.
     Angles,
-    /// Linear in the cosine of the scattering angle.
+    /// Values are linear in the cosine of the scattering angle.
     Cosines,
-    /// Linear in the scattering angle; below 10 degrees linear in the logarithms of angle and value.
+    /// Values are linear in the scattering angle; below 10 degrees their logarithms are linear in the logarithm of the
+    /// angle.
     PowerLaws,
 }
 
-/// Values over the scattering angle in degrees, 0 = forward, strictly increasing; NaN = missing.
+/// Phase function as a table over the scattering angle in degrees, 0 = forward, strictly increasing; NaN = missing.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
     pub(super) angles: Vec<f64>,
     pub(super) values: Vec<f64>,
     pub(super) between: Between,
-    /// Extrapolation range in degrees: the values of the first and last entry extend this far beyond them.
+    /// Range in degrees to which the first and the last value of the table extend beyond their angles.
     pub(super) held: f64,
-    /// True if the angles are those of the file.
+    /// True if the file lists the scattering angles (or cosines) of the table; false if the table was computed from
+    /// Legendre moments.
     pub(super) is_listed: bool,
-    /// Cosines of the angles, if the table is linear in them.
+    /// Cosines of the scattering angles, if the values are interpolated linearly in them; else empty.
     pub(super) cosines: Vec<f64>,
 }
 
-/// Position of an angle in a table.
+/// Position of a scattering angle relative to the entries of a phase function table.
 #[derive(Clone, Copy)]
 enum Place {
     Outside,
-    /// At this entry, or in the range where its value is extrapolated.
+    /// Index of the table entry at the scattering angle, or of the end entry whose value extends to it.
     At(usize),
-    /// Between this entry and the next.
+    /// Index of the table entry below the scattering angle, which lies between this entry and the next one.
     Behind(usize),
 }
 
 impl Curve {
-    /// Creates a table over angles without extrapolation.
+    /// Creates a phase function over scattering angles in degrees, without extrapolation.
     pub(super) fn over_angles(angles: Vec<f64>, values: Vec<f64>, is_volume: bool) -> Self {
         let between = if is_volume { Between::PowerLaws } else { Between::Angles };
         Self { angles, values, between, held: 0.0, is_listed: true, cosines: Vec::new() }
     }
 
-    /// Creates a table over decreasing cosines without extrapolation.
+    /// Creates a phase function over decreasing cosines of the scattering angle, without extrapolation.
     pub(super) fn over_cosines(cosines: Vec<f64>, values: Vec<f64>) -> Self {
         let angles = cosines.iter().map(|&cosine| libm::acos(cosine).to_degrees()).collect();
         Self { angles, values, between: Between::Cosines, held: 0.0, is_listed: true, cosines }
     }
 
-    /// Returns the position of a scattering angle in degrees.
+    /// Locates a scattering angle, in degrees, in the table of a phase function: at an entry, between two entries, or
+    /// outside.
     fn place(&self, angle: f64) -> Place {
         let last = self.angles.len() - 1;
         let (low, high) = (self.angles[0], self.angles[last]);
@@ -78,7 +82,7 @@ impl Curve {
         })
     }
 
-    /// Returns the value at an angle; NaN outside the table and beside missing entries.
+    /// Returns the phase function at a scattering angle in degrees; NaN outside the table and beside missing entries.
     fn at(&self, place: Place, angle: f64) -> f64 {
         match place {
             Place::Outside => f64::NAN,
@@ -87,7 +91,7 @@ impl Curve {
         }
     }
 
-    /// Interpolates between entries `i` and `i + 1`.
+    /// Returns the phase function at a scattering angle in degrees between entries `i` and `i + 1`.
     fn inside(&self, i: usize, angle: f64) -> f64 {
         let (x0, x1, y0, y1) = (self.angles[i], self.angles[i + 1], self.values[i], self.values[i + 1]);
         if self.is_power_law([x0, x1], [y0, y1]) {
@@ -102,13 +106,14 @@ impl Curve {
         y0 + t * (y1 - y0)
     }
 
-    /// Returns true if the values between two entries follow a power law instead of a line.
+    /// Returns true if values between two entries, `[x0, x1]` in degrees, follow a power law instead of a line.
     fn is_power_law(&self, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> bool {
         self.between == Between::PowerLaws && x1 <= POWER_LAW_BELOW && x0 > 0.0 && y0 > 0.0 && y1 > 0.0
     }
 
-    /// Returns `2π ∫ p sin ψ dψ` and `2π ∫ p cos ψ sin ψ dψ` over the covered angles, and the part of the first
-    /// integral up to the second entry.
+    /// Returns the integral of the phase function over the sphere, `2π ∫ p sin ψ dψ`, the cosine-weighted integral `2π
+    /// ∫ p cos ψ sin ψ dψ`, and the part of the first one up to the second angle of the table. They extend over the
+    /// covered angles.
     pub(super) fn integrals(&self) -> Integrals {
         let mut all = Integrals::default();
         let last = self.angles.len() - 1;
@@ -135,29 +140,30 @@ impl Curve {
     }
 }
 
-/// Integrals over the sphere.
+/// Integrals of a phase function over the sphere.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Integrals {
     pub(super) total: f64,
-    /// Integral weighted by the cosine of the scattering angle.
+    /// Integral of the phase function weighted by the cosine of the scattering angle.
     pub(super) cosine: f64,
-    /// Integral up to the second entry of the table.
+    /// Integral of the phase function over the scattering angles up to the second entry of the table.
     pub(super) first: f64,
 }
 
-/// Abscissae and weights of Gauss and Legendre's rule of order 4 on -1..1 (Abramowitz & Stegun, table 25.4).
+/// Abscissae and weights of the Gauss–Legendre rule with 4 points on -1..1 (Abramowitz & Stegun, table 25.4).
 const RULE: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
     (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
     (0.861_136_311_594_052_6, 0.347_854_845_137_453_86),
 ];
-/// Number of pieces of a power law that are integrated separately by the rule.
+/// Number of pieces into which the range of a power law is divided for Gauss quadrature. Raising it is slower and more
+/// accurate.
 const PIECES: usize = 4;
-/// Half width in radians below which Taylor polynomials replace the sines.
+/// Half width of an interval in radians below which Taylor polynomials replace sines and cosines in integrals.
 const SHORT: f64 = 0.25;
 
-/// Returns `∫ cos x dx` and `∫ x sin x dx` over `-half..half`.
+/// Returns the integrals `∫ cos x dx` and `∫ x sin x dx` over `-half..half`, half in radians.
 fn around_zero(half: f64) -> [f64; 2] {
     if half > SHORT {
         let (sin, cos) = libm::sincos(half);
@@ -173,14 +179,18 @@ fn around_zero(half: f64) -> [f64; 2] {
 }
 
 impl Integrals {
-    /// Adds the exact integrals of a function linear in the cosine.
+    /// Adds the part of a phase function from cosine `c0` to cosine `c1` of the scattering angle to its integral over
+    /// the sphere and to its cosine-weighted integral. The values `y0` and `y1` are interpolated linearly in the
+    /// cosine.
     fn add_line_of_cosines(&mut self, [c0, c1]: [f64; 2], [y0, y1]: [f64; 2]) {
         let part = 2.0 * PI * (c0 - c1);
         self.total += part * 0.5 * (y0 + y1);
         self.cosine += part / 6.0 * (y0 * (2.0 * c0 + c1) + y1 * (c0 + 2.0 * c1));
     }
 
-    /// Adds the exact integrals of a function linear in the angle in degrees.
+    /// Adds the part of a phase function from scattering angle `from` to scattering angle `to`, in degrees, to its
+    /// integral over the sphere and to its cosine-weighted integral. The values `y0` and `y1` are interpolated linearly
+    /// in the angle.
     fn add_line(&mut self, [from, to]: [f64; 2], [y0, y1]: [f64; 2]) {
         let half = (0.5 * (to - from)).to_radians();
         if half <= 0.0 {
@@ -196,7 +206,8 @@ impl Integrals {
         self.cosine += 0.5 * PI * (mean * sin_2 * even + 0.5 * slope * cos_2 * odd);
     }
 
-    /// Adds the integrals of `value` between two angles in degrees, by quadrature.
+    /// Adds the part of a phase function from scattering angle `from` to scattering angle `to`, in degrees, to its
+    /// integral over the sphere and to its cosine-weighted integral, by Gauss quadrature.
     fn add(&mut self, [from, to]: [f64; 2], value: impl Fn(f64) -> f64) {
         let half = 0.5 * (to - from) / PIECES as f64;
         for piece in 0..PIECES {
@@ -212,7 +223,7 @@ impl Integrals {
     }
 }
 
-/// Tables of all wavelengths over the same angles.
+/// Phase functions of all wavelengths, as tables over equal scattering angles.
 #[derive(Clone, Debug)]
 pub(super) struct Curves(pub(super) Vec<Curve>);
 

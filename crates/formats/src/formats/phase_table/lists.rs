@@ -12,14 +12,16 @@ use crate::formats::text::{Brief, Source, Token, Tokens, number};
 use crate::notes::PhaseNote;
 use std::f64::consts::PI;
 
-/// Lower bound on the values of a list and on the moments of a function.
+/// Smallest number of values, or of Legendre moments, that a phase function given as a bare list of numbers must have.
 const FEWEST: usize = 3;
-/// Upper bound on the moments, whose polynomials are summed at every angle.
+/// Upper bound on the number of Legendre moments of a phase function, whose polynomials are summed at every angle.
+/// Raising it allows longer computations.
 const MAX_MOMENTS: usize = 1 << 12;
-/// Number of angles per moment in the table computed from moments.
+/// Number of scattering angles for each Legendre moment in the table that is computed from the moments. Raising it
+/// makes finer tables.
 const ANGLES_PER_MOMENT: usize = 8;
 
-/// Returns the non-empty lines without their comments.
+/// Returns the non-empty lines of a text without their comments after `#`.
 fn contents(text: &str) -> impl Iterator<Item = &str> {
     text.lines().map(|line| line.split('#').next().unwrap_or_default().trim()).filter(|line| !line.is_empty())
 }
@@ -28,7 +30,7 @@ fn numbers(line: &str) -> Option<Vec<f64>> {
     Tokens::new(line, 0).map(|token| number(token.text)).collect()
 }
 
-/// Returns true if the text is a single line of at least three numbers, which may extend beyond the head.
+/// Returns true if the beginning of a file is a single line of at least three numbers, which may continue.
 pub(super) fn is_line(head: &str) -> bool {
     let mut lines = contents(head);
     let (first, more) = (lines.next().unwrap_or_default(), lines.next().is_some());
@@ -38,14 +40,15 @@ pub(super) fn is_line(head: &str) -> bool {
     !more && words.len() >= FEWEST && whole.iter().all(|word| number(word.text).is_some())
 }
 
-/// Returns true if one line of numbers is a spectrum nevertheless: by its pairs, or by the lower-case text around it.
+/// Returns true if one line of numbers is a spectrum, not a phase function: it consists of pairs of wavelength and
+/// value, or the lower-case text around it says so.
 pub(super) fn is_spectral(head: &str, prose: &str) -> bool {
     let source = Source::decode(head.as_bytes(), NAME);
     are_pairs(table_lines(&source)) || ["wavelength", "lambda", "nm"].iter().any(|word| prose.contains(word))
 }
 
-/// Returns true if the text has one number per line, the first equal to 1, and no m-th moment larger than 2m + 1 in
-/// magnitude.
+/// Returns true if the text is a list of Legendre moments: one number per line, the first equal to 1, and number m
+/// (from 0) at most 2m + 1 in magnitude.
 pub(super) fn is_moments(head: &str) -> bool {
     let mut count = 0_usize;
     for line in contents(head) {
@@ -59,8 +62,8 @@ pub(super) fn is_moments(head: &str) -> bool {
     count >= FEWEST
 }
 
-/// Returns true if the first numbers of the rows are cosines, or angles from 0 to 180 degrees. Wavelengths have neither
-/// range.
+/// Returns true if the first numbers of the rows are cosines, or angles from 0 to 180 degrees. Wavelengths do not have
+/// such a range.
 pub(super) fn is_angular(head: &str) -> bool {
     let firsts: Vec<f64> = contents(head)
         .filter_map(|line| number(line.split([',', ';', '\t', ' ']).find(|cell| !cell.is_empty())?))
@@ -69,7 +72,8 @@ pub(super) fn is_angular(head: &str) -> bool {
     firsts.len() >= FEWEST && (((-1.0..0.0).contains(&low) && high <= 1.0) || (low == 0.0 && high == 180.0))
 }
 
-/// Returns the curve of a list and a description of its form; `None` if the text is a table.
+/// Returns the phase function that a file gives as a single list of numbers, and a description of the list in words,
+/// such as `64 Legendre moments`. Returns `None` if the file is a table of several columns.
 pub(super) fn read(
     source: &Source,
     how: &Interpretation,
@@ -119,7 +123,7 @@ fn over_limit(found: usize, what: &str, most: usize) -> FormatError {
     FormatError::new(FormatErrorKind::OverLimit, NAME, format!("{found} {what}, expected at most {most}"))
 }
 
-/// Returns the curve of values at evenly spaced cosines from -1 to 1.
+/// Returns the phase function with the values `values` at evenly spaced cosines of the scattering angle from -1 to 1.
 fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> {
     let n = values.len();
     if n > MAX_WAVELENGTHS {
@@ -131,7 +135,7 @@ fn list(values: &[f64], report: &mut ParseReport) -> Result<Curve, FormatError> 
     Ok(Curve::over_cosines(cosines, values.iter().rev().copied().collect()))
 }
 
-/// Returns the sum of Legendre polynomials as a table fine enough for the highest order.
+/// Returns the phase function with these Legendre moments, as a table fine enough for the highest order.
 fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, FormatError> {
     let n = moments.len();
     if n > MAX_MOMENTS {
@@ -152,7 +156,7 @@ fn expanded(mut moments: Vec<f64>, report: &mut ParseReport) -> Result<Curve, Fo
     Ok(curve)
 }
 
-/// Returns `Σ c_m P_m(x)` (Bonnet's recurrence).
+/// Returns the Legendre series `Σ c_m P_m(x)` (Bonnet's recurrence).
 fn series(coefficients: &[f64], x: f64) -> f64 {
     let (mut before, mut polynomial, mut sum) = (0.0, 1.0, 0.0);
     for (m, c) in coefficients.iter().enumerate() {

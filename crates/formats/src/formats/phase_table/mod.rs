@@ -38,7 +38,7 @@ use refusal::needs;
 
 pub(super) const READER: Reader = Reader { about: ABOUT, options: &["column", "normalization"], probe, read };
 
-/// Header words that occur in phase functions only.
+/// Words in the header of a file that occur with phase functions only.
 const WORDS: [&str; 7] =
     ["phase function", "phasefunction", "scattering angle", "scattering_angle", "legendre", "tabphase", "cos_theta"];
 fn probe(sample: &Sample<'_>) -> u8 {

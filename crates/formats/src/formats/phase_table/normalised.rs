@@ -13,20 +13,24 @@ use crate::notes::PhaseNote;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Upper bound on the values of a table over angles and wavelengths.
+/// Upper bound on the number of values in a table of phase functions over angles and wavelengths.
 const MAX_VALUES: usize = 1 << 22;
-/// Relative tolerance within which an integral is recognised as 1 or 4π.
+/// Relative tolerance within which the integral of a phase function is recognised as 1 or 4π. Raising it accepts less
+/// exact tables.
 const TOLERANCE: f64 = 0.05;
-/// Upper bound in degrees on the gap at either end of a table that is filled with the last value.
+/// Upper bound in degrees on the gap at either end of a phase function table that is filled with the nearest value.
+/// Raising it fills wider gaps.
 const HELD: f64 = 10.0;
-/// Lower bounds in degrees on the spacings from which outgoing and incoming levels are chosen; they give about a
-/// million samples. Lowering them makes larger tensors.
+/// Lower bounds in degrees on the spacings of outgoing and of incoming directions from which subdivision levels are
+/// chosen; they give about a million samples. Lowering them makes larger tensors.
 const OUTGOING_SPACING: f64 = 4.5;
 const INCOMING_SPACING: f64 = 9.0;
-/// Share of the light within the first step of a table above which the forward peak counts as unresolved.
+/// Fraction of the light within the first step of a phase function table above which the forward peak counts as
+/// unresolved. Raising it warns less often.
 const UNRESOLVED: f64 = 0.2;
 
-/// Builds a function of two directions from normalised tables over the same angles, one for each entry of `spectral`.
+/// Returns the function of two directions that normalised phase functions define, one for each wavelength or channel of
+/// `spectral`. All of them must be tables over the same list of scattering angles.
 pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut ParseReport) -> Modelled {
     let numbers = curves.iter().map(|curve| curve.values.len()).sum();
     let missing = curves.iter().flat_map(|curve| &curve.values).filter(|v| v.is_nan()).count();
@@ -57,7 +61,8 @@ pub(super) fn modelled(curves: Vec<Curve>, spectral: Option<Axis>, report: &mut 
     }
 }
 
-/// Returns the lists over the scattering angle as a grid for light from `+z`; `None` if the file has no list.
+/// Returns the listed phase functions as a grid of polar angles for light from `+z`; `None` if the file lists no
+/// angles.
 fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     let first = curves.first().filter(|curve| curve.is_listed)?;
     let (nearest, farthest) = (first.angles[0], first.angles[first.angles.len() - 1]);
@@ -74,8 +79,8 @@ fn stated(curves: &[Curve], spectral: Option<&Axis>) -> Option<StatedGrid> {
     Some(StatedGrid { tensor, factor: 1.0, repeated: Repeated::default() })
 }
 
-/// Builds a function of two directions from `values` `[angle, wavelength]` over increasing scattering angles in
-/// degrees.
+/// Returns the function of two directions that the phase function `values` `[angle, wavelength]` give, over increasing
+/// scattering angles in degrees.
 pub(in crate::formats) fn tabulated(
     angles: &[f64],
     values: &[f32],
@@ -109,7 +114,7 @@ pub(in crate::formats) fn tabulated(
     Ok(modelled(curves, spectral, report))
 }
 
-/// Extends the end values to 0 and 180 degrees if the gaps are small.
+/// Extends the first and the last value of a phase function to 0 and 180 degrees if the gaps are at most [`HELD`].
 pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     let (first, last) = (curve.angles[0], curve.angles[curve.angles.len() - 1]);
     let gap = first.max(180.0 - last);
@@ -121,8 +126,8 @@ pub(super) fn held(mut curve: Curve, report: &mut ParseReport) -> Curve {
     curve
 }
 
-/// Divides the values by their integral. The integral must match the stated normalisation, or 1 or 4π if none is
-/// stated.
+/// Divides the values of a phase function by its integral over the sphere. The integral must match the stated
+/// normalisation, or be 1 or 4π if none is stated.
 pub(super) fn normalise(
     curve: &mut Curve,
     said: Option<Normalization>,
@@ -195,14 +200,14 @@ pub(super) fn normalise(
     Ok(())
 }
 
-/// Returns the nine-place decimal that `angle` differs from by rounding only, else `angle`. Decimals are coded in a
-/// tenth of the bytes.
+/// Returns the decimal of nine places that differs from `angle` by rounding only, else `angle`. Decimals take a tenth
+/// of the bytes when coded.
 pub(super) fn decimal(angle: f64) -> f64 {
     let nearest = rounded(angle);
     if (nearest - angle).abs() < 1e-12 { nearest } else { angle }
 }
 
-/// Rounds to nine decimals.
+/// Returns an angle rounded to nine decimals.
 fn rounded(angle: f64) -> f64 {
     libm::round(angle * 1e9) / 1e9
 }

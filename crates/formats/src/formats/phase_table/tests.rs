@@ -9,7 +9,8 @@ use std::fmt::Write as _;
 
 const G: f64 = 0.6;
 
-/// Henyey and Greenstein's function, which integrates to 1; its moments are powers of G.
+/// Returns Henyey and Greenstein's phase function at a cosine, which integrates to 1; its Legendre moments are powers
+/// of G.
 fn henyey_greenstein(mu: f64) -> f64 {
     (1.0 - G * G) / (4.0 * PI * libm::pow(1.0 + G * G - 2.0 * G * mu, 1.5))
 }
@@ -18,7 +19,7 @@ fn cosine(degrees: f64) -> f64 {
     libm::cos(degrees.to_radians())
 }
 
-/// `angle value` in steps of half a degree.
+/// Returns a table of scattering angles and values of a phase function, in steps of half a degree.
 fn angles(factor: f64) -> String {
     let mut text = String::new();
     for i in 0..=360 {
@@ -32,7 +33,7 @@ fn with(text: &str, normalization: Option<Normalization>) -> Result<Acquisition,
     read_any(text.as_bytes(), &Interpretation { normalization, ..Interpretation::default() })
 }
 
-/// Returns the function at a scattering angle, which is the same for any incoming direction.
+/// Returns the phase function at a scattering angle, which does not depend on the incoming direction.
 fn at(acquisition: &Acquisition, degrees: f64) -> f64 {
     let Samples::Function(modelled) = &acquisition.samples else { panic!("expected a function") };
     let wi = Direction::from_degrees(0.0, 0.0);

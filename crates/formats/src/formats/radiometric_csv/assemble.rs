@@ -16,13 +16,15 @@ use crate::formats::stated::divide_by_pi;
 use crate::formats::text::Brief;
 use crate::notes::{ScatteringNote, ValueNote};
 
-/// Upper bound on the direction changes of the long form, in which all wavelengths of a direction should follow each
-/// other.
+/// Upper bound on how often the direction changes from row to row in the long form (one value per row). There all
+/// wavelengths of a direction should follow each other.
 const MAX_DIRECTIONS: usize = 1 << 26;
-/// Largest theta in degrees, and longest wavelength in nm, that suggest another unit: radians or micrometres.
+/// Largest theta, stated in degrees, that suggests radians, and longest wavelength, stated in nm, that suggests
+/// micrometres. Raising them warns more often.
 const LIKELY_RADIANS: f64 = 1.6;
 const LIKELY_MICROMETRES: f64 = 30.0;
-/// Upper bound on the grid positions per measured direction. Sparser directions are treated as scattered.
+/// Upper bound on the grid positions per measured direction. Sparser directions are treated as scattered; raising it
+/// makes more grids with empty positions.
 const SPARSEST: usize = 4;
 
 fn malformed(message: impl Into<String>) -> FormatError {
@@ -33,7 +35,8 @@ fn over_limit(message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::OverLimit, NAME, message)
 }
 
-/// Returns the samples of a file in the form that its directions allow.
+/// Returns the samples of a radiometric-csv file: spectra, a grid, scattered samples or a phase function, as its
+/// directions allow.
 pub(super) fn samples(
     mut rows: Rows,
     columns: &Columns,
@@ -71,7 +74,7 @@ pub(super) fn samples(
     on_directions(rows, columns, header, spectral, report)
 }
 
-/// Returns samples on directions: a grid if the directions form one, else scattered.
+/// Returns samples at directions: on a grid if the directions form one, else scattered.
 pub(super) fn on_directions(
     mut rows: Rows,
     columns: &Columns,
@@ -91,7 +94,8 @@ pub(super) fn on_directions(
     }
 }
 
-/// Returns the grid of values, with the grid of their uncertainties if those are stated.
+/// Returns the values on the grid that their directions form, with the grid of their uncertainties if the file states
+/// them.
 fn on_lattice(
     rows: &mut Rows,
     lattice: Lattice,
@@ -118,7 +122,7 @@ fn skip_sigma(columns: &Columns, report: &mut ParseReport) {
     }
 }
 
-/// Describes the kind of samples for people.
+/// Returns the kind of samples in words for people, for example `a grid of directions`.
 pub(super) fn kind(samples: &Samples) -> &'static str {
     match samples {
         Samples::OnAxes { .. } => "spectra",
@@ -128,7 +132,7 @@ pub(super) fn kind(samples: &Samples) -> &'static str {
     }
 }
 
-/// Refuses tables that are mostly missing or too large.
+/// Refuses a table of values over directions and wavelengths that is mostly missing or too large.
 fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<(), FormatError> {
     let found = rows.values.len();
     if count.checked_mul(width).is_some_and(|n| n <= MAX_SAMPLES && n / 8 <= found) {
@@ -139,7 +143,8 @@ fn check_density(rows: &Rows, count: usize, of: &str, width: usize) -> Result<()
     )))
 }
 
-/// Returns the wavelength axis. In the long form the wavelength numbers are replaced by their ranks.
+/// Returns the wavelength axis of the samples. In the long form (one value per row), wavelengths numbered in order of
+/// appearance are renumbered in increasing order.
 fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Option<Axis>, FormatError> {
     let wavelengths = if columns.is_wide() {
         columns.wavelengths.clone()
@@ -154,7 +159,7 @@ fn spectral(rows: &mut Rows, columns: &Columns, header: &Header) -> Result<Optio
     Ok(Some(Axis::Wavelength(grid)))
 }
 
-/// Warns of numbers that suggest another unit.
+/// Adds a note if the largest theta or the longest wavelength suggests another unit than the stated one.
 fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: &mut ParseReport) {
     let largest = |k: usize| rows.directions.iter().map(|direction| direction[k]).fold(0.0, f64::max);
     let is_degrees = |k: usize| columns.angles[k].is_some_and(|angle| !angle.radians);
@@ -170,7 +175,7 @@ fn doubt_units(rows: &Rows, columns: &Columns, spectral: Option<&Axis>, report: 
     }
 }
 
-/// Returns a spectrum, or one per row of the wide form.
+/// Returns samples without directions: one spectrum, or one per row if each row has a column per wavelength.
 fn without_directions(
     rows: Rows,
     columns: &Columns,
@@ -197,7 +202,7 @@ fn without_directions(
     Ok(Samples::OnAxes { tensor, sampling: Sampling::default() })
 }
 
-/// Returns a phase function over the scattering angle for each wavelength.
+/// Returns the phase function over the scattering angle that the rows list, for each wavelength.
 fn scattering_angles(
     rows: &mut Rows,
     spectral: Option<Axis>,
@@ -299,8 +304,8 @@ fn grid(
     Ok(grid)
 }
 
-/// Fills the azimuths at theta 0 and 180, which are all one direction. Instruments take one sample there; missing
-/// values become the mean of the measured ones.
+/// Fills missing values at theta 0 and 180, where all azimuths are one direction, with the mean of the measured ones,
+/// because instruments take one sample there. Returns the number of filled values.
 fn fill_poles(values: &mut [f32], lattice: &Lattice, width: usize) -> usize {
     let (mut filled, shape) = (0, lattice.shape);
     for (theta, phi) in [(0, 1), (2, 3)] {
@@ -322,7 +327,8 @@ fn fill_poles(values: &mut [f32], lattice: &Lattice, width: usize) -> usize {
     filled
 }
 
-/// Fills a pole row `[phi, inner]` and returns the number of filled values.
+/// Fills missing values of one polar angle at a pole, `[phi, inner]`, with the mean over azimuths. Returns the number
+/// of filled values.
 fn fill_row(pole: &mut [f32], inner: usize) -> usize {
     let mut filled = 0;
     for i in 0..inner {

@@ -10,37 +10,37 @@ use crate::formats::number::decimal;
 use crate::formats::text::{Brief, snippet};
 use crate::notes::TextNote;
 
-/// Angles in the order of a row's direction.
+/// Names of the angle columns, in the order in which a row's direction holds them.
 pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
 
-/// Role of a cell in a row.
+/// Role of a cell in a row of a radiometric-csv file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
-    /// One of [`ANGLES`].
+    /// Angle of the row's direction: 0 is `theta_i`, 1 is `phi_i`, 2 is `theta_o`, 3 is `phi_o`.
     Angle(usize),
-    /// Wavelength of the row (long form).
+    /// Wavelength of the row in the long form (one value per row).
     Wavelength,
-    /// Value at the wavelength with this rank (wide form), or the single value of the row.
+    /// Value at the wavelength with this index (wide form, one column per wavelength), or the single value of the row.
     Value(usize),
-    /// Standard uncertainty of the value with this number.
+    /// Standard uncertainty of the value with this index in the row.
     Sigma(usize),
-    /// Not read.
+    /// Cell that the reader ignores, because it does not know the name of the cell's column.
     Ignored,
 }
 
-/// Conversion of a written angle to the surface frame, and its allowed range.
+/// Unit and zero of the angles in a column, which give degrees of the surface frame, and their allowed range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Angle {
     pub(super) radians: bool,
-    /// Allowed range in degrees, as written.
+    /// Allowed range of the angles as written, in degrees.
     pub(super) range: (f64, f64),
-    /// True for gamma, measured from nadir: theta = 180° − gamma.
+    /// True for the luminaire angle gamma, measured from nadir: theta = 180° − gamma.
     pub(super) from_nadir: bool,
 }
 
 impl Angle {
-    /// Converts to degrees of the surface frame; `None` if out of range. Radians are rounded to 0.0001°, within the
-    /// precision of their digits.
+    /// Converts an angle as written to degrees of the surface frame; `None` if it is out of range. Radians are rounded
+    /// to 0.0001°, within the precision of their digits.
     pub(super) fn degrees(self, written: f64) -> Option<f64> {
         const ROUNDING: f64 = 1e-3;
         let (low, high) = self.range;
@@ -59,24 +59,24 @@ impl Angle {
     }
 }
 
-/// Interpretation of the columns.
+/// Meaning of the columns of a radiometric-csv file.
 #[derive(Debug)]
 pub(super) struct Columns {
     pub(super) cells: Vec<Cell>,
-    /// Names as written, for messages.
+    /// Names of the columns as written, for messages.
     pub(super) names: Vec<String>,
-    /// The columns that are present, in the order of [`ANGLES`].
+    /// Angle columns that are present, in the order of [`ANGLES`].
     pub(super) angles: [Option<Angle>; 4],
-    /// Wavelengths of the wide form in nm, increasing; empty in the long form.
+    /// Wavelengths in nm, increasing, of the wide form (one column per wavelength); empty in the long form.
     pub(super) wavelengths: Vec<f64>,
-    /// True if each row states its wavelength.
+    /// True if a column gives the wavelength of each row.
     pub(super) has_wavelength: bool,
     /// True if there are columns of standard uncertainties.
     pub(super) has_sigma: bool,
 }
 
 impl Columns {
-    /// Returns the number of values in a row.
+    /// Returns the number of values in a row: that of the wavelength columns, else 1.
     pub(super) fn width(&self) -> usize {
         self.wavelengths.len().max(1)
     }
@@ -86,13 +86,14 @@ impl Columns {
     }
 }
 
-/// Position and text of the row of names.
+/// Text of the row of column names, and its line number.
 pub(super) struct Row<'a> {
     pub(super) text: &'a str,
     pub(super) line: usize,
 }
 
-/// Reads the names. Returns `None` after reporting at least one problem if they do not form a table of the quantity.
+/// Reads the column names. Returns `None`, after reporting at least one problem, if they do not form a table of the
+/// quantity.
 pub(super) fn read(
     row: &Row<'_>,
     header: &Header,
@@ -199,7 +200,7 @@ pub(super) fn read(
     good.then_some(columns)
 }
 
-/// Reports a separator other than `,` as a single problem, instead of one problem per missing column.
+/// Reports a separator other than `,` as a single problem of the file, instead of one problem per missing column.
 fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
     let names = row.text.trim_end_matches(',').trim();
     let known = [(';', "`;`"), ('\t', "tabs"), (' ', "blanks")];
@@ -209,7 +210,7 @@ fn check_separator(row: &Row<'_>, problems: &mut Problems) -> Option<()> {
     None
 }
 
-/// Assigns each column of uncertainties to its column of values.
+/// Assigns each column of standard uncertainties to its column of values.
 fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize>, refuse: &mut impl FnMut(String)) {
     if let Some(i) = alone {
         if columns.is_wide() {
@@ -236,7 +237,8 @@ fn sigma_cells(columns: &mut Columns, wide: &[(f64, usize)], alone: Option<usize
     }
 }
 
-/// Checks that values have one form, `value` or one column per wavelength, and sorts the latter.
+/// Reports a problem unless the values are in one column `value` or in one column per wavelength, not both. Sorts
+/// columns by wavelength.
 fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool, refuse: &mut impl FnMut(String)) {
     if wide.len() > MAX_WAVELENGTHS {
         refuse(format!("{} columns of wavelengths, expected at most {MAX_WAVELENGTHS}", wide.len()));
@@ -259,7 +261,8 @@ fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool,
     }
 }
 
-/// Returns the angle of a column, and true or false if its name determines a luminaire frame.
+/// Returns the index of the angle that a column name stands for. Also returns true if the name is that of a luminaire
+/// angle (gamma, C), and false if it is that of a surface angle; `None` for a name in either frame.
 fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     let outgoing = quantity == Quantity::Edf;
     match name {
@@ -279,7 +282,7 @@ fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     }
 }
 
-/// Returns the wavelength of a column such as `v550` or `v550.5`.
+/// Returns the wavelength in a column name such as `v550` or `v550.5`; `letter` is the letter before it.
 fn band(name: &str, letter: u8) -> Option<f64> {
     let rest = name.as_bytes().strip_prefix(&[letter])?;
     let starts = rest.first().is_some_and(|byte| byte.is_ascii_digit() || *byte == b'.');
@@ -299,7 +302,7 @@ fn angle(k: usize, from_nadir: bool, header: &Header) -> Angle {
     Angle { radians: header.radians, range, from_nadir }
 }
 
-/// Checks that the directions fit the quantity and that every azimuth has its theta.
+/// Reports a problem if the angle columns do not fit the quantity, or if an azimuth has no theta.
 fn check_directions(columns: &Columns, header: &Header, refuse: &mut impl FnMut(String)) {
     let quantity = header.quantity;
     let [theta_i, phi_i, theta_o, phi_o] = columns.angles.map(|angle| angle.is_some());

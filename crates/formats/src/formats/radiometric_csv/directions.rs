@@ -5,26 +5,27 @@ use super::header::Header;
 use super::rows::{Numbered, Rows};
 use std::collections::HashMap;
 
-/// Directions `[theta_i, phi_i, theta_o, phi_o]` of the rows in degrees, and a flag for each angle that has a column.
+/// Directions `[theta_i, phi_i, theta_o, phi_o]` of the rows in degrees, and for each angle true if it has a column.
 pub(super) struct Directions {
     pub(super) written: Vec<[f64; 4]>,
     pub(super) present: [bool; 4],
     pub(super) isotropic: bool,
 }
 
-/// Directions that combine every angle of one axis with every angle of the others.
+/// Grid of directions that combines every listed value of one angle with every value of the other angles.
 #[derive(Clone)]
 pub(super) struct Lattice {
-    /// Increasing `[theta_i, phi_i, theta_o, phi_o]`; empty for an angle without a column.
+    /// Increasing values in degrees of each angle, `[theta_i, phi_i, theta_o, phi_o]`; empty for an angle without a
+    /// column.
     pub(super) angles: [Vec<f64>; 4],
-    /// Number of angles on each axis, at least 1.
+    /// Number of distinct values of each angle in the grid, at least 1.
     pub(super) shape: [usize; 4],
-    /// Index of each row's direction in a row-major table of that shape.
+    /// Index in the grid, in row-major order, of the direction in each row of the file.
     pub(super) places: Vec<usize>,
 }
 
 impl Lattice {
-    /// Returns true if the lattice contains a pole with several azimuths, which are all one direction.
+    /// Returns true if the grid contains a pole (theta 0 or 180) with several azimuths, which are all one direction.
     pub(super) fn has_poles(&self) -> bool {
         let is_pole = |&angle: &f64| angle == 0.0 || angle == 180.0;
         [(0, 1), (2, 3)].iter().any(|&(theta, phi)| self.shape[phi] > 1 && self.angles[theta].iter().any(is_pole))
@@ -32,7 +33,8 @@ impl Lattice {
 }
 
 impl Directions {
-    /// Moves the directions out of `rows`.
+    /// Takes the directions out of `rows`, the data rows of a file. Azimuths of isotropic data become relative to the
+    /// incoming azimuth.
     pub(super) fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
         let mut present = columns.angles.map(|angle| angle.is_some());
         let mut written = std::mem::take(&mut rows.directions);
@@ -54,7 +56,7 @@ impl Directions {
         Self { written, present, isotropic }
     }
 
-    /// Returns the lattice of the directions if it has at most `most` positions; `None` if they are scattered.
+    /// Returns the grid that the directions form if it has at most `most` positions; `None` if they are scattered.
     pub(super) fn lattice(&self, most: usize) -> Option<Lattice> {
         let mut numbered: [Numbered; 4] = Default::default();
         let mut numbers: Vec<[u32; 4]> = Vec::with_capacity(self.written.len());
@@ -108,7 +110,7 @@ impl Directions {
         (distinct, places)
     }
 
-    /// Returns true if no direction occurs twice. A hash collision can rarely give a false negative. Sorting hashes is
+    /// Returns true if no two directions are equal; a hash collision rarely gives false instead. Sorting hashes is
     /// faster than looking directions up.
     fn are_distinct(&self) -> bool {
         const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
@@ -122,7 +124,7 @@ impl Directions {
     }
 }
 
-/// Returns the distinct values in increasing order, and the rank of each given value.
+/// Returns the distinct numbers in increasing order, and the index there of each given number.
 pub(super) fn ranked(values: impl Iterator<Item = f64>) -> (Vec<f64>, Vec<u32>) {
     let values: Vec<f64> = values.collect();
     let mut sorted = values.clone();

@@ -8,12 +8,12 @@ use crate::formats::text::{Source, unmarked, unmarked_utf16};
 use crate::notes::TextNote;
 use std::borrow::Cow;
 
-/// Upper bounds on the number of header lines and on the characters of each; anything longer is not a header.
+/// Upper bounds on the number of header lines and on the characters of each; a longer text is not a header.
 const MAX_HEADER_LINES: usize = 1000;
 const MAX_HEADER_LINE: usize = 1 << 16;
 
-/// Returns the bytes as ASCII-compatible text with line feeds. UTF-16 is decoded; byte order marks and end-of-file
-/// marks are removed.
+/// Returns the bytes of a file as ASCII-compatible text with line feeds. UTF-16 is decoded; byte order marks and
+/// end-of-file marks are removed.
 pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u8]> {
     let marked = bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff");
     let utf16 = marked || unmarked_utf16(bytes).is_some();
@@ -37,12 +37,12 @@ pub(super) fn plain<'a>(bytes: &'a [u8], report: &mut ParseReport) -> Cow<'a, [u
     text
 }
 
-/// Contents of the lines before the numbers.
+/// Contents of the lines of a radiometric-csv file before its numbers.
 pub(super) struct Head {
     pub(super) fields: Vec<Field>,
-    /// The row of column names.
+    /// Row of column names.
     pub(super) names: String,
-    /// Number of lines, including the row of names.
+    /// Number of lines before the numbers, including the row of column names.
     pub(super) lines: usize,
     /// Byte offset of the first line of numbers.
     pub(super) end: usize,

@@ -13,42 +13,43 @@ use crate::formats::stated::StatedQuantity;
 use crate::formats::text::snippet;
 use crate::notes::ValueNote;
 
-/// One `# key: value` line.
+/// One line `# key: value` in the header of a radiometric-csv file.
 pub(super) struct Field {
-    /// Key in lower case.
+    /// Key of the header line in lower case.
     pub(super) key: String,
     pub(super) value: String,
     pub(super) line: usize,
 }
 
-/// Checked contents of the header.
+/// Contents of the header of a radiometric-csv file, after checks.
 #[allow(clippy::struct_excessive_bools, reason = "each is a yes or no of the file")]
 pub(super) struct Header {
     pub(super) quantity: Quantity,
     pub(super) unit: Unit,
-    /// True for reflectance factors, which are π times the BRDF.
+    /// True if the values are reflectance factors, which are π times the BRDF.
     pub(super) is_factor: bool,
-    /// True if angles are in radians.
+    /// True if angles are in radians, false if in degrees.
     pub(super) radians: bool,
     pub(super) wavelength_unit: WavelengthUnit,
-    /// True if the unit is not stated and was assumed.
+    /// True if the file does not state the unit of wavelengths, so that it was assumed.
     pub(super) wavelength_unit_assumed: bool,
-    /// True if values are `f · |cos theta_o|`.
+    /// True if the values include the cosine of the outgoing direction: `f · |cos theta_o|`.
     pub(super) cosine_included: bool,
     pub(super) isotropic: bool,
-    /// True if angles are C and gamma of a luminaire; `None` if the file does not state it.
+    /// True if angles are the luminaire angles C and gamma; `None` if the file does not state it.
     pub(super) luminaire: Option<bool>,
-    /// Extent of the incoming and outgoing azimuths, if stated.
+    /// Extension of the incoming azimuths, and of the outgoing azimuths, to the full circle, if stated.
     pub(super) extents: [Option<AzimuthExtent>; 2],
-    /// Range of theta in degrees that the incoming and outgoing samples represent, if stated.
+    /// Range of theta in degrees in which the values are valid, for the incoming and for the outgoing directions;
+    /// `None` if the file does not state it.
     pub(super) covers: [Option<(f64, f64)>; 2],
-    /// Integral over the sphere of a phase function over the scattering angle, if known.
+    /// Normalisation of a phase function: its integral over the sphere, if known.
     pub(super) normalization: Option<Normalization>,
     pub(super) instrument: Instrument,
 }
 
 impl Header {
-    /// Returns a header for a BRDF in 1/sr over angles in degrees, without further statements.
+    /// Returns a header for a BRDF in 1/sr with angles in degrees and no optional fields.
     pub(super) fn of_brdf(isotropic: bool) -> Self {
         Self {
             quantity: Quantity::Brdf,
@@ -67,20 +68,21 @@ impl Header {
         }
     }
 
-    /// Returns the unit of the samples. A phase function over the scattering angle is normalised to 1/sr.
+    /// Returns the unit of the samples after reading. A phase function over the scattering angle is normalised to 1/sr.
     pub(super) fn unit_of(&self, samples: &Samples) -> Unit {
         if matches!(samples, Samples::Function(_)) { Unit::PerSteradian } else { self.unit }
     }
 }
 
-/// Lookup of keys that records problems.
+/// Look-up of header lines by key, which records unreadable and repeated lines as problems of the file.
 struct Fields<'a> {
     fields: &'a [Field],
     problems: &'a mut Problems,
 }
 
 impl Fields<'_> {
-    /// Returns the value of `key` parsed by `parse`; adds a problem if it is unreadable or stated twice.
+    /// Returns the value of the header field `key` parsed by `parse`; adds a problem if it is unreadable or stated
+    /// twice.
     fn value<T>(&mut self, key: &str, expected: &str, parse: impl Fn(&str) -> Option<T>) -> Option<T> {
         let mut found = self.fields.iter().filter(|field| field.key == key);
         let field = found.next()?;
@@ -117,7 +119,8 @@ const KNOWN: &[&str] = &[
     "radiometric-arrow",
 ];
 
-/// Reads the header. Returns `None` after adding at least one problem if required keys are missing or wrong.
+/// Reads the header of a radiometric-csv file. Returns `None` after adding at least one problem if required keys are
+/// missing or wrong.
 pub(super) fn read(
     fields: &[Field],
     how: &Interpretation,
@@ -209,7 +212,7 @@ pub(super) fn read(
     }))
 }
 
-/// Parses `low high`, with or without a comma.
+/// Parses a range written as `low high`, with or without a comma between the numbers.
 fn range(text: &str) -> Option<(f64, f64)> {
     let mut numbers = text.split([' ', ',']).filter(|part| !part.is_empty()).map(crate::formats::text::number);
     match (numbers.next(), numbers.next(), numbers.next()) {
@@ -218,7 +221,7 @@ fn range(text: &str) -> Option<(f64, f64)> {
     }
 }
 
-/// Unit of a volume scattering function, which is converted to a phase function in 1/sr.
+/// Name of the unit of a volume scattering function, which is converted to a phase function in 1/sr.
 const VOLUME: &str = "1/m/sr";
 
 fn unit(

@@ -39,7 +39,7 @@ use rows::Rows;
 pub(super) const READER: Reader =
     Reader { about: ABOUT, options: &["wavelength_unit", "normalization", FACTOR], probe, read };
 
-/// Number of lines, including comments, searched for the one that names the format.
+/// Upper bound on the number of lines, including comments, that are searched for the line that names the format.
 const LOOKED_AT: usize = 20;
 
 fn probe(sample: &Sample<'_>) -> u8 {
@@ -83,9 +83,9 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
     })
 }
 
-/// Converts samples at direction pairs, `[theta_i, phi_i, theta_o, phi_o]` in degrees, with values row-major
-/// `[pair, spectral]`. The result is as for a file of this format: a grid if the directions form one, with repeated
-/// ones averaged.
+/// Converts samples at pairs of directions, `[theta_i, phi_i, theta_o, phi_o]` in degrees, with values row-major
+/// `[pair, spectral]`. Returns a grid if the directions form one, else scattered samples. Values at repeated pairs are
+/// averaged.
 pub(super) fn of_pairs(
     pairs: Vec<[f64; 4]>,
     isotropic: bool,

@@ -5,10 +5,10 @@ use crate::formats::acquisition::ParseReport;
 use crate::notes::ValueNote;
 use std::collections::HashMap;
 
-/// Values in grid order; repeated ones are averaged.
+/// Measured values in the order of a grid; values measured repeatedly at a position are averaged.
 pub(super) struct Places {
     values: Vec<f32>,
-    /// Sum and count for positions with several values.
+    /// Sum and count of the values at grid positions that were measured repeatedly.
     repeated: HashMap<usize, (f64, u32)>,
 }
 
@@ -42,8 +42,8 @@ impl Places {
     }
 }
 
-/// Moves every value to its position. `places` has the index of each direction of `rows` in a table with `width` values
-/// per row.
+/// Moves every measured value from row order to its position in a table of directions. `places` holds the position of
+/// each measured direction in this table, which has `width` values per direction, one for each wavelength.
 pub(super) fn placed(
     rows: &mut Rows,
     places: &[usize],
@@ -58,16 +58,16 @@ pub(super) fn placed(
     }
 }
 
-/// Moves the uncertainties to their positions, if there are any. The uncertainty of an average is at most the average
-/// of the uncertainties, which is stored.
+/// Moves the uncertainties to their positions on the grid, if there are any. The average of repeated uncertainties is
+/// stored, which is an upper bound on the uncertainty of the averaged value.
 pub(super) fn placed_sigma(rows: &mut Rows, places: &[usize], count: usize, width: usize) -> Option<Vec<f32>> {
     let sigma = std::mem::take(&mut rows.sigma);
     let put = |sigma: Vec<f32>| put(rows, &sigma, places, count, width).finish(&mut ParseReport::default());
     (!sigma.is_empty()).then(|| ordered(rows, sigma, places, count, width).unwrap_or_else(put))
 }
 
-/// Returns the values directly if they are already in order without repetition, as in most files; else returns them
-/// unchanged as an error.
+/// Returns the values on the grid directly if they are already in its order without repetition, as in most files; else
+/// returns them unchanged as an error.
 fn ordered(
     rows: &Rows,
     mut values: Vec<f32>,
@@ -93,7 +93,7 @@ fn ordered(
     Ok(placed)
 }
 
-/// Stores `values`, one for each of `rows`, at their positions.
+/// Stores `values` of `rows` at their positions on the grid.
 fn put(rows: &Rows, values: &[f32], places: &[usize], count: usize, width: usize) -> Places {
     let mut target = Places::new(count * width);
     if rows.lengths.is_empty() {

@@ -4,10 +4,10 @@ use super::about::NAME;
 use crate::formats::error::{FormatError, FormatErrorKind, Position};
 use std::fmt::Write as _;
 
-/// Upper bound on the problems that are listed; the others are only counted.
+/// Upper bound on the problems of a file that a message lists; further ones are only counted.
 const LISTED: usize = 20;
 
-/// Problems found so far.
+/// Problems found in a file so far.
 #[derive(Debug, Default)]
 pub(super) struct Problems {
     listed: Vec<(Option<Position>, String)>,
@@ -15,7 +15,7 @@ pub(super) struct Problems {
 }
 
 impl Problems {
-    /// Adds a problem at a line and column, both from 1. Line 0 means no position.
+    /// Adds a problem of the file at a line and column, counted from 1. Line 0 means no position.
     pub(super) fn add(&mut self, line: usize, column: usize, message: impl FnOnce() -> String) {
         self.count += 1;
         if self.listed.len() < LISTED {
@@ -23,7 +23,7 @@ impl Problems {
         }
     }
 
-    /// Adds the problems of a later part, whose line 1 is line `before + 1` of the file.
+    /// Adds the problems of a later part of the file, whose first line is line `before + 1` of the file.
     pub(super) fn append(&mut self, part: Self, before: usize) {
         self.count += part.count;
         let room = LISTED - self.listed.len();
@@ -33,7 +33,7 @@ impl Problems {
         }));
     }
 
-    /// Combines all problems into one refusal at the position of the first; `None` if there are none.
+    /// Combines all problems into one error at the position of the first; `None` if there are none.
     pub(super) fn into_error(self) -> Option<FormatError> {
         let mut listed = self.listed.into_iter();
         let (first, mut message) = listed.next()?;

@@ -5,7 +5,7 @@ use super::header::Header;
 use crate::formats::acquisition::ParseReport;
 use crate::notes::{ScatteringNote, ValueNote};
 
-/// Adds notes on assumptions and changes to the report.
+/// Adds notes on assumptions and conversions to the report of the parser.
 pub(super) fn remarks(header: &Header, columns: &Columns, grazing: usize, report: &mut ParseReport) {
     if header.wavelength_unit_assumed && (columns.is_wide() || columns.has_wavelength) {
         report.note(ValueNote::WavelengthUnitNotStated);

@@ -8,45 +8,49 @@ use crate::formats::text::snippet;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// Size in bytes of the piece that one task reads. Raising it costs memory and parallelism.
+/// Number of bytes of a file that one parallel task parses. Raising it uses more memory and fewer tasks.
 const PIECE: usize = 1 << 20;
-/// Number of pieces parsed before they are joined and their memory is reused. It does not depend on the thread count,
-/// so that the value count in a message about too many values is reproducible.
+/// Number of parts of a file that are parsed before they are joined and their memory is reused. It does not depend on
+/// the thread count, so that the value count in a message about too many values is reproducible.
 const WAITING: usize = 16;
-/// Upper bound on the characters of a cell quoted in a message.
+/// Upper bound on the characters of a cell that a message quotes.
 const QUOTED: usize = 60;
 
-/// Rows of a file.
+/// Parsed rows of a radiometric-csv file.
 #[derive(Debug, Default)]
 pub(super) struct Rows {
-    /// Directions `[theta_i, phi_i, theta_o, phi_o]` in degrees, 0 for absent columns. The wide form has one per row,
-    /// the long form one per run of rows with equal direction.
+    /// Directions `[theta_i, phi_i, theta_o, phi_o]` in degrees, 0 for absent columns. The wide form (one column per
+    /// wavelength) has one per row, the long form (one value per row) one per run of rows with equal direction.
     pub(super) directions: Vec<[f64; 4]>,
-    /// Number of values of each direction; empty in the wide form, where it is the width of a row.
+    /// Number of values of each direction in the long form (one value per row); empty in the wide form, in which every
+    /// row has the same number.
     pub(super) lengths: Vec<u32>,
-    /// Index of each value's wavelength in `wavelengths`; empty in the wide form and without wavelengths.
+    /// Index in `wavelengths` of each value's wavelength; empty in the wide form (one column per wavelength) and
+    /// without wavelengths.
     pub(super) lambdas: Vec<u32>,
-    /// Wavelengths of the long form as written, in order of appearance.
+    /// Distinct wavelengths of the long form (one value per row) as written, in order of appearance.
     pub(super) wavelengths: Numbered,
-    /// Values in row-major order; NaN = missing.
+    /// Values in the order of rows and columns; NaN = missing.
     pub(super) values: Vec<f32>,
-    /// Standard uncertainties of the values; empty without such columns.
+    /// Standard uncertainties of the values; empty if the file has no columns of them.
     pub(super) sigma: Vec<f32>,
-    /// Number of values that were divided by a cosine of 0 and are therefore missing.
+    /// Number of values that became missing because the cosine by which they are divided is 0.
     pub(super) grazing: usize,
 }
 
-/// Distinct numbers in order of appearance.
+/// Distinct numbers of a file (wavelengths, or values of one angle) in order of appearance, each with an index.
 #[derive(Debug, Default)]
 pub(super) struct Numbered {
     pub(super) values: Vec<f64>,
     known: HashMap<u64, u32>,
-    /// Index at which the next lookup starts, because rows follow each other in order.
+    /// Index, in the list of distinct numbers (wavelengths, or values of one angle) of a file, of the number that was
+    /// looked up last. The next look-up starts there, because files list numbers in order.
     guess: usize,
 }
 
 impl Numbered {
-    /// Returns the index of `value`, adding it if it is new.
+    /// Returns the index of `value` in the list of distinct numbers (wavelengths, or values of one angle) found so far
+    /// in a file. Adds it to the list if it is new.
     pub(super) fn number(&mut self, value: f64) -> u32 {
         for guess in [self.guess, self.guess + 1, 0] {
             if self.values.get(guess) == Some(&value) {
@@ -64,7 +68,8 @@ impl Numbered {
     }
 }
 
-/// Parses the rows of `body`, whose first line is line `before + 1` of the file.
+/// Parses the rows of `body`, the part of a file after the column names, whose first line is line `before + 1` of the
+/// file.
 pub(super) fn read(body: &[u8], before: usize, columns: &Columns, cosine: bool, problems: &mut Problems) -> Rows {
     let mut pieces = Vec::with_capacity(body.len() / PIECE + 1);
     let mut start = 0;
@@ -108,14 +113,14 @@ impl Rows {
     }
 }
 
-/// Parsed piece of the body.
+/// Parsed part of a file's rows.
 struct Piece {
     rows: Rows,
     lines: usize,
     problems: Problems,
 }
 
-/// Text position of an angle cell in the previous row, and its value in degrees.
+/// Position in the text of an angle cell of the previous row, and its value in degrees.
 #[derive(Clone, Copy, Default)]
 struct Known {
     start: usize,
@@ -123,17 +128,19 @@ struct Known {
     degrees: f64,
 }
 
-/// Parser of one piece.
+/// Parser of one part of a file's rows.
 struct Parser<'a> {
     text: &'a [u8],
     columns: &'a Columns,
     cosine: bool,
     rows: Rows,
     problems: Problems,
-    /// Current line, from 1 within the piece, and the byte offset of its start.
+    /// Number of the current line and byte offset of its start, both within the piece of the file that one parallel
+    /// task parses; lines are counted from 1.
     line: usize,
     line_start: usize,
-    /// Angle cells of the previous row.
+    /// Text positions and values of the four angles in the previous row. Often the next row has the same angles, which
+    /// then need not be parsed again.
     last: [Known; 4],
 }
 
@@ -162,7 +169,7 @@ impl Piece {
     }
 }
 
-/// Returns true if the byte can follow a number: a separator, a blank, or the end of the text.
+/// Returns true if a byte can follow a number: a separator, a blank, or the end of the text.
 fn ends_number(next: Option<&u8>) -> bool {
     matches!(next, None | Some(b',' | b'\n' | b'\r' | b' ' | b'\t'))
 }
@@ -174,7 +181,7 @@ fn too_many(columns: usize) -> String {
 }
 
 impl Parser<'_> {
-    /// Returns the first offset from `at` on that is not a blank.
+    /// Returns the first byte offset from `at` on that is not a blank.
     #[inline]
     fn blanks(&self, mut at: usize) -> usize {
         while matches!(self.text.get(at), Some(b' ' | b'\t')) {
@@ -183,12 +190,12 @@ impl Parser<'_> {
         at
     }
 
-    /// Returns the offset of the next line feed from `at` on, or the end of the text.
+    /// Returns the byte offset of the next line feed from `at` on, or the end of the text.
     fn line_end(&self, at: usize) -> usize {
         memchr::memchr(b'\n', &self.text[at..]).map_or(self.text.len(), |i| at + i)
     }
 
-    /// Returns the offset of the end of the cell that starts at `at`.
+    /// Returns the byte offset of the end of the cell that starts at `at`.
     #[inline]
     fn cell_end(&self, mut at: usize) -> usize {
         while !matches!(self.text.get(at), None | Some(b',' | b'\n' | b'\r')) {
@@ -202,7 +209,7 @@ impl Parser<'_> {
         self.problems.add(self.line, before.chars().count() + 1, message);
     }
 
-    /// Adds a problem for a cell with an unexpected content and returns the end of the cell.
+    /// Adds a problem for a cell with unexpected content and returns the byte offset of the cell's end.
     fn refuse(&mut self, start: usize, column: usize, expected: &str) -> usize {
         let end = self.cell_end(start);
         let found = String::from_utf8_lossy(&self.text[start..end.min(start + QUOTED)]).trim_end().to_owned();
@@ -211,7 +218,7 @@ impl Parser<'_> {
         end
     }
 
-    /// Parses the row that starts at `self.line_start` and returns the offset of its line end.
+    /// Parses the row that starts at `self.line_start` and returns the byte offset of its line end.
     fn row(&mut self) -> usize {
         let columns = self.columns;
         let width = columns.width();
@@ -314,8 +321,8 @@ impl Parser<'_> {
         self.line_end(at)
     }
 
-    /// Parses the cell at `at` on the fast path: a finite number, or a repetition of the previous row's angle, and
-    /// nothing else. Stores its value and returns the offset of the next cell or row end; `None` for any other cell.
+    /// Parses the cell at `at` if it is a plain finite value or repeats the previous row's angle. Stores its value and
+    /// returns the offset of the next cell or row end; `None` for any other cell.
     #[inline]
     fn plain_cell(&mut self, cell: Cell, at: usize, base: usize, is_last: bool) -> Option<usize> {
         let end = match cell {
@@ -340,14 +347,15 @@ impl Parser<'_> {
         }
     }
 
-    /// Returns the angle if it fills the whole cell.
+    /// Returns the angle in degrees that starts at byte `start` if it fills the whole cell and is in range.
     fn angle(&self, start: usize, k: usize) -> Option<f64> {
         let (written, end) = decimal(self.text, start)?;
         let whole = matches!(self.text.get(self.blanks(end)), None | Some(b',' | b'\n' | b'\r'));
         self.columns.angles[k].filter(|_| whole)?.degrees(written)
     }
 
-    /// Assigns direction and wavelength to the values from `base` on.
+    /// Completes a data row of the file, whose values start at index `base`: stores its direction and wavelength, and
+    /// divides the values by |cos θo| if the file has multiplied them by it.
     fn keep(&mut self, base: usize, same: bool, lambda: Option<f64>) {
         let direction = self.last.map(|known| known.degrees);
         let rows = &mut self.rows;

@@ -51,7 +51,7 @@ const THETA_O: [f64; 3] = [10.0, 40.0, 70.0];
 const PHI_O: [f64; 4] = [0.0, 90.0, 180.0, 270.0];
 const LAMBDA: [f64; 3] = [400.0, 450.0, 550.5];
 
-/// Tells every place of the grid of these tests apart.
+/// Returns a value that differs for every position of the test grid.
 fn value(place: [usize; 4], lambda: usize) -> f64 {
     place.iter().fold(0.0, |sum, &i| sum * 10.0 + i as f64 + 1.0) / 1000.0 + lambda as f64 * 100.0
 }
@@ -328,12 +328,14 @@ fn emission_is_in_either_frame_and_angles_in_either_unit() {
 
 const PHASE: &str = "# radiometric-csv: 1\n# quantity: phase\n# angle_unit: deg\n# wavelength_unit: nm\n";
 
-/// Henyey and Greenstein's phase function.
+/// Returns Henyey and Greenstein's phase function in sr⁻¹ with the asymmetry parameter `g`, at the scattering angle
+/// `angle` in degrees.
 fn haze(g: f64, angle: f64) -> f64 {
     (1.0 - g * g) / (4.0 * std::f64::consts::PI * (1.0 + g * g - 2.0 * g * angle.to_radians().cos()).powf(1.5))
 }
 
-/// The value of a function of the scattering angle, for each wavelength.
+/// Evaluates the phase function of a parsed file at a scattering angle in degrees; returns one value for each
+/// wavelength.
 fn scattered_by(acquisition: &Acquisition, angle: f64, wavelengths: usize) -> Vec<f64> {
     let Samples::Function(modelled) = &acquisition.samples else { panic!("{:?}", acquisition.samples) };
     let (wi, wo) = (Direction::from_degrees(180.0, 0.0), Direction::from_degrees(angle, 40.0));

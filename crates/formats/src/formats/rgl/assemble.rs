@@ -14,10 +14,11 @@ use crate::formats::turned::turn;
 use crate::notes::ScatteringNote;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Tolerance in radians for angles stored in f32.
+/// Tolerance in radians for angles that a tensor file stores as f32. Raising it accepts less exact angles.
 const TOLERANCE: f64 = 1e-4;
 
-/// Builds the model and the axis of its values. Each shape is checked before its numbers are read.
+/// Builds the BRDF model of an RGL file and the spectral axis of its values. The shape of each field is checked before
+/// its numbers are read.
 pub(super) fn model(fields: &Fields<'_>, report: &mut ParseReport) -> Result<(Model, Axis), FormatError> {
     let theta = angles(fields.require("theta_i")?)?;
     let phi = angles(fields.require("phi_i")?)?;
@@ -97,7 +98,7 @@ fn check_elevations(field: &Field<'_>, theta: &[f64]) -> Result<(), FormatError>
     Err(malformed(field.at + 4 * i, message))
 }
 
-/// Returns the symmetry implied by the range of the stored azimuths.
+/// Returns the symmetry of the measured surface, which follows from the range of incident azimuths stored in the file.
 fn reduction(field: &Field<'_>, phi: &[f64], report: &mut ParseReport) -> Result<Reduction, FormatError> {
     let (first, last) = (phi[0], phi[phi.len() - 1]);
     let degrees = |radians: f64| libm::round(radians.to_degrees() * 100.0) / 100.0;
@@ -145,7 +146,7 @@ fn check_nodes(field: &Field<'_>, least: usize) -> Result<(), FormatError> {
     Err(malformed(field.entry, message))
 }
 
-/// Returns the numbers of a checked field, which must be 0 or more.
+/// Returns the numbers of a field of an RGL file; refuses negative ones.
 fn densities(field: &Field<'_>) -> Result<Vec<f32>, FormatError> {
     if let Some((i, value)) = field.floats().enumerate().find(|(_, v)| !(0.0..=LARGEST).contains(v)) {
         let message = format!("`{}`: number {i} is {value:e}, expected 0 to {LARGEST:e}", field.name);
@@ -172,8 +173,8 @@ fn jacobian(field: &Field<'_>) -> Result<bool, FormatError> {
     }
 }
 
-/// Transposes `[slice, channel, node]` to `[slice, node, channel]`, because a query needs all channels of a few nodes.
-/// Also returns the number of missing values.
+/// Reorders values `[slice, channel, node]` to `[slice, node, channel]`, because an evaluation needs all channels of a
+/// few nodes. Also returns the number of missing values.
 fn channels_last(
     field: &Field<'_>,
     nodes: usize,

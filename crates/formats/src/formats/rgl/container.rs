@@ -10,13 +10,13 @@ use super::about::NAME;
 use super::refusal::{malformed, over_limit};
 use crate::domain::limits::{MAX_AXES, MAX_SAMPLES};
 
-/// First bytes of every tensor file.
+/// First bytes of every tensor file, the container of RGL measurements.
 pub(super) const MAGIC: &[u8; 12] = b"tensor_file\0";
 
 const MAX_FIELDS: u32 = 64;
 const MAX_NAME: u16 = 256;
 
-/// Number types by their code, with their sizes in bytes; code 0 is invalid.
+/// Number types of a tensor file by their code, with their sizes in bytes; code 0 is invalid.
 const TYPES: [(&str, usize); 12] = [
     ("invalid", 0),
     ("u8", 1),
@@ -32,27 +32,28 @@ const TYPES: [(&str, usize); 12] = [
     ("f64", 8),
 ];
 
-/// Array whose position in the file was checked.
+/// Named array in a tensor file, whose position was checked.
 pub(super) struct Field<'a> {
     pub(super) name: &'a str,
-    /// Byte offset of its entry in the table.
+    /// Byte offset of the array's entry in the file's list of named arrays (fields).
     pub(super) entry: usize,
     pub(super) shape: Vec<usize>,
-    /// Byte offset of its data.
+    /// Byte offset of the array's data in the tensor file.
     pub(super) at: usize,
     kind: &'static str,
     data: &'a [u8],
 }
 
-/// Fields of a file.
+/// All fields (named arrays) of a tensor file.
 pub(super) struct Fields<'a> {
     fields: Vec<Field<'a>>,
-    /// Byte offset of the end of the table.
+    /// Byte offset of the end of the file's list of named arrays (fields).
     end: usize,
 }
 
 impl<'a> Fields<'a> {
-    /// Reads the table and checks that every array lies within `bytes`. Array data are not copied.
+    /// Reads the table of fields of a tensor file and checks that every array lies within `bytes`. Array data are not
+    /// copied.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, FormatError> {
         let mut cursor = Cursor { bytes, at: 0 };
         let magic = cursor.take::<12>("the signature")?;
@@ -81,29 +82,29 @@ impl<'a> Fields<'a> {
         Ok(Self { fields, end: cursor.at })
     }
 
-    /// Returns the field `name`, if present.
+    /// Returns the named array `name` of a tensor file; `None` if the file has none.
     pub(super) fn get(&self, name: &str) -> Option<&Field<'a>> {
         self.fields.iter().find(|field| field.name == name)
     }
 
-    /// Returns the field `name`, or a refusal if it is missing.
+    /// Returns the named array `name` of a tensor file, or an error if the file has none.
     pub(super) fn require(&self, name: &str) -> Result<&Field<'a>, FormatError> {
         self.get(name).ok_or_else(|| self.missing(name))
     }
 
-    /// Returns the refusal for a missing field `name`.
+    /// Returns the error for a tensor file without the named array `name`.
     pub(super) fn missing(&self, name: &str) -> FormatError {
         malformed(self.end, format!("the table of fields ends without `{name}`, expected it"))
     }
 
-    /// Returns all names in file order.
+    /// Returns the names of all arrays of a tensor file, in file order.
     pub(super) fn names(&self) -> impl Iterator<Item = &'a str> {
         self.fields.iter().map(|field| field.name)
     }
 }
 
 impl<'a> Field<'a> {
-    /// Refuses a field that is not a non-empty array of type `kind` with `rank` dimensions.
+    /// Refuses a field that is not a non-empty array of number type `kind` with `rank` dimensions.
     pub(super) fn check(&self, kind: &str, rank: usize) -> Result<(), FormatError> {
         let Self { name, entry, shape, .. } = self;
         if self.kind != kind || shape.len() != rank {
@@ -127,7 +128,7 @@ impl<'a> Field<'a> {
         Ok(())
     }
 
-    /// Refuses a field of another shape than `expected`.
+    /// Refuses a field whose shape is not `expected`.
     pub(super) fn check_shape(&self, expected: &[usize], why: &str) -> Result<(), FormatError> {
         if self.shape == expected {
             return Ok(());
@@ -136,7 +137,7 @@ impl<'a> Field<'a> {
         Err(malformed(self.entry, format!("`{name}` has the shape {shape:?}, expected {expected:?} ({why})")))
     }
 
-    /// Returns the data of an array of bytes.
+    /// Returns the data of a field that is an array of bytes.
     pub(super) fn bytes(&self) -> Result<&'a [u8], FormatError> {
         if self.kind == "u8" && self.shape.len() == 1 {
             return Ok(self.data);
@@ -145,12 +146,12 @@ impl<'a> Field<'a> {
         Err(malformed(*entry, format!("`{name}` is an array of {kind} with the shape {shape:?}, expected u8 in a row")))
     }
 
-    /// Returns the numbers of a checked f32 array, in order.
+    /// Returns the numbers of a field that is a checked f32 array, in file order.
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         self.words().iter().map(|bytes| f32::from_le_bytes(*bytes))
     }
 
-    /// Returns the raw bytes of the numbers of a checked f32 array.
+    /// Returns the numbers of a field that is a checked f32 array as groups of four bytes.
     pub(super) fn words(&self) -> &'a [[u8; 4]] {
         self.data.as_chunks().0
     }
@@ -213,7 +214,7 @@ impl<'a> Cursor<'a> {
         Ok(Field { name, entry, shape, at: offset as usize, kind, data })
     }
 
-    /// Returns the bytes of an array, if they lie within the file.
+    /// Returns the bytes of an array in a tensor file; `None` if it does not lie within the file.
     fn data(&self, lengths: &[u64], size: usize, offset: u64) -> Option<&'a [u8]> {
         let count = lengths.iter().try_fold(size as u64, |product, &n| product.checked_mul(n))?;
         let end = offset.checked_add(count)?;

@@ -41,9 +41,10 @@ pub(super) const READER: Reader = Reader {
     read,
 };
 
-/// Spacing of outgoing directions in degrees: lower bound, default if the values do not determine it, and upper bound.
+/// Limits of the mean spacing of outgoing directions, in degrees, by which the subdivision level of triangles is
+/// chosen: lower bound, value if the file does not determine it, and upper bound.
 const SPACING: (f64, f64, f64) = (0.2, 5.0, 45.0);
-/// Fields that are read; others are listed in the report.
+/// Names of the fields of an RGL file that are read; other fields are listed in the report.
 const KNOWN: [&str; 11] = [
     "description",
     "phi_i",

@@ -9,48 +9,51 @@ use crate::domain::Direction;
 use crate::domain::vector::{Vector, add, dot, norm, scale, sub, unit};
 use std::f64::consts::PI;
 
-/// Symmetry of an anisotropic sample: repetition of the stored incident azimuths over a turn.
+/// Symmetry of an anisotropic surface, which extends the stored incident azimuths to a full turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reduction {
-    /// No symmetry; a full turn is stored.
+    /// The measured surface has no symmetry; incident azimuths of a full turn are stored.
     None,
-    /// Half a turn is stored, −180° to 0°: the sample is symmetric under rotation by 180°.
+    /// The measured surface is symmetric under rotation by 180°; incident azimuths of half a turn are stored, −180° to
+    /// 0°.
     Half,
-    /// A quarter turn is stored, −180° to −90°: the sample is mirror-symmetric along both axes.
+    /// The measured surface is mirror-symmetric along both axes; incident azimuths of a quarter turn are stored, −180°
+    /// to −90°.
     Quarter,
 }
 
-/// Contents of a file, prepared for evaluation.
+/// BRDF of an RGL file, prepared for evaluation.
 #[derive(Debug)]
 pub(super) struct Model {
-    /// Incident azimuths and elevations of the slices in radians, increasing.
+    /// Azimuths, and polar angles, of the stored incident directions in radians, increasing.
     pub(super) phi: Vec<f64>,
     pub(super) theta: Vec<f64>,
-    /// True if microfacet azimuths are relative to the incident azimuth.
+    /// True for an isotropic surface, whose microfacet azimuths are relative to the incident azimuth.
     pub(super) isotropic: bool,
     pub(super) reduction: Reduction,
-    /// Microfacet maps D and σ, if values must be multiplied by D / 4σ.
+    /// Maps of the microfacet distribution D and of the projected area σ, if the file's values times D / 4σ are f · cos
+    /// θo; `None` if the values alone are.
     pub(super) microfacets: Option<(Map, Map)>,
-    /// Density of visible normals, one slice for each `[phi, theta]`.
+    /// Density of visible normals as a warp of the unit square, one for each incident direction `[phi, theta]`.
     pub(super) visible: Warp,
-    /// Number of nodes along a side of the square of values.
+    /// Number of nodes along a side of the square table of values for one incident direction.
     pub(super) side: usize,
     pub(super) channels: usize,
-    /// `[phi, theta, row, column, channel]`; NaN = missing.
+    /// Stored values, row-major `[phi, theta, row, column, channel]` with the incident angles first; NaN = missing.
     pub(super) values: Vec<f32>,
-    /// Number of missing values.
+    /// Number of missing values in the file.
     pub(super) missing: usize,
 }
 
-/// Slices around an incident direction with their weights; weights of 0 are left out.
+/// Stored incident directions around a given one, with their weights of interpolation; weights of 0 are left out.
 struct Slices {
     entries: [(usize, f64); 4],
     count: usize,
 }
 
 impl DirectionalFunction for Model {
-    /// Writes f in sr⁻¹ without the cosine. The result is 0 if a direction is below the surface or `wo` is at the
-    /// horizon. A `wi` at the horizon gives the limit from above.
+    /// Writes the BRDF in sr⁻¹ without the factor cos θo. The result is 0 if a direction is below the surface or `wo`
+    /// is at the horizon. A `wi` at the horizon gives the limit from above.
     fn evaluate(&self, wi: Direction, wo: Direction, values: &mut [f64]) {
         debug_assert_eq!(values.len(), self.channels, "one value a channel");
         let (wi, wo) = self.reduced(wi.xyz(), wo.xyz());
@@ -82,7 +85,7 @@ impl DirectionalFunction for Model {
 
 impl Model {
     /// Returns the mean distance in degrees between the outgoing directions of neighbouring nodes. It is the geometric
-    /// mean over up to 16 × 16 positions in up to 64 slices; nodes are densest at the lobe.
+    /// mean over up to 16 × 16 positions for up to 64 incident directions; nodes are densest at the lobe.
     pub(super) fn spacing(&self) -> Option<f64> {
         const SLICES: usize = 64;
         const PLACES: usize = 16;
@@ -111,7 +114,7 @@ impl Model {
         (count > 0).then(|| (libm::exp(sum / count as f64) / (self.side - 1) as f64).to_degrees())
     }
 
-    /// Returns both directions rotated or mirrored so that the azimuth of `wi` is among the stored ones.
+    /// Returns `wi` and `wo` rotated or mirrored together so that the azimuth of `wi` is among the stored ones.
     fn reduced(&self, mut wi: Vector, mut wo: Vector) -> (Vector, Vector) {
         let (x, y) = match self.reduction {
             Reduction::None => return (wi, wo),
@@ -141,7 +144,8 @@ impl Model {
         slices
     }
 
-    /// Interpolates at a point of the unit square: bilinear within a slice, linear between slices.
+    /// Interpolates the stored values at a point of the unit square: bilinear in the square, linear between incident
+    /// directions.
     fn interpolate(&self, slices: &Slices, [x, y]: [f64; 2], sums: &mut [f64]) {
         let ((i, a), (j, b)) = (cell(x, self.side), cell(y, self.side));
         sums.fill(0.0);
@@ -167,7 +171,7 @@ impl Slices {
     }
 }
 
-/// Returns the elevation, precise near the normal, and the azimuth −π..=π, in radians.
+/// Returns the polar angle of a direction, precise near the normal, and its azimuth −π..=π, in radians.
 fn angles(d: Vector) -> (f64, f64) {
     let chord = norm(sub(d, [0.0, 0.0, 1.0]));
     (2.0 * libm::asin((0.5 * chord).min(1.0)), libm::atan2(d[1], d[0]))

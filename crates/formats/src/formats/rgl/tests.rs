@@ -5,12 +5,13 @@ use super::*;
 use crate::domain::Direction;
 use FormatErrorKind::{Malformed, NeedsOption, OverLimit, Unsupported};
 
-/// Fields of a tensor file: name, code of the type, shape, data.
+/// Fields of a tensor file for tests: name, code of the number type, shape, data.
 #[derive(Clone)]
 struct File(Vec<(String, u8, Vec<u64>, Vec<u8>)>);
 
 impl File {
-    /// Two elevations, two wavelengths, 2 × 2 values, and the identity for a warp: f · cos is what it holds.
+    /// Returns a test file with two incident elevations, two wavelengths, 2 × 2 values, and the identity as warp, so
+    /// that its values are f · cos θo.
     fn plain() -> Self {
         let mut file = Self(Vec::new());
         file.set("description", 1, &[4], b"test".to_vec());
@@ -39,7 +40,7 @@ impl File {
         self.0.retain(|field| field.0 != name);
     }
 
-    /// Builds the same file with `azimuths` incident azimuths.
+    /// Returns the test file with `azimuths` as incident azimuths in radians.
     fn turned(azimuths: &[f32]) -> Self {
         let mut file = Self::plain();
         let n = azimuths.len();
@@ -92,7 +93,7 @@ fn at(modelled: &Modelled, wi: (f64, f64), wo: (f64, f64)) -> Vec<f64> {
     values
 }
 
-/// Edit that makes a file invalid.
+/// Change to a test file that makes it invalid.
 type Change = fn(&mut File);
 
 fn refusal(file: &File) -> FormatError {

@@ -7,38 +7,41 @@
 use crate::numeric::bracket::Bracket;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Indices of slices with their weights; weights of 0 are left out.
+/// Indices of stored incident directions with their weights of interpolation; weights of 0 are left out.
 pub(super) type Weighted<'a> = &'a [(usize, f64)];
 
-/// Threshold below which a weight is rounding error of an angle on a node.
+/// Weight of interpolation below which an angle counts as equal to a stored one, because the difference is a rounding
+/// error.
 const SNAP: f64 = 1e-9;
 
-/// Maps an elevation (radians) to 0..=1, densely around the normal.
+/// Maps a polar angle in radians to 0..=1, densely around the normal.
 pub(super) fn elevation_to_unit(theta: f64) -> f64 {
     (theta / FRAC_PI_2).sqrt()
 }
 
-/// Maps 0..=1 to an elevation in radians.
+/// Maps 0..=1 to a polar angle in radians, densely around the normal.
 pub(super) fn unit_to_elevation(u: f64) -> f64 {
     u * u * FRAC_PI_2
 }
 
-/// Maps an azimuth (radians, −π..=π) to 0..=1.
+/// Maps an azimuth in radians, −π..=π, to 0..=1.
 pub(super) fn azimuth_to_unit(phi: f64) -> f64 {
     (phi + PI) / TAU
 }
 
-/// Maps 0..=1 to an azimuth in radians.
+/// Maps 0..=1 to an azimuth in radians, −π..=π.
 pub(super) fn unit_to_azimuth(u: f64) -> f64 {
     (2.0 * u - 1.0) * PI
 }
 
-/// Returns the nodes around `x` and their linear weights, clamped at the ends.
+/// Returns the indices of the numbers in `nodes` around `x` with their weights of linear interpolation, clamped at the
+/// ends.
 pub(super) fn between(nodes: &[f64], x: f64) -> [(usize, f64); 2] {
     Bracket::held(nodes, x).snapped(SNAP).weights()
 }
 
-/// Returns the cell that contains `u` (0..=1) among `nodes` nodes, and the position within it.
+/// Returns the index of the interval that contains `u` (0..=1) among `nodes` evenly spaced nodes, and the position
+/// within it (0..=1).
 pub(super) fn cell(u: f64, nodes: usize) -> (usize, f64) {
     let scaled = u.clamp(0.0, 1.0) * (nodes - 1) as f64;
     let i = (scaled as usize).min(nodes - 2);
@@ -49,7 +52,7 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
     a + t * (b - a)
 }
 
-/// Bilinear function on the unit square.
+/// Bilinear function on the unit square, given at evenly spaced nodes.
 #[derive(Debug)]
 pub(super) struct Map {
     columns: usize,
@@ -58,7 +61,7 @@ pub(super) struct Map {
 }
 
 impl Map {
-    /// Creates a map from `values` row by row, with at least two rows and columns.
+    /// Creates a bilinear function from its values at the nodes, row by row, with at least two rows and columns.
     pub(super) fn new(rows: usize, columns: usize, values: Vec<f32>) -> Self {
         debug_assert!(rows >= 2 && columns >= 2 && values.len() == rows * columns, "checked by the reader");
         Self { columns, rows, values }
@@ -71,24 +74,25 @@ impl Map {
     }
 }
 
-/// Warp between the unit square with a bilinear density and the uniform square, for each slice. Between slices,
-/// densities and their sums are interpolated linearly with the same weights. Sums treat cells as 1 wide and 1 high.
+/// Invertible mapping between the unit square with a bilinear density and the square with uniform density, for each
+/// stored incident direction. Between incident directions, densities and their integrals are interpolated with one set
+/// of linear weights. Integrals take neighbouring nodes as 1 apart, since only their ratios matter.
 #[derive(Debug)]
 pub(super) struct Warp {
     columns: usize,
     rows: usize,
     density: Vec<f32>,
-    /// Cumulative sums along each row up to each node.
+    /// Cumulative sums of the density along each row, up to each node.
     conditional: Vec<f64>,
-    /// Cumulative sums over whole rows up to each row.
+    /// Cumulative sums of the density over whole rows, up to each row.
     marginal: Vec<f64>,
-    /// Normalisation of each slice: the sum of its density.
+    /// Total density of each stored incident direction, by which it is normalised.
     total: Vec<f64>,
 }
 
 impl Warp {
-    /// Creates a warp from a non-negative `density`, slice by slice and row by row. The error is the number of the
-    /// first slice with zero total density.
+    /// Creates a warp from a non-negative `density`, incident direction by incident direction and row by row. The error
+    /// is the index of the first incident direction with zero total density.
     pub(super) fn new(rows: usize, columns: usize, density: Vec<f32>) -> Result<Self, usize> {
         debug_assert!(rows >= 2 && columns >= 2, "checked by the reader");
         let mut conditional = Vec::with_capacity(density.len());
@@ -118,7 +122,8 @@ impl Warp {
         Ok(Self { columns, rows, density, conditional, marginal, total })
     }
 
-    /// Maps a point under the density to the uniform square; `None` if the density of its row is 0.
+    /// Maps a point of the square with the bilinear density to the uniform square; `None` if the density of its row is
+    /// 0.
     pub(super) fn invert(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let ((i, a), (j, b)) = (cell(x, self.columns), cell(y, self.rows));
         let rows = self.rows_at(slices, j);
@@ -135,8 +140,8 @@ impl Warp {
         Some([column, rows.before + b * mix(rows.mass[0], rows.mass[1], 0.5 * b)])
     }
 
-    /// Maps a point of the uniform square to the point under the density. Also returns the density there, normalised to
-    /// integrate to 1.
+    /// Maps a point of the uniform square to the square with the bilinear density. Also returns the density there,
+    /// normalised to integrate to 1.
     pub(super) fn warp(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
         let j = search(self.rows - 1, |j| self.rows_at(slices, j).before <= y);
         let rows = self.rows_at(slices, j);
@@ -163,7 +168,8 @@ impl Warp {
         }
     }
 
-    /// Interpolates a normalised quantity at a node between slices.
+    /// Returns the density, or its sum along a row, at one node of the density table, as `of` selects. The result is a
+    /// fraction of the total density, interpolated between incident directions.
     fn sum(&self, slices: Weighted<'_>, j: usize, i: usize, of: fn(&Self, usize) -> f64) -> f64 {
         slices.iter().map(|&(s, w)| w * of(self, (s * self.rows + j) * self.columns + i) / self.total[s]).sum()
     }
@@ -177,15 +183,18 @@ impl Warp {
     }
 }
 
-/// Two neighbouring rows of nodes.
+/// Integrals of the density of a warp, up to and along a strip of the unit square between two neighbouring rows of
+/// nodes.
 struct Rows {
-    /// Fraction of the total before the first row.
+    /// Fraction of the integral of the density over the unit square that lies between the first row of nodes and a
+    /// strip between two neighbouring rows.
     before: f64,
-    /// Sums along the two rows.
+    /// Integrals of the density along both edges of a strip between two neighbouring rows of nodes, as fractions of the
+    /// integral over the unit square.
     mass: [f64; 2],
 }
 
-/// Returns the last of `0..cells` for which `before` is true; 0 if it is never true.
+/// Returns the last index of `0..cells` for which `before` is true, by bisection; 0 if it is never true.
 fn search(cells: usize, before: impl Fn(usize) -> bool) -> usize {
     let (mut low, mut high) = (0, cells);
     while high - low > 1 {
@@ -195,8 +204,8 @@ fn search(cells: usize, before: impl Fn(usize) -> bool) -> usize {
     low
 }
 
-/// Returns the position (0..=1) at which the integral of the linear density between `ends` reaches `area`. The formula
-/// is stable for equal ends.
+/// Returns the position (0..=1) at which the integral of a density, linear from `start` to `end`, reaches `area`. The
+/// formula is stable for equal ends.
 fn solve(area: f64, [start, end]: [f64; 2]) -> f64 {
     if start + end <= 0.0 || area <= 0.0 {
         return 0.0;
@@ -209,7 +218,7 @@ fn solve(area: f64, [start, end]: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Three slices on 5 × 7 nodes, one row of the second without density.
+    /// Returns a test warp for three incident directions on 5 × 7 nodes, in which one row of the second has no density.
     fn warp() -> Warp {
         let density = (0..105).map(|k| if k / 7 == 7 { 0.0 } else { 0.2 + (k * k % 11) as f32 }).collect();
         Warp::new(5, 7, density).unwrap()

@@ -15,32 +15,34 @@ use crate::domain::vector::{Vector, dot, scale, sub, unit};
 use crate::domain::{Direction, WavelengthGrid};
 use rayon::prelude::*;
 
-/// Sampling of a function for a file.
+/// Directions, wavelengths and resolution with which a BRDF is written as an RGL file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RglGrid {
-    /// Incident elevations in degrees, 0..=90, strictly increasing.
+    /// Polar angles of the incident directions in degrees, 0..=90, strictly increasing.
     pub theta_i: Vec<f64>,
-    /// Incident azimuths in degrees, strictly increasing, including both −180 and 180. Empty for an isotropic function,
-    /// which is evaluated at azimuth 0.
+    /// Azimuths of the incident directions in degrees, strictly increasing, including both −180 and 180. Empty for an
+    /// isotropic BRDF, which is evaluated at azimuth 0.
     pub phi_i: Vec<f64>,
     /// Wavelengths in nm; `None` for the three channels of RGB.
     pub wavelengths: Option<WavelengthGrid>,
-    /// Nodes along a side of the square of values for each incident direction, at least 2; usually 32 to 128. More
-    /// nodes reduce the interpolation error.
+    /// Number of nodes along a side of the square table of values for each incident direction, at least 2; usually 32
+    /// to 128. More nodes reduce the interpolation error.
     pub side: usize,
-    /// Description shown by readers.
+    /// Description of the measurement, stored as text in the file.
     pub description: String,
 }
 
-/// Number of nodes along a side of the density.
+/// Number of nodes along a side of the square table of the density of outgoing light. Raising it resolves narrower
+/// lobes and enlarges files.
 const DENSITY_SIDE: usize = 64;
-/// Fraction of the density that is uniform.
+/// Fraction of the density of outgoing light that is uniform over the unit square of microfacet directions. Raising it
+/// puts fewer nodes on lobes.
 const UNIFORM: f64 = 0.5;
-/// Depth below the horizon, as a cosine, down to which f · cos is continued; interpolation at the horizon needs nodes
-/// beyond it.
+/// Depth below the horizon, as a cosine, down to which f · cos θo is continued, because interpolation at the horizon
+/// needs nodes beyond it.
 const BELOW: f64 = 0.15;
 
-/// Writes `function`, which has the channels of `grid`.
+/// Writes the BRDF `function` as an RGL file; it must have the channels of `grid`.
 ///
 /// Readers interpolate between nodes; more nodes reproduce the function more closely.
 pub fn write_rgl(grid: &RglGrid, function: &dyn DirectionalFunction) -> Result<Written, FormatError> {
@@ -140,13 +142,15 @@ struct Sampler<'a> {
     channels: usize,
 }
 
-/// Output buffers for the f32 of one incident direction, little-endian.
+/// Output buffers for the numbers of one incident direction, little-endian f32.
 struct Slice<'a> {
-    /// Density `[row, column]`.
+    /// Buffer for the density of outgoing light, `[row, column]` on the nodes of the square of microfacet directions.
     density: &'a mut [u8],
-    /// Luminance `[row, column]`.
+    /// Buffer for the luminance that readers use for sampling, `[row, column]` on the nodes of the square table of
+    /// outgoing directions.
     luminance: &'a mut [u8],
-    /// Values `[channel, row, column]`.
+    /// Buffer for the BRDF times cos θo, `[channel, row, column]`; rows and columns are those of the square table of
+    /// outgoing directions.
     values: &'a mut [u8],
 }
 
@@ -155,7 +159,8 @@ fn put(room: &mut [u8], at: usize, value: f32) {
 }
 
 impl Sampler<'_> {
-    /// Fills one slice; returns the numbers of missing and of negative values.
+    /// Computes the density, luminance and BRDF values of an RGL file for one incident direction, and writes them to
+    /// the buffers of `slice`. Returns the number of missing values, and that of negative values.
     fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<(usize, usize), FormatError> {
         // Isotropic functions are stored relative to the incident azimuth, which is 0 here.
         let wi = Direction::from_degrees(theta, phi);
@@ -189,7 +194,8 @@ impl Sampler<'_> {
         Ok((filled, clipped))
     }
 
-    /// Returns the density of outgoing light over the square, including the uniform part.
+    /// Returns the density of outgoing light per area of the unit square of microfacet directions, at its nodes. Half
+    /// of the density is uniform over the square, the other half follows the light that the BRDF scatters.
     fn density(&self, wi: Direction, values: &mut [f64]) -> Vec<f32> {
         let d = DENSITY_SIDE;
         let light: Vec<f64> = (0..d * d)
@@ -210,8 +216,9 @@ impl Sampler<'_> {
         light.into_iter().map(|value| density(value) as f32).collect()
     }
 
-    /// Writes f · cos θo for a unit `wo`. Below the horizon it continues with the slope at the horizon. Negative f
-    /// becomes 0, because readers use the values unchecked. Returns the numbers of missing and of negative values.
+    /// Writes f · cos θo for a unit vector `wo`. Below the horizon it continues with the slope at the horizon. Negative
+    /// f becomes 0, because readers use the values unchecked. Returns the number of missing values, and that of
+    /// negative values.
     fn light(&self, wi: Direction, wo: Vector, values: &mut [f64]) -> (usize, usize) {
         self.function.evaluate(wi, lifted(wo), values);
         let cosine = wo[2].max(-BELOW);
@@ -229,8 +236,8 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Returns the outgoing direction whose microfacet lies at `u`, and its solid angle per area of the square, up to a
-/// factor.
+/// Returns the outgoing direction whose microfacet normal lies at the point `u` of the unit square, and the solid angle
+/// of outgoing directions per area of the square there. A constant factor of the solid angle is left out.
 fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
     let theta = unit_to_elevation(u[0]);
     let m = Direction::from_radians(theta, unit_to_azimuth(u[1])).xyz();
@@ -238,16 +245,17 @@ fn outgoing(wi: Vector, u: [f64; 2]) -> (Vector, f64) {
     (unit(sub(scale(m, 2.0 * cosine), wi)), u[0] * libm::sin(theta) * cosine.max(0.0))
 }
 
-/// Field: name, type code, shape, and its data unless they are written later.
+/// Field of a tensor file: name, code of the number type, shape, and its data unless they are written later.
 type Entry = (&'static str, u8, Vec<usize>, Option<Vec<u8>>);
 
-/// Tensor file under construction.
+/// Fields of a tensor file that is being written.
 #[derive(Default)]
 struct Tensors {
     fields: Vec<Entry>,
 }
 
-/// File with reserved space for the f32 that are written later: offset and byte length of each field, in order.
+/// Tensor file with reserved space for numbers that are written later: byte offset and length of each such field, in
+/// order.
 struct Laid {
     bytes: Vec<u8>,
     rooms: std::vec::IntoIter<(usize, usize)>,
@@ -263,12 +271,12 @@ impl Tensors {
         self.add(name, 10, shape, Some(values.iter().flat_map(|v| v.to_le_bytes()).collect()));
     }
 
-    /// Adds a field of f32 that is filled later.
+    /// Adds a named array of f32 numbers to a tensor file and reserves space for its numbers, which are written later.
     fn later(&mut self, name: &'static str, shape: &[usize]) {
         self.add(name, 10, shape, None);
     }
 
-    /// Writes the table, then the arrays at multiples of 8 bytes.
+    /// Lays out the tensor file in memory: the list of named arrays (fields), then their data at multiples of 8 bytes.
     fn lay(self) -> Laid {
         let entry = |(name, _, shape, _): &Entry| 13 + name.len() + 8 * shape.len();
         let size =
@@ -309,7 +317,7 @@ mod tests {
     use super::super::read;
     use super::*;
 
-    /// A rough lobe and a base, anisotropic, two channels' worth of colour.
+    /// Test BRDF of a rough lobe on a diffuse base, anisotropic, with a different value for each channel.
     #[derive(Debug)]
     struct Lobe;
 
@@ -321,7 +329,7 @@ mod tests {
         }
     }
 
-    /// Edit that makes a grid invalid.
+    /// Change to the requested directions, wavelengths or resolution of a written file; the changed request is invalid.
     type Change = fn(&mut RglGrid);
 
     #[derive(Debug)]

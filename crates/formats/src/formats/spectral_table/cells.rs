@@ -3,7 +3,7 @@
 use crate::domain::limits::MAX_ENTRIES;
 use crate::formats::text::{Token, number};
 
-/// Separator between the cells of a row.
+/// Separator between the cells of a row in a text table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::formats) enum Delimiter {
     Tab,
@@ -13,7 +13,7 @@ pub(in crate::formats) enum Delimiter {
 }
 
 impl Delimiter {
-    /// All delimiters in the order in which they are tried.
+    /// All cell separators in the order in which they are tried.
     pub(in crate::formats) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blank];
 
     pub(in crate::formats) fn dialect(self) -> &'static str {
@@ -25,7 +25,7 @@ impl Delimiter {
         }
     }
 
-    /// Returns the separating byte; a blank may be repeated.
+    /// Returns the byte that separates cells; a blank may be repeated.
     pub(in crate::formats) fn byte(self) -> u8 {
         match self {
             Self::Tab => b'\t',
@@ -35,7 +35,7 @@ impl Delimiter {
         }
     }
 
-    /// Splits `line` into cells and trims the blanks around them.
+    /// Splits `line` into cells at the separator and trims the blanks around them.
     pub(in crate::formats) fn cells(self, line: Token<'_>) -> Vec<Token<'_>> {
         let separates = |c: char| match self {
             Self::Tab => c == '\t',
@@ -64,7 +64,7 @@ impl Delimiter {
             .collect()
     }
 
-    /// Parses the number in a cell. A comma is a decimal mark unless it separates cells.
+    /// Parses the number in a table cell. A comma is a decimal mark unless it separates cells.
     pub(in crate::formats) fn number(self, cell: &str) -> Option<f64> {
         number(cell).or_else(|| {
             let decimal_comma = self != Self::Comma && !cell.contains('.') && cell.matches(',').count() == 1;
@@ -72,7 +72,8 @@ impl Delimiter {
         })
     }
 
-    /// Returns the number of cells if `line` is a row of numbers (missing values allowed after the first).
+    /// Returns the number of cells if `line` is a row of numbers, else `None`. Missing values are allowed after the
+    /// first cell.
     pub(in crate::formats) fn numeric_cells(self, line: Token<'_>) -> Option<usize> {
         let cells = self.cells(line);
         let numeric = self.number(cells.first()?.text).is_some()
@@ -85,7 +86,7 @@ impl Delimiter {
     }
 }
 
-/// Spellings of a missing value, in lower case: those of C libraries, spreadsheets and instruments.
+/// Spellings of a missing value in a table cell, in lower case: those of C libraries, spreadsheets and instruments.
 const MISSING: [&str; 15] = [
     "nan",
     "-nan",
@@ -104,13 +105,14 @@ const MISSING: [&str; 15] = [
     "#n/a",
 ];
 
-/// Returns true for a cell without a value: blank, NaN or dashes.
+/// Returns true for a table cell without a value: blank, NaN or dashes.
 pub(in crate::formats) fn is_missing(cell: &str) -> bool {
     cell.is_empty() || MISSING.iter().any(|spelling| cell.eq_ignore_ascii_case(spelling))
 }
 
-/// Returns the end of a missing value (`nan` or dashes) at `at`, or `at` itself for a blank cell; `None` for any other
-/// cell. Covers only the spellings that fill whole columns; [`is_missing`] covers the others.
+/// Returns the byte offset of the end of a missing value (`nan` or dashes) that starts at `at`, or `at` itself for a
+/// blank cell; `None` for any other cell. Covers only the spellings that fill whole columns; [`is_missing`] covers the
+/// others.
 #[inline]
 pub(in crate::formats) fn missing_end(text: &[u8], at: usize) -> Option<usize> {
     match text.get(at..)? {
@@ -121,12 +123,12 @@ pub(in crate::formats) fn missing_end(text: &[u8], at: usize) -> Option<usize> {
     }
 }
 
-/// Returns true for a line with letters other than the `e` of an exponent.
+/// Returns true if a line has letters other than the `e` of an exponent.
 pub(in crate::formats) fn has_words(line: &str) -> bool {
     line.bytes().any(|byte| byte.is_ascii_alphabetic() && !matches!(byte, b'e' | b'E'))
 }
 
-/// Returns a cell without its quotes, truncated to the maximum length of a name.
+/// Returns the text of a table cell without its quotes, truncated to the maximum length of a name.
 pub(in crate::formats) fn unquoted(cell: &str) -> String {
     cell.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(cell).trim().chars().take(256).collect()
 }

@@ -13,7 +13,8 @@ use crate::formats::error::FormatError;
 use crate::formats::reader::HEAD_BYTES;
 use crate::formats::text::{Source, Token};
 
-/// Returns the confidence that the head of a file is a table: rows of numbers, or one column of them.
+/// Returns the confidence (0 to 100) that a file with this beginning is a table: rows of numbers, or one column of
+/// them.
 pub(in crate::formats) fn probe(head: &str) -> u8 {
     // The format name is irrelevant, because no message of this source is shown.
     let source = Source::decode(head.as_bytes(), NAME);
@@ -37,12 +38,12 @@ pub(in crate::formats) fn probe(head: &str) -> u8 {
     if single >= 3 && 2 * single > lines.len() { 10 } else { 0 }
 }
 
-/// Returns true if the head of a file has a row of wavelengths with a spectrum in each row beneath.
+/// Returns true if the beginning of a file has a row of wavelengths with a spectrum in each row beneath.
 pub(in crate::formats) fn holds_wide(head: &str) -> bool {
     is_wide(contents(&Source::decode(head.as_bytes(), NAME)))
 }
 
-/// Reads the table of a text in whichever layout it has.
+/// Reads the table of spectra in a text, whichever layout it has.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
     if let Some(table) = pairs::read(source, report) {
         return Ok(table);

@@ -6,26 +6,27 @@ use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, number};
 use crate::notes::SpectrumNote;
 
-/// Number of lines searched for labels; files have 20 to 30 of them.
+/// Upper bound on the lines that are searched for the labels of a spectral library; files have 20 to 30 of them.
 const LOOKED_AT: usize = 200;
-/// Number of characters kept of a value.
+/// Upper bound on the characters that are kept of a label's value.
 const LONGEST: usize = 4096;
-/// Labels after which the data begin.
+/// Labels of a spectral library's file after which the data begin.
 const LAST_LABELS: [&str; 5] = ["X Units", "Y Units", "First X Value", "Last X Value", "Number of X Values"];
 
-/// Labels of a spectral library's file.
+/// Labels in a file of the ASTER or ECOSTRESS spectral library.
 pub(in crate::formats) struct Library {
-    /// Labels with their values; a line without a label continues the previous one.
+    /// Labels with their values in the header of a spectral library's file; a line without a label continues the
+    /// previous value.
     pub(super) fields: Vec<(String, String)>,
-    /// Value of `X Units`.
+    /// Value of the label `X Units`, which is the unit of wavelengths.
     pub(super) x_units: String,
-    /// Value of `Y Units`, in lower case.
+    /// Value of the label `Y Units`, in lower case, which names the quantity.
     y_units: String,
-    /// Byte offset of the first line that can be data.
+    /// Byte offset of the first line after the labels, from which data can begin.
     pub(super) data: usize,
 }
 
-/// Returns the label of a line and the text after it.
+/// Returns the label of a line of a spectral library's file, and the text after it; `None` for a line without a label.
 fn labelled(line: Token<'_>) -> Option<(&str, &str)> {
     let (label, value) = line.text.split_once(':')?;
     let label = label.trim_end();
@@ -48,7 +49,7 @@ pub(super) fn data_offset(source: &Source) -> usize {
     if found[0] && found[1] { data } else { 0 }
 }
 
-/// Returns the labels of a text that has both `X Units` and `Y Units`.
+/// Returns the labels of a spectral library's file; `None` for a text without both `X Units` and `Y Units`.
 pub(super) fn read(source: &Source) -> Option<Library> {
     let data = data_offset(source);
     if data == 0 {
@@ -74,8 +75,8 @@ pub(super) fn read(source: &Source) -> Option<Library> {
 }
 
 impl Library {
-    /// Returns the quantity of the values: reflectance for reflectances and transmittances, spectrum for emissivities
-    /// and all else.
+    /// Returns the quantity of the values in a spectral library's file: reflectance for reflectances and
+    /// transmittances, spectrum for emissivities and all else.
     pub(super) fn quantity(&self) -> Quantity {
         // The libraries also write "Reflectence" and "Transmisson".
         let is_factor = ["reflect", "transm"].iter().any(|stem| self.y_units.contains(stem));
@@ -87,7 +88,7 @@ impl Library {
         self.y_units.contains("percent") || self.y_units.contains('%')
     }
 
-    /// Checks the stated number of rows, and warns of a possible bidirectional reflectance.
+    /// Adds notes if the stated number of rows is wrong or the reflectance may be a bidirectional one.
     pub(super) fn check(&self, rows: usize, report: &mut ParseReport) {
         let value = |label: &str| {
             let found = self.fields.iter().find(|(found, _)| found.eq_ignore_ascii_case(label));

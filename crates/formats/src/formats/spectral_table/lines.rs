@@ -2,8 +2,8 @@
 
 use crate::formats::text::{Source, Token};
 
-/// Splits a line of numbers at the first `#` into content and comment. A line that begins with a letter is a header, in
-/// which `#` may be part of a name; it is not split.
+/// Splits a line of a text table at the first `#` into content and comment. A line that begins with a letter is a
+/// header, in which `#` may be part of a name; it is not split.
 pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
     let header =
         line.text.trim_start().starts_with(|c: char| !c.is_ascii_digit() && !matches!(c, '#' | '+' | '-' | '.'));
@@ -13,7 +13,7 @@ pub(super) fn split_comment(line: Token<'_>) -> (Token<'_>, Option<&str>) {
     }
 }
 
-/// Returns the lines that have content besides comments.
+/// Returns the lines of a text table that have content besides comments.
 pub(in crate::formats) fn contents(source: &Source) -> impl Iterator<Item = Token<'_>> {
     source.lines().map(|line| split_comment(line).0).filter(|line| !line.text.trim().is_empty())
 }

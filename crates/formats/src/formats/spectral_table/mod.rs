@@ -87,8 +87,8 @@ fn read(bytes: &[u8], how: &Interpretation) -> Result<Acquisition, FormatError> 
 
 const REFLECTANCE_WORDS: [&str; 4] = ["reflectance", "reflectivity", "transmittance", "transmissivity"];
 
-/// Refuses a single row of named figures (CCT, CRI, illuminance): a spectrum does not have one wavelength and many
-/// columns.
+/// Refuses a table with a single row of named figures (CCT, CRI, illuminance): a spectrum does not have one wavelength
+/// and many columns.
 fn refuse_summary(table: &Table, how: &Interpretation) -> Result<(), FormatError> {
     const FEWEST: usize = 2;
     let Some(first) = table.wavelength_name.as_deref().filter(|name| !wavelength_unit::names_wavelength(name)) else {
@@ -141,7 +141,7 @@ fn quantity(table: &Table, how: &Interpretation, report: &mut ParseReport) -> Re
 }
 
 /// Returns true if the columns or the text around the table name reflectance factors. Refuses a table in which only
-/// some columns are factors.
+/// some columns are reflectance factors.
 fn holds_factors(table: &Table) -> Result<bool, FormatError> {
     let (factors, others): (Vec<&String>, Vec<&String>) = table.names.iter().partition(|name| names_factor(name));
     match (factors.first(), others.first()) {
@@ -172,7 +172,7 @@ fn unit(stated: StatedQuantity, how: &Interpretation) -> Result<Unit, FormatErro
     }
 }
 
-/// Converts the wavelengths to nm and sorts rows by increasing wavelength.
+/// Converts the wavelengths of a table to nm and sorts its rows by increasing wavelength.
 fn wavelengths(
     table: &mut Table,
     how: &Interpretation,
@@ -214,8 +214,8 @@ fn wavelengths(
     WavelengthGrid::listed(nanometres).map_err(|e| FormatError::new(FormatErrorKind::Malformed, NAME, e.to_string()))
 }
 
-/// Converts reflectance and transmittance in percent to fractions; a relative spectrum is unchanged. Reflectance
-/// factors of glossy samples exceed 1.5, so that percent is taken from the header only.
+/// Converts reflectance and transmittance in percent to fractions; other spectra are unchanged. Reflectance factors of
+/// glossy samples exceed 1.5, so that percent is taken from the header only.
 fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) {
     let in_percent = |name: &String| name.contains('%') || name.to_lowercase().contains("percent");
     let declared =
@@ -239,7 +239,7 @@ fn percent(table: &mut Table, stated: StatedQuantity, report: &mut ParseReport) 
     }
 }
 
-/// Reports the numbers of missing and of negative values.
+/// Adds notes on the number of missing values and on that of negative values.
 fn remarks(table: &Table, source: &Source, report: &mut ParseReport) -> Result<(), FormatError> {
     let masked = table.values.iter().filter(|v| v.is_nan()).count();
     if masked == table.values.len() {

@@ -5,14 +5,14 @@ use super::table::Table;
 use crate::formats::acquisition::ParseReport;
 use crate::formats::text::{Source, Token, Tokens, number};
 
-/// Plausible wavelengths of such spectra, in nm.
+/// Plausible wavelengths in nm of spectra with several pairs of wavelength and value per line.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 
-/// Wavelength with its byte offset, and the value.
+/// Pair of a spectrum: the wavelength in nm with the byte offset of its text, and the value at that wavelength.
 type Pair = ((f64, usize), f32);
 
-/// Returns the pairs if every line has an even number of numbers, the first at least four, and wavelengths increase
-/// along and across lines. No other table does.
+/// Returns the pairs of wavelength and value if every line has an even count of numbers, the first line at least four,
+/// and wavelengths increase along and across lines. No other table has this form.
 fn pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Vec<Pair>> {
     let mut pairs: Vec<Pair> = Vec::new();
     for line in lines {
@@ -29,12 +29,13 @@ fn pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Vec<Pair>> {
     (!pairs.is_empty()).then_some(pairs)
 }
 
-/// Returns true if the lines consist of pairs.
+/// Returns true if every line of a text consists of pairs of wavelength and value, and the first line has two pairs or
+/// more.
 pub(in crate::formats) fn are_pairs<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
     pairs(lines).is_some()
 }
 
-/// Returns the table of a text of pairs; `None` for any other text.
+/// Returns the spectrum of a text of pairs of wavelength and value; `None` for any other text.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Option<Table> {
     let (wavelengths, values) = pairs(contents(source))?.into_iter().unzip();
     let mut prose = String::new();

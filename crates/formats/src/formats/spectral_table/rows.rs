@@ -13,12 +13,13 @@ use crate::formats::number::decimal;
 use crate::formats::text::{Source, Token, snippet};
 use crate::notes::TextNote;
 
-/// Upper bounds on the lines searched for the delimiter, and on those before the first row of numbers.
+/// Upper bounds on the lines from which the cell separator is determined, and on the lines before the first row of
+/// numbers.
 const LOOKED_AT: usize = 20;
 pub(super) const MAX_PREAMBLE: usize = 1000;
 
-/// Returns the first delimiter under which the first numeric lines have an equal number of at least 2 cells, and that
-/// number.
+/// Returns the first cell separator under which the first rows of numbers have an equal number of cells, at least 2,
+/// and that number.
 pub(super) fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     Delimiter::ALL.into_iter().find_map(|delimiter| {
         let width = |line: &Token<'_>| delimiter.numeric_cells(*line);
@@ -33,7 +34,7 @@ pub(super) fn delimiter(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     })
 }
 
-/// Reads the table of a text.
+/// Reads a table of spectra with one row per wavelength.
 pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Result<Table, FormatError> {
     let library = library::read(source);
     let data = library.as_ref().map_or(0, |library| library.data);
@@ -83,11 +84,11 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
 
 struct Parser<'a> {
     delimiter: Delimiter,
-    /// Number of cells in a row.
+    /// Number of cells in a row of the table.
     width: usize,
     source: &'a Source,
     library: Option<Library>,
-    /// Lines before the first row: text, and true for a comment.
+    /// Lines before the first row of numbers: text, and true for a comment.
     preamble: Vec<(Token<'a>, bool)>,
     prose: String,
     heading: String,
@@ -159,7 +160,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Refuses more values than a table may have; `offset` follows the last of them.
+    /// Refuses a table with more values than allowed; `offset` is the byte offset after the last of them.
     fn check_limit(&self, offset: usize) -> Result<(), FormatError> {
         if self.table.as_ref().is_none_or(|table| table.values.len() <= MAX_SAMPLES) {
             return Ok(());
@@ -168,7 +169,8 @@ impl<'a> Parser<'a> {
         Err(self.source.error(FormatErrorKind::OverLimit, offset, message))
     }
 
-    /// Starts the table. The last line before it is the header if its cell count matches.
+    /// Creates the empty table with its column names. The last line before the numbers is the header if its cell count
+    /// matches.
     fn start(&mut self, report: &mut ParseReport) -> Result<Table, FormatError> {
         let width = self.width;
         if width - 1 > MAX_ENTRIES {
@@ -212,7 +214,8 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Refuses rows whose decimal commas cannot be distinguished from separators: half as many names as cells.
+    /// Refuses a table whose decimal commas cannot be distinguished from separators: it has half as many names as
+    /// cells.
     fn refuse_decimal_commas(&self) -> Result<(), FormatError> {
         let Some((line, _)) = self.preamble.last().filter(|_| self.delimiter == Delimiter::Comma) else {
             return Ok(());
@@ -231,7 +234,8 @@ impl<'a> Parser<'a> {
         Err(self.source.malformed(line.offset, message))
     }
 
-    /// Returns the column names: the last line before the data with a matching cell count, with the units beneath it.
+    /// Returns the column names: the last line before the numbers with a matching cell count, joined with a row of
+    /// units beneath it.
     fn header(&mut self) -> Option<Vec<String>> {
         let cells = |line: Token<'_>| -> Option<Vec<String>> {
             let cells = self.delimiter.cells(line);
@@ -266,8 +270,8 @@ impl<'a> Parser<'a> {
 }
 
 impl Table {
-    /// Parses rows of plain finite numbers in one pass from `at` on. Returns the offset of the first line that is not
-    /// such a row or exceeds the limit.
+    /// Parses rows of plain finite numbers in one pass from byte `at` on. Returns the offset of the first line that is
+    /// not such a row, or at which the number of values exceeds its limit.
     fn push_plain(&mut self, text: &[u8], mut at: usize, delimiter: Delimiter) -> usize {
         while self.values.len() <= MAX_SAMPLES {
             let first = self.values.len();
@@ -281,8 +285,8 @@ impl Table {
         at
     }
 
-    /// Parses the row at `at` and appends its values. Returns its wavelength with the byte offset, and the offset of
-    /// the next line.
+    /// Parses the row of numbers at byte `at` and appends its values. Returns its wavelength with the byte offset, and
+    /// the offset of the next line.
     #[inline]
     fn plain_row(&mut self, text: &[u8], at: usize, delimiter: Delimiter) -> Option<((f64, usize), usize)> {
         let separator = delimiter.byte();
@@ -329,7 +333,7 @@ impl Table {
         Some(((wavelength, place), end + mark))
     }
 
-    /// Removes the nameless empty column that a delimiter at the end of every row creates.
+    /// Removes the nameless empty column that a separator at the end of every row creates.
     fn drop_empty_columns(&mut self, report: &mut ParseReport) {
         let columns = self.names.len();
         let nameless = self.names[columns - 1].is_empty() || self.wavelength_name.is_none();
@@ -342,7 +346,7 @@ impl Table {
     }
 }
 
-/// Returns true for a cell of a row of units such as `[nm]`, `(%)` or `counts`, or a blank cell.
+/// Returns true for a cell that belongs to a row of units such as `[nm]`, `(%)` or `counts`, or is blank.
 fn is_unit(cell: &str) -> bool {
     const BARE: [&str; 12] = ["nm", "um", "µm", "cm-1", "%", "a.u.", "counts", "w", "w/nm", "mw/nm", "sr-1", "1/sr"];
     let bracketed = |open, close| cell.starts_with(open) && cell.ends_with(close);

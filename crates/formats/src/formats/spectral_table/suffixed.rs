@@ -10,20 +10,20 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
 use crate::notes::TextNote;
 
-/// Lower bound on the consecutive lines that form a list.
+/// Lower bound on the consecutive lines such as `380nm 0.5` that form a spectrum. Raising it recognises fewer files.
 const FEWEST: usize = 3;
-/// Upper bound on the named figures kept as metadata.
+/// Upper bound on the named figures (such as CCT) of an instrument's file that are kept as metadata.
 const MAX_FIGURES: usize = 1000;
 
-/// Returns the wavelength of a cell such as `380nm`, in nm.
+/// Returns the wavelength in nm of a cell such as `380nm`; `None` for any other cell.
 fn wavelength(cell: &str) -> Option<f64> {
     let digits = cell.get(..cell.len().checked_sub(2)?)?;
     cell.get(digits.len()..)?.eq_ignore_ascii_case("nm").then_some(())?;
     number(&digits.trim_end().replace(',', ".")).filter(|nm| (1.0..=1e6).contains(nm))
 }
 
-/// Returns true for a line that begins with a number and `n`. Checks its first characters only, because it runs on
-/// every line of other tables.
+/// Returns true for a line that begins with a number and `n`, as `380nm` does. Looks at its first characters only,
+/// because it runs on every line of other tables.
 fn may_begin(line: &str) -> bool {
     const LONGEST: usize = 24;
     let is_part = |byte: &&u8| byte.is_ascii_digit() || matches!(byte, b'.' | b',' | b' ');
@@ -32,7 +32,8 @@ fn may_begin(line: &str) -> bool {
         && matches!(head.iter().take(LONGEST).find(|byte| !is_part(byte)), Some(b'n' | b'N'))
 }
 
-/// Returns the cells of a list line: a wavelength, then at least one value or missing value.
+/// Returns the wavelength in nm and the cells of a line such as `380nm 0.5`: a wavelength, then at least one value or
+/// missing value.
 fn row(delimiter: Delimiter, line: Token<'_>) -> Option<(f64, Vec<Token<'_>>)> {
     may_begin(line.text).then_some(())?;
     let cells = delimiter.cells(line);
@@ -41,7 +42,8 @@ fn row(delimiter: Delimiter, line: Token<'_>) -> Option<(f64, Vec<Token<'_>>)> {
     (cells.len() > 1 && cells[1..].iter().all(is_value)).then_some((nm, cells))
 }
 
-/// Returns the delimiter of the list, and the number of cells per line.
+/// Returns the cell separator of lines such as `380nm 0.5`, and the number of cells per line; `None` if too few lines
+/// follow each other.
 fn form(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     Delimiter::ALL.into_iter().find_map(|delimiter| {
         let (mut width, mut count) = (0, 0);
@@ -57,12 +59,12 @@ fn form(lines: &[Token<'_>]) -> Option<(Delimiter, usize)> {
     })
 }
 
-/// Returns true if the lines contain such a list.
+/// Returns true if the lines contain a spectrum in the form `380nm 0.5`.
 pub(super) fn is_list(lines: &[Token<'_>]) -> bool {
     form(lines).is_some()
 }
 
-/// Returns the table of such a list; `None` if the text has none.
+/// Returns the spectrum of lines such as `380nm 0.5` as a table; `None` if the text has none.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
     const LOOKED_AT: usize = 1000;
     let looked_at: Vec<Token<'_>> = contents(source).take(LOOKED_AT).collect();

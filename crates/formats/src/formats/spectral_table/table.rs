@@ -5,26 +5,27 @@ use super::library::Library;
 use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::snippet;
 
-/// Table as written: wavelengths with their byte offsets, and values row by row.
+/// Table of spectra as written: wavelengths with their byte offsets, and values row by row.
 pub(in crate::formats) struct Table {
     pub(in crate::formats) wavelengths: Vec<(f64, usize)>,
-    /// Values `[row, column]`; NaN = missing.
+    /// Values of the table, `[row, column]` with one row per wavelength; NaN = missing.
     pub(in crate::formats) values: Vec<f32>,
-    /// Name of each column of values.
+    /// Name of each column of values, without that of the wavelengths.
     pub(in crate::formats) names: Vec<String>,
-    /// Name of the first column, if there is a header.
+    /// Name of the column of wavelengths, if there is a header.
     pub(super) wavelength_name: Option<String>,
-    /// Text around the numbers except the row of names, in lower case.
+    /// Text around the table except its row of column names, in lower case.
     pub(super) prose: String,
-    /// Row of names, in lower case.
+    /// Row of column names, in lower case.
     pub(super) heading: String,
-    /// Labels of a spectral library's file, if it is one.
+    /// Labels of the file, if it is from a spectral library.
     pub(super) library: Option<Library>,
     pub(in crate::formats) dialect: &'static str,
 }
 
 impl Table {
-    /// Returns true if `said` accepts the header or the comments, both in lower case.
+    /// Applies the test `said` to the row of column names and to the text around the table, both in lower case. Returns
+    /// true if one of them passes.
     pub(in crate::formats) fn says(&self, said: impl Fn(&str) -> bool) -> bool {
         said(&self.prose) || said(&self.heading)
     }
@@ -35,7 +36,7 @@ impl Table {
         self.wavelengths.reverse();
     }
 
-    /// Keeps one column, by its name or by its number from 1.
+    /// Keeps one column of values, chosen by its name or by its number from 1.
     pub(in crate::formats) fn pick(&mut self, wanted: &str) -> Result<(), FormatError> {
         let wanted = wanted.trim();
         let columns = self.names.len();
@@ -55,7 +56,7 @@ impl Table {
         Ok(())
     }
 
-    /// Returns the names of the first columns, for messages.
+    /// Returns the names of the first columns of values, for messages.
     pub(in crate::formats) fn column_list(&self) -> String {
         const SHOWN: usize = 8;
         let mut list = self.names.iter().take(SHOWN).map(|name| snippet(name)).collect::<Vec<_>>().join(", ");

@@ -7,13 +7,13 @@ use crate::formats::interpretation::Interpretation;
 use crate::formats::text::{Brief, snippet};
 use crate::notes::SpectrumNote;
 
-/// Unit of the first column.
+/// Unit of the wavelengths in the first column of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::formats) enum WavelengthUnit {
     Nanometre,
     Micrometre,
     Angstrom,
-    /// cm⁻¹.
+    /// Wavenumbers in cm⁻¹.
     Wavenumber,
 }
 
@@ -63,21 +63,21 @@ impl WavelengthUnit {
     }
 }
 
-/// Returns true for the name of a column of wavelengths or wavenumbers, by its unit or its words.
+/// Returns true if the name of a column means wavelengths or wavenumbers, by its unit or its words.
 pub(in crate::formats) fn names_wavelength(name: &str) -> bool {
     let lower = name.to_lowercase();
     let words = ["wave", "lambda", "λ", "wellenl"];
     WavelengthUnit::of_header(name).is_some() || lower == "wl" || words.iter().any(|word| lower.contains(word))
 }
 
-/// Returns the bracketed word at the end of a name, which is meant as a unit: `Wavelength (furlongs)`.
+/// Returns the bracketed word at the end of a column name, which is meant as a unit: `Wavelength (furlongs)`.
 fn bracketed(name: &str) -> Option<&str> {
     let open = name.trim_end().strip_suffix([')', ']'])?;
     let unit = open.rsplit(['(', '[']).next()?.trim();
     (unit.len() < open.len() && !unit.is_empty() && unit.chars().all(char::is_alphabetic)).then_some(unit)
 }
 
-/// Returns the unit of monotone `values`, the first column of a table with the header `name`.
+/// Returns the unit of the wavelengths `values`, which are monotone; `name` is the name of their column.
 pub(super) fn of(
     values: &[f64],
     name: Option<&str>,

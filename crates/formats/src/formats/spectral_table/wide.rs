@@ -11,21 +11,25 @@ use crate::formats::error::{FormatError, FormatErrorKind};
 use crate::formats::text::{Source, Token, number, snippet};
 use crate::formats::turned::turned;
 
-/// Lower bound on the wavelength columns of a row of names.
+/// Lower bound on the number of wavelengths in a row of column names. Raising it recognises fewer tables with one row
+/// per sample.
 const FEWEST: usize = 3;
-/// Number of lines before the data searched for names.
+/// Upper bound on the lines that are searched for a row of column names with wavelengths.
 const LOOKED_AT: usize = 100;
-/// Number of rows beneath bare numbers that are examined to distinguish wavelengths from a first row of values.
+/// Upper bound on the rows beneath a row of bare numbers that are examined, to tell a row of wavelengths from a first
+/// row of values.
 const ROWS_LOOKED_AT: usize = 20;
-/// Prefixes of a wavelength in nm.
+/// Prefixes in column names before a wavelength in nm, in lower case.
 const PREFIXES: [&str; 5] = ["spectral_nm", "spec_", "nm_", "nm", "r"];
-/// Ranges of bare numbers that are taken for wavelengths in nm and µm and for wavenumbers in 1/cm.
+/// Ranges of bare numbers in column names that are taken for wavelengths in nm, wavelengths in µm, and wavenumbers in
+/// 1/cm.
 const NANOMETRES: std::ops::RangeInclusive<f64> = 150.0..=3000.0;
 const MICROMETRES: std::ops::RangeInclusive<f64> = 0.2..=25.0;
 const WAVENUMBERS: std::ops::RangeInclusive<f64> = 400.0..=50_000.0;
-/// Lower bound on columns in micrometres: fewer numbers are replicates, depths or angles.
+/// Lower bound on the number of columns that are taken for wavelengths in micrometres: fewer numbers are replicates,
+/// depths or angles.
 const FEWEST_MICROMETRES: usize = 5;
-/// Names of a first column that identifies samples, whose numbers may look like wavelengths.
+/// Names of a first column that identifies samples, whose numbers may look like wavelengths; in lower case.
 const IDENTIFIERS: [&str; 16] = [
     "sample",
     "samples",
@@ -45,7 +49,8 @@ const IDENTIFIERS: [&str; 16] = [
     "scan",
 ];
 
-/// Returns the wavelength of a column such as `380nm`, `R380`, `SPEC_380` or `nm380`.
+/// Returns the wavelength in nm in a column name such as `380nm`, `R380`, `SPEC_380` or `nm380`; `None` for any other
+/// name.
 fn wavelength(name: &str) -> Option<f64> {
     let name = name.to_lowercase();
     let before = PREFIXES.iter().find_map(|prefix| name.strip_prefix(prefix));
@@ -55,11 +60,12 @@ fn wavelength(name: &str) -> Option<f64> {
     number(digits.unwrap_or(rest)).filter(|nm| NANOMETRES.contains(nm))
 }
 
-/// Row of names, with its delimiter and the cells that are wavelengths.
+/// Row of column names that contains wavelengths, with its cell separator.
 struct Names {
     delimiter: Delimiter,
     cells: usize,
-    /// Cell number, wavelength, and byte offset of each.
+    /// Columns of values: for each the position of its cell in a row (from 0), its wavelength, and the byte offset of
+    /// its name.
     columns: Vec<(usize, f64, usize)>,
     /// Name of the wavelength axis, which may contain its unit.
     axis: Option<String>,
@@ -82,7 +88,7 @@ fn names<'a>(lines: impl Iterator<Item = Token<'a>>) -> Option<Names> {
     })
 }
 
-/// Parses names with a unit or letter, such as `380nm` or `R380`.
+/// Parses a row of column names in which wavelengths have a unit or letter, such as `380nm` or `R380`.
 fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     let cells = delimiter.cells(line);
     let columns: Vec<(usize, f64, usize)> = cells
@@ -96,7 +102,8 @@ fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     (columns.len() >= FEWEST && !is_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
 }
 
-/// Parses names that are bare ordered numbers, if the rows `below` have the same number of cells.
+/// Parses a row of column names in which wavelengths are bare ordered numbers, if the rows `below` have an equal number
+/// of cells.
 fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bool) -> Option<Names> {
     let cells = delimiter.cells(line);
     if cells.len() < FEWEST {
@@ -149,7 +156,7 @@ fn is_monotone(values: &[f64]) -> bool {
     values.array_windows().all(|[a, b]| a < b) || values.array_windows().all(|[a, b]| a > b)
 }
 
-/// Returns true for ordered numbers that are wavelengths in nm or µm, or decreasing wavenumbers.
+/// Returns true for ordered numbers that can be wavelengths in nm or µm, or decreasing wavenumbers.
 fn are_wavelengths(values: &[f64]) -> bool {
     let within = |range: &std::ops::RangeInclusive<f64>| values.iter().all(|value| range.contains(value));
     let are_micrometres = || {
@@ -159,12 +166,13 @@ fn are_wavelengths(values: &[f64]) -> bool {
     is_monotone(values) && (within(&NANOMETRES) || are_micrometres() || falls && within(&WAVENUMBERS))
 }
 
-/// Returns true if a row of names has columns of wavelengths.
+/// Returns true if a row of column names has wavelengths, with a spectrum in each row beneath.
 pub(super) fn is_wide<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
     names(lines).is_some()
 }
 
-/// Returns the transposed table, with one column per sample; `None` for any other text.
+/// Returns the spectra of a table with one row per sample, transposed to one column per sample; `None` for any other
+/// text.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
     let Some(found) = names(contents(source)) else { return Ok(None) };
     let Names { delimiter, cells: width, columns, axis, offset } = found;

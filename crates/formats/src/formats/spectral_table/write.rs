@@ -24,8 +24,8 @@ pub fn write_spd(grid: &WavelengthGrid, samples: &[f32], comment: &str) -> Resul
     Ok(text.into_bytes())
 }
 
-/// Writes spectra `[column, lambda]` as CSV: wavelengths in nm, then one named column per spectrum. Masked samples are
-/// blank.
+/// Writes spectra `[column, lambda]` as CSV: a column of wavelengths in nm, then one named column per spectrum. Masked
+/// samples are blank cells.
 pub fn write_spectra(grid: &WavelengthGrid, samples: &[f32], names: &[String]) -> Result<Vec<u8>, FormatError> {
     check(grid, samples, names.len())?;
     let mut text = String::from("wavelength_nm");
@@ -54,7 +54,7 @@ fn check(grid: &WavelengthGrid, samples: &[f32], columns: usize) -> Result<(), F
     Err(FormatError::new(FormatErrorKind::NeedsOption, NAME, message))
 }
 
-/// Returns a name that is a single cell under any delimiter, without quotes, which not all readers accept.
+/// Returns the name of a spectrum without separators and quotes, so that it is a single cell for every reader.
 fn bare(name: &str) -> String {
     name.chars().map(|c| if c.is_control() || matches!(c, ',' | ';' | '"') { ' ' } else { c }).collect()
 }

@@ -5,28 +5,30 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Note, Tensor};
 use crate::notes::ValueNote;
 use serde::{Deserialize, Serialize};
 
-/// Root mean square deviations, in percent of the mean, between values that the file states for the same direction.
-/// `None` if no such direction is stated more than once.
+/// Contradictions of a file: root mean square deviations, in percent of the mean, between values that it lists for
+/// equal directions. `None` if no such direction is listed more than once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Contradictions {
-    /// Deviation between the azimuths at a pole.
+    /// Deviation in percent between the values at all azimuths of a pole, which are one direction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub poles: Option<f64>,
-    /// Deviation between the first azimuth and the last, 360° later.
+    /// Deviation in percent between the values at the first azimuth and those at the last azimuth, which is 360° later
+    /// and hence the same.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seam: Option<f64>,
-    /// Deviation between angles that are listed twice.
+    /// Deviation in percent between values at angles that the file lists twice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planes: Option<f64>,
-    /// Deviation between outgoing azimuths at normal incidence on an isotropic surface, where the value does not depend
-    /// on the azimuth.
+    /// Deviation in percent between the values at all outgoing azimuths under normal incidence on an isotropic surface,
+    /// where the value does not depend on the azimuth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal_incidence: Option<f64>,
 }
 
 impl Contradictions {
-    /// Measures the contradictions of a tensor on grids of directions. `planes` is the spread that the reader found at
+    /// Returns the deviations between values that a file lists for one and the same direction: in `tensor`, at the
+    /// poles, at azimuths 360° apart and under normal incidence. `planes` are the deviations that the reader found at
     /// angles listed twice.
     pub fn of(tensor: &Tensor, planes: Repeated) -> Self {
         let (mut poles, mut seam, mut normal) = (Repeated::default(), Repeated::default(), Repeated::default());
@@ -46,7 +48,7 @@ impl Contradictions {
         Self { poles: percent(poles), seam: percent(seam), planes: percent(planes), normal_incidence: percent(normal) }
     }
 
-    /// Returns a note; `None` if no direction is stated more than once.
+    /// Returns a note on contradictions between the values of a file; `None` if no direction is listed more than once.
     pub fn note(&self) -> Option<Note> {
         let Self { poles, seam, planes, normal_incidence } = *self;
         (*self != Self::default()).then(|| {
@@ -61,7 +63,7 @@ impl Contradictions {
     }
 }
 
-/// Samples `[…, rows, columns, inner]`.
+/// Samples of a tensor as a table `[…, rows, columns, inner]`: polar angles are rows, azimuths columns.
 struct Table<'a> {
     samples: &'a [f32],
     rows: usize,
@@ -70,8 +72,8 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Adds the values of one row to `to` as values stated for one direction: those of all columns, or only of the
-    /// first and the last one if `ends` is true.
+    /// Adds the deviations between the values at one polar angle (a row) to the sum `to`. Compares all azimuths, or
+    /// only the first and the last one if `ends` is true.
     fn add(&self, block: &[f32], row: usize, ends: bool, to: &mut Repeated) {
         let row = &block[row * self.columns * self.inner..][..self.columns * self.inner];
         let step = if ends { (self.columns - 1) * self.inner } else { self.inner };
@@ -84,7 +86,8 @@ impl Table<'_> {
         self.samples.chunks_exact(self.rows * self.columns * self.inner)
     }
 
-    /// Adds pole rows to `poles`, and the first and last columns of the others to `seam`.
+    /// Adds the deviations between the azimuths of each pole to the sum `poles`, and those between the first and the
+    /// last azimuth of every other polar angle to the sum `seam`.
     fn scan(&self, grid: &DirectionGrid, poles: &mut Repeated, seam: &mut Repeated) {
         if self.columns < 2 {
             return;
@@ -101,7 +104,8 @@ impl Table<'_> {
         }
     }
 
-    /// Adds the outgoing rows at the first of `elevations` incoming elevations, except those at poles.
+    /// Adds the deviations between outgoing azimuths under normal incidence to the sum `normal`, except at outgoing
+    /// poles. Of the `elevations` incoming polar angles of the table, the first is 0, normal incidence.
     fn scan_normal(&self, elevations: usize, grid: &DirectionGrid, normal: &mut Repeated) {
         if self.columns < 2 {
             return;
@@ -112,7 +116,7 @@ impl Table<'_> {
     }
 }
 
-/// Returns true if all azimuths of a row are one direction.
+/// Returns true if all azimuths at polar angle number `row` are one direction.
 fn is_pole(grid: &DirectionGrid, row: usize) -> bool {
     let (low, high) = grid.frame().polar_range();
     let polar = grid.polar()[row];

@@ -3,25 +3,25 @@
 use super::repeated::Repeated;
 use crate::domain::{self, Axis, DirectionGrid, Tensor};
 
-/// Numbers of a file at the angles that it states.
+/// Numbers of a file, before multiplication by their common factor, at the angles that the file lists.
 ///
 /// A value in the unit of the measurement is `factor · number`. The tensor holds the numbers as written, so that no
 /// additional rounding occurs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatedGrid {
-    /// Numbers on `[index…, incoming, outgoing, spectral]` without absent axes; NaN = missing. Directions are
-    /// [`Axis::Grid`], incoming ones of isotropic data [`Axis::Elevation`].
+    /// Numbers of the file on `[index…, incoming, outgoing, spectral]` without absent axes; NaN = missing. Directions
+    /// are [`Axis::Grid`], incoming ones of isotropic data [`Axis::Elevation`].
     pub tensor: Tensor,
-    /// Product of all multipliers that apply to every number (candela multiplier, ballast factor, conversion factor,
-    /// lumens / 1000).
+    /// Factor from numbers to values: product of all multipliers of the file (candela multiplier, ballast factor,
+    /// conversion factor, lumens / 1000).
     pub factor: f64,
-    /// Spread of the values at angles that the file lists twice; the tensor holds their mean.
+    /// Deviations between values at angles that the file lists twice; the tensor holds their mean.
     pub repeated: Repeated,
 }
 
 impl StatedGrid {
-    /// Returns the grid over the elevations of the incoming directions, which must all have `azimuth`, with outgoing
-    /// azimuths relative to it. `None` for any other grid.
+    /// Returns the grid as isotropic data, with incoming elevations and with outgoing azimuths relative to `azimuth`,
+    /// which must be the azimuth of all incoming directions. `None` for any other grid.
     pub(crate) fn isotropic(&self, azimuth: f64) -> Option<Self> {
         let mut axes = self.tensor.axes().to_vec();
         let [Axis::Grid(incoming), Axis::Grid(outgoing), ..] = &axes[..] else { return None };

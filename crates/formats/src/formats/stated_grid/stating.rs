@@ -5,25 +5,25 @@ use super::repeated::Repeated;
 use crate::domain::{self, Axis, AxisError, DirectionGrid, DirectionGridError, Frame, Tensor, TensorError};
 use crate::formats::acquisition::{AngleGrid, Angles, AzimuthExtent, Outside};
 
-/// Reasons why a grid of angles cannot be stated.
+/// Reasons why a grid of angles cannot be converted to the grid that its file lists.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StatedGridError {
-    /// The angles are out of range.
+    /// The listed angles are out of range.
     #[error(transparent)]
     Directions(#[from] DirectionGridError),
-    /// The axes are out of range.
+    /// The axes of the listed grid are too many, make too many samples, or have invalid entries.
     #[error(transparent)]
     Axes(#[from] AxisError),
-    /// The tensor cannot be built.
+    /// The numbers that the file lists do not form a tensor on the grid of its angles.
     #[error(transparent)]
     Tensor(#[from] TensorError),
 }
 
-/// Incoming and outgoing azimuths as listed, for a side whose first azimuth is repeated 360° later.
+/// Incoming and outgoing azimuths as listed in the file; `None` unless the first azimuth is repeated 360° later.
 pub(in crate::formats) type Listed = [Option<Vec<f64>>; 2];
 
 impl AngleGrid {
-    /// Returns the grid as the file states it.
+    /// Returns the grid as its file lists it, before azimuths are merged and symmetries unfolded.
     pub fn as_stated(&self) -> Result<StatedGrid, StatedGridError> {
         match &self.stated {
             Some(stated) => Ok((**stated).clone()),
@@ -31,7 +31,8 @@ impl AngleGrid {
         }
     }
 
-    /// Returns this grid with other `values`. Azimuths in `listed` are closed: the last repeats the first.
+    /// Returns this grid with other `values` and with the azimuths in `listed`, whose last one repeats the first 360°
+    /// later.
     pub(in crate::formats) fn stated_as(
         &self,
         values: Vec<f32>,
@@ -53,7 +54,7 @@ impl AngleGrid {
     }
 }
 
-/// Returns the directions of one side in the surface frame.
+/// Returns the incoming or the outgoing angles as a grid of directions in the surface frame.
 fn surface(angles: &Angles, listed: Option<&[f64]>, outside: Outside) -> Result<DirectionGrid, DirectionGridError> {
     let azimuths = angles.phi.as_ref().map(|azimuths| match listed {
         Some(listed) => domain::Azimuths { angles: listed.to_vec(), extent: domain::AzimuthExtent::Closed },

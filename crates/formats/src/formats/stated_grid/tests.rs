@@ -59,7 +59,7 @@ fn values_stated_twice_have_a_spread() {
     assert!((repeated.rms().unwrap() - 0.1).abs() < 1e-12 && repeated.values == 2);
 }
 
-/// The grid that a file states, and the intensities of its unfolded form.
+/// Returns the grid that a file lists, and the intensities after symmetries are unfolded.
 fn stated(bytes: &[u8], how: &Interpretation) -> (StatedGrid, Vec<f32>) {
     let Samples::Grid(grid) = read(bytes, how).unwrap().samples else { panic!("a grid") };
     (grid.as_stated().unwrap(), grid.values)
@@ -82,7 +82,8 @@ fn azimuths(angles: &[f64], extent: domain::AzimuthExtent) -> domain::Azimuths {
     domain::Azimuths { angles: angles.to_vec(), extent }
 }
 
-/// A LM-63 file of photometric type `kind` (1 C, 2 B, 3 A) whose numbers count from 1, `[horizontal][vertical]`.
+/// Returns an LM-63 file of photometric type `kind` (1 C, 2 B, 3 A) whose numbers are 1, 2, 3, …,
+/// `[horizontal][vertical]`.
 fn ies(kind: u8, factors: [&str; 2], vertical: &[f64], horizontal: &[f64]) -> String {
     let list = |angles: &[f64]| angles.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
     let numbers: Vec<f64> = (1..=vertical.len() * horizontal.len()).map(|i| i as f64).collect();
@@ -161,7 +162,7 @@ fn multipliers_are_one_factor_beside_the_numbers() {
     assert!(values.contains(&((4.0 * (0.1 * 0.7)) as f32)));
 }
 
-/// An EULUMDAT file with four C planes and two gamma angles, numbers counting from 1.
+/// Returns an EULUMDAT file with four C planes and two gamma angles, whose numbers are 1, 2, 3, ….
 fn ldt(symmetry: u8, stored: usize) -> String {
     let mut lines: Vec<String> = vec!["a company".into(), "3".into(), symmetry.to_string(), "4".into(), "90".into()];
     lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));

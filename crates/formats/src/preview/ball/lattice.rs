@@ -1,11 +1,12 @@
 //! Functions on a hemisphere, stored at the nodes of a flattened octahedron. The three nodes around a direction are
 //! found without search or trigonometry.
 
-/// Linear RGB colour.
+/// Linear RGB colour: red, green and blue.
 pub(super) type Rgb = [f32; 3];
 pub(super) type Vector = [f64; 3];
 
-/// Nodes with |x| + |y| ≤ n of a square lattice. A direction with z ≥ 0 maps to (x, y) · n / (|x| + |y| + z).
+/// Nodes of a flattened octahedron at which a function on the hemisphere is stored: the points of a square lattice with
+/// |x| + |y| ≤ n. A direction with z ≥ 0 maps to (x, y) · n / (|x| + |y| + z).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lattice {
     n: i32,
@@ -20,12 +21,14 @@ impl Lattice {
         (2 * self.n + 1) as usize
     }
 
-    /// Returns the length of a table, including entries that are not nodes. Those are only read with weight 0.
+    /// Returns the number of entries of a square table that stores a function on the hemisphere at the lattice points
+    /// with |x| + |y| ≤ n. The other entries of the table are only read with weight 0.
     pub(super) fn len(self) -> usize {
         self.side() * self.side()
     }
 
-    /// Returns the nodes: their indices in a table and their directions.
+    /// Returns the points of the flattened octahedron at which a function on the hemisphere is stored: the index of
+    /// each in the table of the function, and its direction.
     pub(super) fn nodes(self) -> Vec<(usize, Vector)> {
         let mut nodes = Vec::new();
         for y in -self.n..=self.n {
@@ -41,7 +44,8 @@ impl Lattice {
         nodes
     }
 
-    /// Returns the three nodes around a direction of any length with z ≥ 0, and their weights.
+    /// Returns the table indices of the three lattice nodes around a direction with z ≥ 0, and their weights of
+    /// interpolation. The vector need not have length 1.
     pub(super) fn corners(self, [x, y, z]: Vector) -> [(usize, f32); 3] {
         let scale = f64::from(self.n) / (x.abs() + y.abs() + z.max(0.0)).max(f64::MIN_POSITIVE);
         // Positive, so that a cast rounds down.
@@ -59,8 +63,8 @@ impl Lattice {
         }
     }
 
-    /// Fills nodes without a value (NaN) with the mean of their neighbours, repeatedly from the border inward. Without
-    /// any known node the values become 0.
+    /// Fills lattice nodes without a value (NaN) with the mean of their neighbours, repeatedly from the border inward.
+    /// Without any known node the values become 0.
     pub(super) fn fill<const N: usize>(self, table: &mut [[Rgb; N]]) {
         let nodes: Vec<(i32, i32)> = (-self.n..=self.n)
             .flat_map(|y| (-self.n..=self.n).map(move |x| (x, y)))

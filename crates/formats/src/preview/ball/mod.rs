@@ -20,14 +20,16 @@ use rayon::prelude::*;
 use scene::Scene;
 use surface::Surface;
 
-/// Upper and lower bound on the 90th percentile of the ball's luminance without exposure; outside them it is scaled to
-/// the bound.
+/// Upper and lower bound on the 90th percentile of the luminance of the rendered ball. A brighter or darker ball is
+/// scaled to the bound. Raising them makes pictures brighter.
 const BRIGHT: f32 = 0.9;
 const DARK: f32 = 0.10;
-/// Luminance at which the compression towards white starts.
+/// Luminance above which the rendered ball is compressed towards white. Raising it keeps more tones linear and hardens
+/// highlights.
 const SHOULDER: f32 = 0.75;
 
-/// Renders entry `index` as a PNG of `size` × `size` pixels.
+/// Renders one entry of a material as a ball; returns a PNG of `size` × `size` pixels. `index` selects the entry by one
+/// number for each index axis of the material.
 pub(super) fn picture(
     material: &Material,
     index: &[usize],
@@ -51,7 +53,7 @@ pub(super) fn picture(
     png(size, &bytes)
 }
 
-/// Returns the factor applied to the ball's radiance.
+/// Returns the exposure, a factor on the radiance of the rendered ball that brings its luminance into range.
 fn exposure(pixels: &[scene::Pixel]) -> f32 {
     let mut lights: Vec<f32> = pixels.iter().filter(|p| p.coverage == 1.0).map(|p| luminance(p.ball)).collect();
     lights.sort_by(f32::total_cmp);
@@ -66,8 +68,8 @@ fn luminance([r, g, b]: Rgb) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Applies the exposure and compresses luminance above the shoulder towards 1. All channels are scaled equally, which
-/// keeps the hue.
+/// Applies the exposure to a linear RGB colour and compresses luminance above [`SHOULDER`] towards 1. All channels are
+/// scaled equally, which keeps the hue.
 fn bent(linear: Rgb, exposure: f32) -> [f64; 3] {
     let linear = linear.map(|c| exposure * c);
     let light = luminance(linear);

@@ -7,63 +7,69 @@ use super::surface::{Side, Surface};
 use crate::domain::vector::{add, cross, dot, norm, scale, sub, unit};
 use rayon::prelude::*;
 
-/// Scene with a ball of radius 1 at the origin on the ground at z = −1. x points to the right, y away from the camera.
+/// Scene of a preview: a ball of radius 1 at the origin lies on the ground at z = −1. x points to the right, y away
+/// from the camera.
 pub(super) struct Scene<'a> {
     surface: &'a Surface<'a>,
     size: usize,
     eye: Vector,
-    /// Camera axes to the right, up and ahead. The first two are scaled to half the picture's width at unit distance.
+    /// Camera axes to the right, up and ahead. The axes to the right and up are scaled to half the picture's width at
+    /// unit distance.
     frame: [Vector; 3],
-    /// Axis of the latitude circles that the reference direction follows.
+    /// Axis of the latitude circles on the ball along which the surface's x axis runs.
     axis: Vector,
-    /// Distant lights as directions, each with its irradiance perpendicular to it.
+    /// Directions to the points of distant lights, with the irradiance of each on a surface facing it.
     lights: Vec<(Vector, f32)>,
-    /// Directions of the key light, for its shadow.
+    /// Directions to the points of the key light, from which the ball's shadow is computed.
     key: Vec<Vector>,
-    /// Points of the lamp inside, and the irradiance of each at distance 1.
+    /// Points of the lamp inside a translucent ball, and the irradiance of each at distance 1; `None` for an opaque
+    /// ball.
     lamp: Option<(Vec<Vector>, f32)>,
     uniform: f32,
     gradient: f32,
 }
 
-/// Rectangular light at infinity.
+/// Rectangular light at infinity that lights the ball.
 #[derive(Clone, Copy)]
 struct Panel {
     towards: Vector,
-    /// Tangents of half its angular width and height.
+    /// Tangents of half the angular width, and of half the angular height, of the light as seen from the ball.
     half: [f64; 2],
-    /// Total irradiance perpendicular to `towards`.
+    /// Total irradiance of the light on a surface that faces `towards`.
     irradiance: f64,
 }
 
-/// Contents of a pixel.
+/// Contents of a pixel of the rendered scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pixel {
     /// Fraction of the pixel covered by the ball, 0 to 1.
     pub(super) coverage: f32,
-    /// Mean radiance of the ball's part, linear sRGB.
+    /// Mean radiance of the ball in the covered part of the pixel, in linear sRGB.
     pub(super) ball: Rgb,
-    /// Colour of the remaining part, in gamut.
+    /// Colour of the ground that shows beside the ball in this pixel, in linear sRGB within the gamut.
     pub(super) ground: Rgb,
 }
 
-/// Number of subpixels along a side at the edge of the ball.
+/// Number of subpixels along a side of a pixel at the edge of the ball. Raising it smooths the edge.
 const EDGE: usize = 4;
 const DISTANCE: f64 = 7.0;
-/// Height of the point that the camera looks at, relative to the centre of the ball, in radii.
+/// Height of the point that the camera looks at, relative to the centre of the ball, in radii of the ball. Raising it
+/// moves the ball down in the picture.
 const AIM: f64 = -0.07;
-/// Half width of the picture in radii.
+/// Half of the picture's width at the distance of the ball, in radii of the ball. Raising it shows the ball smaller.
 const WIDTH: f64 = 1.24;
 
-/// Key light from above on the left, and strip light from behind on the right.
+/// Key light of the scene from above on the left, and a strip light from behind on the right.
 const KEY: Panel = Panel { towards: [-0.62, -0.62, 0.72], half: [0.30, 0.30], irradiance: 2.35 };
 const STRIP: Panel = Panel { towards: [0.95, 0.30, 0.42], half: [0.10, 0.42], irradiance: 1.1 };
-/// Candidate numbers of light points along a tangent of 0.6, tried in this order.
+/// Candidate numbers of points that represent a rectangular light, counted along a side that is 0.6 long at unit
+/// distance; tried in this order.
 const POINTS: [usize; 6] = [3, 4, 6, 9, 13, 19];
-/// Relative tolerance, as a fraction of the brightest probe, at which coarser light points replace finer ones. Raising
-/// it is faster and shows points in glossy highlights.
+/// Largest difference in radiance on the ball at which fewer points may represent a rectangular light, as a fraction of
+/// the brightest of the compared radiances. Raising it is faster and shows single points in glossy highlights.
 const ENOUGH: f32 = 0.01;
-/// Number of probes along a side of a quarter of the highlight.
+/// Number of points, along a side of a square grid on a quarter of a highlight, at which the ball is rendered to
+/// compare a light of fewer points with one of more. Raising it is slower and finds more differences.
 const PROBES: usize = 5;
 
 impl<'a> Scene<'a> {
@@ -132,8 +138,8 @@ impl<'a> Scene<'a> {
         Ok(pixels)
     }
 
-    /// Returns the fewest points that represent a light on this surface. A rough surface needs few; a glossy one would
-    /// show each of them.
+    /// Returns the fewest point lights that light this ball almost like a rectangular light: direction and irradiance
+    /// of each. A rough surface needs few; a glossy one would show each of them.
     fn enough(&self, panel: Panel) -> Result<Vec<(Vector, f32)>, PreviewError> {
         let [middle, right, up] = panel.frame();
         let mirror = unit(add(unit(self.eye), middle));
@@ -163,7 +169,7 @@ impl<'a> Scene<'a> {
         Ok(points)
     }
 
-    /// Returns the fraction of a pixel covered by the ball.
+    /// Returns the fraction of pixel (x, y) covered by the ball.
     fn coverage(&self, x: usize, y: usize) -> f32 {
         let clearance = 1.0 - norm(self.closest(self.ray(x, y, 0.5, 0.5)));
         let pixel = 2.0 * WIDTH / self.size as f64;
@@ -179,7 +185,7 @@ impl<'a> Scene<'a> {
         hits as f32 / (EDGE * EDGE) as f32
     }
 
-    /// Returns the viewing direction through the position (s, t) within a pixel.
+    /// Returns the viewing direction of the camera through the position (s, t) within pixel (x, y); s and t are 0 to 1.
     fn ray(&self, x: usize, y: usize, s: f64, t: f64) -> Vector {
         let u = 2.0 * (x as f64 + s) / self.size as f64 - 1.0;
         let v = 1.0 - 2.0 * (y as f64 + t) / self.size as f64;
@@ -187,20 +193,21 @@ impl<'a> Scene<'a> {
         unit([0, 1, 2].map(|k| u * right[k] + v * up[k] + ahead[k]))
     }
 
-    /// Returns the point of a ray from the eye closest to the centre of the ball.
+    /// Returns the point of a ray from the camera that is closest to the centre of the ball.
     fn closest(&self, ray: Vector) -> Vector {
         sub(self.eye, scale(ray, dot(self.eye, ray)))
     }
 
-    /// Returns the point where a ray from the eye meets the ball, or the nearest point of its rim.
+    /// Returns the point where a ray from the camera meets the ball, or the nearest point of the ball's rim.
     fn nearest(&self, ray: Vector) -> Vector {
         let distance = first(self.eye, ray);
         unit(distance.map_or_else(|| self.closest(ray), |distance| add(self.eye, scale(ray, distance))))
     }
 
-    /// Returns the radiance towards the eye from the point `normal` of the ball, lit by `lights`. If `else_too` is
-    /// true, the lamp inside and the surroundings are included. Masked samples count as the mean of the others; the
-    /// result is NaN if all are masked.
+    /// Returns the radiance towards the camera from the point of the rendered ball with the outward normal `normal`,
+    /// lit by `lights`. Masked samples count as the mean of the other samples; the result is NaN if all are masked.
+    ///
+    /// If `else_too` is true, light from the surroundings is added, and that of the lamp inside a translucent ball.
     fn radiance(
         &self,
         normal: Vector,
@@ -245,7 +252,8 @@ impl<'a> Scene<'a> {
         Ok(radiance)
     }
 
-    /// Returns the ground with the ball's shadow; it rises into a wall at the back.
+    /// Returns the colour of the ground, with the ball's shadow, in a viewing direction. The ground rises into a wall
+    /// at the back.
     fn ground(&self, ray: Vector) -> Rgb {
         let wall = 0.017;
         let tint = |light: f64| [0.96, 1.0, 1.06].map(|c| (c * light) as f32);
@@ -267,14 +275,15 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Returns the distance at which a ray meets the ball.
+/// Returns the distance from a point at which a ray first meets the ball; `None` if it misses the ball.
 fn first(from: Vector, ray: Vector) -> Option<f64> {
     let middle = -dot(from, ray);
     let apart = dot(from, from) - middle * middle;
     (apart < 1.0 && middle > 0.0).then(|| middle - (1.0 - apart).sqrt())
 }
 
-/// Sum of light over the known values.
+/// Sum of the reflected light over lights for which the material has values, with the irradiance of these and of all
+/// lights.
 #[derive(Default)]
 struct Sum {
     light: Rgb,
@@ -297,14 +306,16 @@ impl Sum {
 }
 
 impl Panel {
-    /// Returns unit vectors to the centre of the light, to its right and up.
+    /// Returns three orthogonal unit vectors: from the ball to the centre of a rectangular light, along the width of
+    /// the light to the right, and along its height upwards.
     fn frame(self) -> [Vector; 3] {
         let middle = unit(self.towards);
         let right = unit(cross([0.0, 0.0, 1.0], middle));
         [middle, right, cross(middle, right)]
     }
 
-    /// Returns the centres of equal parts, `fine` along a tangent of 0.6, with the irradiance of each.
+    /// Divides a rectangular light into equal parts, and returns the direction to the centre of each with its
+    /// irradiance. `fine` is the number of parts along a side that is 0.6 long at unit distance.
     fn points(self, fine: usize) -> Vec<(Vector, f32)> {
         let [middle, right, up] = self.frame();
         let [columns, rows] = self.half.map(|half| libm::ceil(fine as f64 * half / 0.30 - 1e-9) as usize);

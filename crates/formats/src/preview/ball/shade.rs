@@ -4,16 +4,17 @@ use super::super::error::PreviewError;
 use super::lattice::Rgb;
 use rayon::prelude::*;
 
-/// Distance in pixels between the nodes of the first grid.
+/// Distance in pixels between the pixels that are evaluated first. Raising it interpolates more pixels.
 const COARSEST: usize = 4;
-/// Tolerances for interpolation. A pixel is evaluated if its linear and cubic interpolation differ by more than
-/// [`ROUGH`] times the sum of its value and [`OF_THE_PICTURE`] times the picture's mean. The cubic is about five times
-/// as accurate as this difference.
+/// Tolerances for the interpolation of pixels. A pixel is evaluated if its linear and cubic interpolation differ by
+/// more than [`ROUGH`] times the sum of its value and [`OF_THE_PICTURE`] times the picture's mean. The cubic is about
+/// five times as accurate as this difference. Raising them interpolates more pixels.
 const ROUGH: f32 = 0.008;
 const OF_THE_PICTURE: f32 = 0.1;
 
-/// Returns `value(x, y)` at the `wanted` pixels of `size` × `size`. `value` must be continuous for some pixels beyond
-/// them. Pixels where it is NaN are filled from their neighbours.
+/// Returns the colours `value(x, y)` of the `wanted` pixels of a picture of `size` × `size`, most of them interpolated.
+/// `value` must be continuous for some pixels beyond the wanted ones. Pixels where it is NaN are filled from their
+/// neighbours.
 pub(super) fn shaded<S>(
     size: usize,
     wanted: &[bool],
@@ -66,7 +67,7 @@ struct Image {
 }
 
 impl Image {
-    /// Returns the mean over pixels of the largest channel.
+    /// Returns the mean of the largest RGB channel over the pixels at `places`.
     fn mean(&self, places: &[usize]) -> f32 {
         let (mut sum, mut count) = (0.0, 0.0);
         for &place in places {
@@ -86,8 +87,8 @@ impl Image {
         rgb.iter().all(|c| !c.is_nan()).then_some(rgb)
     }
 
-    /// Interpolates a pixel by cubics from those at odd multiples of `stride`; `None` if linear and cubic interpolation
-    /// disagree.
+    /// Interpolates a pixel by cubics from pixels at distances of 1 and 3 times `stride`; `None` if linear and cubic
+    /// interpolation disagree.
     fn between(&self, place: usize, stride: usize, floor: f32) -> Option<Rgb> {
         let odd = |coordinate: usize| !coordinate.is_multiple_of(2 * stride);
         let lines: &[[isize; 2]] = match (odd(place % self.size), odd(place / self.size)) {
@@ -113,8 +114,8 @@ impl Image {
         Some(found)
     }
 
-    /// Fills wanted pixels without a value with the mean of their neighbours, repeatedly from the border inward.
-    /// Without any value they become 0.
+    /// Fills wanted pixels without a colour (NaN) with the mean of their neighbours, repeatedly from the border inward.
+    /// Without any colour they become 0.
     fn fill(&mut self, wanted: &[bool]) {
         let is_empty = |rgb: &Rgb| rgb.iter().any(|c| c.is_nan());
         let mut empty: Vec<usize> = (0..wanted.len()).filter(|&p| wanted[p] && is_empty(&self.values[p])).collect();
@@ -156,7 +157,7 @@ mod tests {
         (0..SIZE * SIZE).map(|p| apart(p % SIZE) + apart(p / SIZE) < 1600.0).collect()
     }
 
-    /// A highlight on a slope.
+    /// Brightness of a test picture: a highlight on a slope.
     fn function(x: usize, y: usize) -> f32 {
         let (x, y) = (x as f32 - 40.0, y as f32 - 30.0);
         0.3 + 0.001 * x + 2.0 * (-(x * x + y * y) / 120.0).exp()

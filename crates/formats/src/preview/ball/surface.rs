@@ -9,51 +9,57 @@ use crate::evaluate::{Interpolation, Material, Place};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_1_PI;
 
-/// f(wi, wo) of one entry in a frame with wi.z ≥ 0.
+/// Surface of the rendered ball: BRDF, BTDF or BSDF f(wi, wo) of one entry of a material, in a frame with wi.z ≥ 0.
 pub(super) struct Surface<'a> {
     material: &'a Material,
     index: &'a [usize],
     channels: &'a Channels,
-    /// Sign of the material's z in this frame: −1 if its light comes from below.
+    /// Sign of the z axis of the material's frame in the frame of the rendered surface: −1 if incident light comes from
+    /// below.
     side: f64,
-    /// True for each side with known values: the side of the light, and the other side.
+    /// Two flags: the material has values for reflection, and the material has values for transmission.
     sides: [bool; 2],
     has_outgoing: bool,
-    /// Factor from stored values to sr⁻¹: 1/π for a reflectance, treated as a diffuser.
+    /// Factor from the stored values to f in sr⁻¹: 1/π for a reflectance, which is treated as a diffuser, else 1.
     share: f32,
     nodes: Nodes,
-    /// Light sent towards each node, computed by reciprocity: from uniform surroundings of radiance 1, and from
-    /// surroundings whose radiance is the direction's x, y or z component in the surface's frame.
+    /// Light reflected towards each node direction, computed by reciprocity: from uniform surroundings of radiance 1,
+    /// and from surroundings whose radiance is the direction's x, y or z component in the surface's frame.
     surroundings: Vec<[Rgb; 4]>,
 }
 
-/// Side of the surface on which light leaves.
+/// Side of the surface on which scattered light leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// The side of the incident light.
+    /// Light leaves on the side of the incident light.
     Reflected = 0,
-    /// The opposite side.
+    /// Light leaves on the side opposite to the incident light.
     Transmitted = 1,
 }
 
-/// Directions at which the light of the surroundings is tabulated.
+/// Outgoing directions at which the reflected light of the surroundings is tabulated.
 enum Nodes {
     Lattice(Lattice),
-    /// Isotropic data: elevations at equal steps from 0 to 90 degrees, at azimuth 0.
+    /// Elevations at equal steps from 0 to 90 degrees, at azimuth 0, for isotropic materials.
     Elevations,
 }
 
-/// Upper bound on values: far brighter than any lit surface, and finite.
+/// Upper bound on the magnitude of values of f in sr⁻¹: far brighter than any lit surface, and finite. Raising it risks
+/// infinite sums.
 const LARGEST: f32 = 1e30;
-/// Subdivisions of the lattice, number of elevations, and level of the triangles used to integrate the surroundings.
-/// Raising them costs time and improves the soft light.
+/// Largest n of the square lattice |x| + |y| ≤ n of directions at which the light reflected from the surroundings is
+/// tabulated. Raising it costs time and improves the soft light.
 const NODES: usize = 6;
+/// Number of polar angles from 0 to 90 degrees at which the light reflected from the surroundings is tabulated, for
+/// isotropic materials. Raising it costs time and improves the soft light.
 const ELEVATIONS: usize = 19;
+/// Largest subdivision level of the triangles of directions over which the light of the surroundings is summed. Raising
+/// it costs time and improves the soft light.
 const PARTS: u8 = 4;
 
 impl<'a> Surface<'a> {
-    /// Creates the surface of entry `index` of a BRDF, BTDF or BSDF. A reflectance by incoming direction is treated as
-    /// a diffuser.
+    /// Creates the surface of the rendered ball from entry `index` of a BRDF, BTDF or BSDF. A reflectance by incoming
+    /// direction is treated as a diffuser.
     pub(super) fn of(material: &'a Material, index: &'a [usize], channels: &'a Channels) -> Result<Self, PreviewError> {
         let (layout, axes) = (material.layout(), material.axes());
         let Some(incoming) = layout.incoming.map(|axis| &axes[axis]) else {
@@ -94,13 +100,13 @@ impl<'a> Surface<'a> {
         self.sides[side as usize]
     }
 
-    /// Returns a buffer for a spectrum.
+    /// Returns a buffer for the spectrum of one evaluation.
     pub(super) fn spectrum(&self) -> Vec<f32> {
         vec![0.0; self.material.lambdas()]
     }
 
-    /// Returns f in sr⁻¹ for unit vectors. A transmitted `wo` is given mirrored, with z ≥ 0. NaN if all samples are
-    /// masked.
+    /// Returns f in sr⁻¹, as linear sRGB, for unit vectors `wi` and `wo`. A transmitted `wo` is given mirrored, with z
+    /// ≥ 0. The result is NaN if all samples are masked.
     pub(super) fn at(&self, side: Side, wi: Vector, wo: Vector, spectrum: &mut [f32]) -> Result<Rgb, PreviewError> {
         let below = if side == Side::Transmitted { -self.side } else { self.side };
         let wo = Direction::from_unit([wo[0], wo[1], below * wo[2].max(0.0)]);
@@ -112,7 +118,7 @@ impl<'a> Surface<'a> {
     }
 
     /// Returns the light reflected towards `wo` from surroundings of radiance `uniform + gradient · z`, z being the
-    /// world's vertical. `up` is the vertical in the surface's frame. Assumes reciprocity.
+    /// world's vertical. `up` is the world's vertical in the surface's frame. Assumes reciprocity.
     pub(super) fn surrounded(&self, wo: Vector, up: Vector, uniform: f32, gradient: f32) -> Rgb {
         let (around, [cos, sin]) = self.nodes.around(wo);
         let up = [cos * up[0] + sin * up[1], cos * up[1] - sin * up[0], up[2]].map(|c| c as f32);
@@ -172,7 +178,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the table indices and directions of the nodes.
+    /// Returns the directions at which the light reflected from the surroundings is tabulated, each with its index in
+    /// the table.
     fn directions(&self) -> Vec<(usize, Vector)> {
         match self {
             Self::Lattice(lattice) => lattice.nodes(),
@@ -183,8 +190,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the nodes around a direction with their weights, and the cosine and sine of its azimuth relative to
-    /// them.
+    /// Returns the table indices of the nodes around a direction with their weights of interpolation, and the cosine
+    /// and sine of the direction's azimuth relative to the nodes.
     fn around(&self, direction: Vector) -> ([(usize, f32); 3], [f64; 2]) {
         match self {
             Self::Lattice(lattice) => (lattice.corners(direction), [1.0, 0.0]),
@@ -201,7 +208,8 @@ impl Nodes {
     }
 }
 
-/// Fills elevations without a value (NaN) from a neighbour, the lower one first; 0 if none has a value.
+/// Fills elevations without a value (NaN) from a neighbour, the one at the lower index first. Values become 0 if none
+/// is known.
 fn fill(table: &mut [[Rgb; 4]]) {
     let is_empty = |value: &[Rgb; 4]| value.as_flattened().iter().any(|c| c.is_nan());
     for _ in 0..2 {

@@ -10,16 +10,18 @@ use crate::projection::same_angle::{azimuth_steps, steps};
 use crate::projection::scattered::{areas, directions};
 use std::borrow::Cow;
 
-/// Upper bound on the summed values of a table. In larger tables some incoming directions are skipped, evenly. Raising
-/// it makes checks of large tables slower and more complete.
+/// Upper bound on the number of values of a table that are summed for its albedos. In larger tables some incoming
+/// directions are skipped, evenly. Raising it makes checks of large tables slower and more complete.
 const MOST_VALUES: usize = 1 << 25;
-/// Upper bound on the scattered samples whose areas are computed; others are skipped evenly. The time is proportional
-/// to it: this many take 0.2 s on two cores.
+/// Upper bound on the number of scattered samples whose solid angles are computed for albedos. Of larger scans,
+/// incoming directions and samples are skipped evenly. The time is proportional to it: this many take 0.2 s on two
+/// cores.
 const MOST_SCATTERED: usize = 1 << 16;
-/// Lower bound on the scattered samples of an incoming direction whose albedo is summed. Raising it skips sparse ones.
+/// Lower bound on the number of scattered samples of an incoming direction whose albedo is summed. Raising it skips
+/// sparsely sampled incoming directions.
 const FEWEST: usize = 24;
-/// Largest excess of an albedo over 1 without a remark: sums over areas are this inaccurate. Raising it gives fewer
-/// remarks.
+/// Largest excess of a directional albedo over 1 that causes no remark: sums over solid angles are this inaccurate.
+/// Raising it gives fewer remarks.
 const TOLERANCE: f64 = 0.02;
 
 /// Largest directional albedo of a BRDF, BTDF or BSDF, over the incoming directions and bands of a file.
@@ -29,32 +31,33 @@ const TOLERANCE: f64 = 0.02;
 /// incoming directions are summed, always the same ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargestAlbedo {
-    /// The albedo; at most 1 for a surface that reflects no more light than it receives.
+    /// Largest directional albedo; at most 1 for a surface that reflects no more light than it receives.
     pub albedo: f64,
-    /// Theta and, unless the file is isotropic, phi of the incoming direction with this albedo, in degrees.
+    /// Polar angle and, unless the file is isotropic, azimuth of the incoming direction with the largest albedo, in
+    /// degrees.
     pub incoming: (f64, Option<f64>),
-    /// Band with this albedo; `None` if there is a single band without wavelength.
+    /// Spectral band with the largest albedo; `None` if there is a single band without wavelength.
     pub band: Option<Band>,
-    /// Number of incoming directions whose albedo exceeds 1.02 in some band.
+    /// Number of incoming directions whose albedo exceeds 1.02 in some spectral band.
     pub above: usize,
-    /// Number of incoming directions that were summed.
+    /// Number of incoming directions whose albedo was computed.
     pub of: usize,
     /// Number of incoming directions of the file.
     pub all: usize,
 }
 
-/// A band of a file.
+/// A spectral band of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Band {
-    /// Wavelength in nm.
+    /// Wavelength of the band in nm.
     Wavelength(f64),
-    /// Number of the channel, from 0.
+    /// Number of the colour channel, counted from 0.
     Channel(usize),
 }
 
 impl LargestAlbedo {
-    /// Finds the largest albedo of a file. Returns `None` if the quantity has no albedo, values are relative, or
-    /// directions cover no area.
+    /// Finds the largest directional albedo of a file. Returns `None` if the quantity has no albedo, values are
+    /// relative, or directions cover no area.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         if !acquisition.quantity.has_cosine() || acquisition.unit != Unit::PerSteradian {
             return None;
@@ -65,7 +68,7 @@ impl LargestAlbedo {
         }
     }
 
-    /// Returns a remark for the user if the albedo exceeds 1.
+    /// Returns a remark for the user if the largest directional albedo exceeds 1.
     pub(super) fn remark(&self) -> Option<CheckNote> {
         if self.albedo <= 1.0 + TOLERANCE {
             return None;
@@ -89,7 +92,7 @@ impl LargestAlbedo {
     }
 }
 
-/// Running maximum of the albedo.
+/// Running maximum of the directional albedo over incoming directions and bands.
 struct Largest<'a> {
     spectral: Option<&'a Axis>,
     found: Option<LargestAlbedo>,
@@ -101,7 +104,7 @@ impl<'a> Largest<'a> {
         Self { spectral, found: None, all }
     }
 
-    /// Adds the albedos of an incoming direction, one for each band.
+    /// Adds the albedos of one incoming direction, one for each spectral band, to the running maximum.
     fn add(&mut self, incoming: (f64, Option<f64>), sums: &[f64]) {
         let largest = sums.iter().copied().enumerate().fold(None, |most: Option<(usize, f64)>, next| match most {
             Some(most) if most.1 >= next.1 => Some(most),
@@ -200,8 +203,8 @@ fn of_scattered(quantity: Quantity, scattered: &Scattered) -> Option<LargestAlbe
     largest.found
 }
 
-/// Returns the rows under each incoming direction, in increasing order of angles. Skips rows that are not `is_within`,
-/// and directions with too few rows.
+/// Groups samples by incoming direction, in increasing order of angles, and returns the sample indices of each group.
+/// Skips samples for which `is_within` is false, and incoming directions with too few samples.
 fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let key = |row: usize| {
         let [theta, phi] = scattered.incoming[row];
@@ -214,7 +217,8 @@ fn incidences(scattered: &Scattered, is_within: impl Fn(usize) -> bool) -> Vec<V
     groups.map(|group| group.iter().map(|keyed| keyed.1).collect()).collect()
 }
 
-/// Returns an even selection of at most as many rows as areas are computed for.
+/// Returns an evenly spaced selection of at most 65,536 sample indices from `rows`, to limit the number of samples
+/// whose solid angles are computed.
 fn thinned(rows: &[usize]) -> Cow<'_, [usize]> {
     match rows.len().div_ceil(MOST_SCATTERED) {
         0 | 1 => Cow::Borrowed(rows),

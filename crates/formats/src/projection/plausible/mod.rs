@@ -16,21 +16,21 @@ use super::lobe_width::unresolved_lobe;
 use crate::domain::{Note, NoteKind};
 use crate::formats::Acquisition;
 
-/// Results of the plausibility checks of a file; `None` for checks that do not apply.
+/// Results of the checks of a file for physical plausibility; `None` for checks that do not apply.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plausibility {
-    /// Largest directional albedo.
+    /// Largest directional albedo of the file.
     pub albedo: Option<LargestAlbedo>,
-    /// Difference of values that reciprocity makes equal.
+    /// Difference between values f(wi, wo) and f(wo, wi), which reciprocity makes equal.
     pub reciprocity: Option<Reciprocity>,
-    /// Negative values.
+    /// Number of negative values, and magnitude of the most negative one relative to the largest value.
     pub negatives: Option<Negatives>,
-    /// Remark on a lobe that is no wider than an angle of the instrument.
+    /// Remark on a lobe that is no wider than the detector aperture or the source divergence of the instrument.
     pub unresolved: Option<Note>,
 }
 
-/// Checks the values of a file, as stated, for physical plausibility. Takes about a second at most: of very large
-/// files a part is checked, always the same one.
+/// Checks the values of a file, unchanged, for physical plausibility. Takes about a second at most: of very large files
+/// a part is checked, always the same part.
 pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
     Plausibility {
         albedo: LargestAlbedo::of(acquisition),
@@ -41,7 +41,8 @@ pub fn plausibility(acquisition: &Acquisition) -> Plausibility {
 }
 
 impl Plausibility {
-    /// Returns a note for the user on each finding: albedo above 1, reciprocity, negative values, unresolved lobe.
+    /// Returns notes for the user: on an albedo above 1, on the deviation from reciprocity, on negative values, and on
+    /// an unresolved lobe.
     pub fn remarks(&self) -> Vec<Note> {
         let albedo = self.albedo.as_ref().and_then(LargestAlbedo::remark).map(Note::from);
         let reciprocity = self.reciprocity.as_ref().map(|reciprocity| reciprocity.remark().into());

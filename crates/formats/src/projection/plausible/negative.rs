@@ -3,12 +3,12 @@
 use crate::formats::{Acquisition, Samples};
 use crate::notes::CheckNote;
 
-/// Negative values of a file.
+/// Number of negative values in a file, and magnitude of the most negative one relative to the largest value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Negatives {
     /// Number of negative values, at least 1.
     pub values: u64,
-    /// Number of values that are not missing.
+    /// Number of values of the file that are not missing.
     pub of: u64,
     /// Magnitude of the most negative value, relative to the largest value: 0.01 is 1 %. `None` if no value is
     /// positive.
@@ -35,7 +35,8 @@ impl Negatives {
         (negative > 0).then_some(Self { values: negative, of: stated, largest })
     }
 
-    /// Returns a remark for the user.
+    /// Returns a remark for the user on the negative values of a file: how many there are, and how large the most
+    /// negative one is.
     pub(super) fn remark(&self) -> CheckNote {
         let largest_percent = self.largest.map(|largest| 100.0 * largest);
         CheckNote::Negative { values: self.values, of: self.of, largest_percent }

@@ -9,31 +9,35 @@ use crate::projection::planes::scattered_samples;
 use crate::projection::same_angle::{azimuth_steps, steps};
 use std::collections::HashMap;
 
-/// Upper bound on the compared pairs of directions; of more, some are skipped, always the same ones.
+/// Upper bound on the number of direction pairs whose values f(wi, wo) and f(wo, wi) are compared. Of more pairs some
+/// are skipped, always the same ones.
 const MOST_PAIRS: usize = 1 << 18;
-/// Upper bound on the samples of a scan that are searched for exchanged pairs; larger scans are not checked.
+/// Upper bound on the number of scattered samples that are searched for exchanged pairs f(wi, wo) and f(wo, wi); larger
+/// scans are not checked.
 const MOST_SCATTERED: usize = 1 << 22;
-/// Upper bound on the compared bands of a pair, evenly spread over all.
+/// Upper bound on the number of spectral bands in which each pair of directions is compared, evenly spread over all
+/// bands.
 const MOST_BANDS: usize = 4;
-/// Number of pairs of values of the file that suffices; with fewer, values interpolated between those of the file are
-/// compared, too, although interpolation adds an error of its own.
+/// Number of comparisons f(wi, wo) with f(wo, wi), both samples of the file, that suffices. With fewer, values
+/// interpolated between samples are compared instead, although interpolation adds an error of its own.
 const ENOUGH: usize = 32;
-/// Lower bound on the number of values for a median.
+/// Lower bound on the number of compared values for which a median difference is given.
 const FEWEST: usize = 8;
 
 /// Deviation of a BRDF from reciprocity, measured on the values of its file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reciprocity {
-    /// Median of |f(wi, wo) − f(wo, wi)| relative to the mean of both: 0.01 is 1 %.
+    /// Median of |f(wi, wo) − f(wo, wi)| relative to the mean of both values: 0.01 is 1 %.
     pub difference: f64,
-    /// Number of values compared with that of the exchanged pair of directions.
+    /// Number of values f(wi, wo) that were compared with f(wo, wi).
     pub values: u64,
     /// True if the values f(wo, wi) are interpolated between samples, false if they are samples of the file.
     pub is_interpolated: bool,
 }
 
 impl Reciprocity {
-    /// Measures the reciprocity of a file. Returns `None` if it is no BRDF, or if too few pairs can be exchanged.
+    /// Measures how far a file deviates from reciprocity. Returns `None` if it is no BRDF, or if too few pairs f(wi,
+    /// wo) and f(wo, wi) exist.
     pub(super) fn of(acquisition: &Acquisition) -> Option<Self> {
         if acquisition.quantity != Quantity::Brdf {
             return None;
@@ -44,14 +48,14 @@ impl Reciprocity {
         of_table(&Table::of(acquisition)?)
     }
 
-    /// Returns a remark for the user.
+    /// Returns a remark for the user on the deviation from reciprocity.
     pub(super) fn remark(&self) -> CheckNote {
         let difference_percent = 100.0 * self.difference;
         CheckNote::Reciprocity { difference_percent, values: self.values, is_interpolated: self.is_interpolated }
     }
 }
 
-/// Relative differences of values.
+/// Relative differences between f(wi, wo) and f(wo, wi).
 #[derive(Default)]
 struct Differences(Vec<f32>);
 
@@ -73,13 +77,13 @@ impl Differences {
     }
 }
 
-/// Returns the bands to compare.
+/// Returns the numbers of the spectral bands to compare, evenly spread over `count` bands.
 fn bands(count: usize) -> Vec<usize> {
     let few = count.min(MOST_BANDS);
     (0..few).map(|i| (2 * i + 1) * count / (2 * few)).collect()
 }
 
-/// Returns the step between compared pairs: odd, so that not all have the same azimuth.
+/// Returns the step between compared pairs of directions: odd, so that not all compared pairs have one azimuth.
 fn every(pairs: usize) -> usize {
     match pairs.div_ceil(MOST_PAIRS) {
         0 | 1 => 1,
@@ -122,7 +126,7 @@ fn of_table(table: &Table<'_>) -> Option<Reciprocity> {
     if stated.0.len() >= ENOUGH { stated.finish(false) } else { interpolated.finish(true) }
 }
 
-/// Returns the pairs that interpolate an exchanged one, with their weights.
+/// Returns the measured pairs of directions from which f(wo, wi) is interpolated, with their weights.
 fn mixed(from: &Mix, to: &Mix, first: usize, outgoing: usize) -> Vec<(usize, f64)> {
     let counts = |mix: &Mix| mix.samples.into_iter().filter(|(_, weight)| *weight > 0.0).collect::<Vec<_>>();
     let to = counts(to);

@@ -7,35 +7,35 @@ use crate::projection::error::Role;
 use crate::projection::planes::has_area;
 use std::borrow::Cow;
 
-/// Number of parts of a theta step over which a weight is integrated.
+/// Number of parts into which the interval between two polar angles is split to integrate a weight over it.
 const PARTS: usize = 16;
-/// Degrees by which a direction may lie outside the first or last angle and still count as on it.
+/// Degrees by which a polar angle may lie outside the first or last angle of a table and still count as equal to it.
 const ROUNDING: f64 = 1e-6;
-/// Weight of a single sample above which a direction counts as that of the sample.
+/// Weight of a single sample above which an interpolated value counts as that sample.
 const STATED: f64 = 1.0 - 1e-6;
 
-/// Directions of one side of a table.
+/// Incoming or outgoing directions of a measured table.
 pub(super) enum Side<'a> {
-    /// Polar angles, with or without azimuths.
+    /// A grid of polar angles, with or without azimuths.
     Angles(Cow<'a, Angles>),
-    /// Cells of a triangulated sphere.
+    /// Triangles of a triangulated sphere of directions.
     Triangles(TriangleMesh),
 }
 
-/// Interpolated value: samples and their weights.
+/// Interpolated value as a weighted sum of samples: (sample, weight) pairs.
 pub(super) struct Mix {
     pub(super) samples: [(usize, f64); 4],
-    /// True if the value is that of a single sample.
+    /// True if one sample has all the weight, up to rounding: the interpolated value then is a measured value.
     pub(super) is_stated: bool,
 }
 
 impl<'a> Side<'a> {
-    /// Creates the side with these angles; `None` if they form no grid.
+    /// Creates the directions from polar angles and azimuths; `None` if they form no grid.
     pub(super) fn of_angles(angles: Cow<'a, Angles>) -> Option<Self> {
         check(Role::Incoming, &angles).ok().map(|()| Self::Angles(angles))
     }
 
-    /// Creates the side of an axis; `None` for axes that are neither triangles nor angles.
+    /// Creates the directions of a tensor axis; `None` for axes that are neither triangles nor angles.
     pub(super) fn of_axis(axis: &Axis) -> Option<Self> {
         let angles = match axis {
             Axis::Triangles(mesh) => return Some(Self::Triangles(*mesh)),
@@ -57,12 +57,12 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Returns true for polar angles without azimuths.
+    /// Returns true if the directions are polar angles without azimuths.
     pub(super) fn is_isotropic(&self) -> bool {
         matches!(self, Self::Angles(angles) if angles.phi.is_none())
     }
 
-    /// Returns theta and phi of a direction, in degrees; phi is 0 without azimuths.
+    /// Returns polar angle and azimuth of a direction, in degrees; the azimuth is 0 if the table has none.
     pub(super) fn degrees(&self, number: usize) -> [f64; 2] {
         match self {
             Self::Angles(angles) => {
@@ -76,8 +76,8 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Returns the integrals of |cos θ| over the solid angle of each direction, in sr. Returns `None` if directions
-    /// cover no area, as in scan planes.
+    /// Returns the integral of |cos θ| over the solid angle that each direction represents, in sr. Returns `None` if
+    /// the directions cover no area, as in scan planes.
     pub(super) fn projected_solid_angles(&self) -> Option<Vec<f64>> {
         let angles = match self {
             Self::Triangles(mesh) => return Some((0..mesh.len()).map(|i| mesh.projected_solid_angle(i)).collect()),
@@ -95,7 +95,7 @@ impl<'a> Side<'a> {
         Some(rings(angles).into_iter().flat_map(|ring| mean.iter().map(move |share| ring * around * share)).collect())
     }
 
-    /// Interpolates at theta and phi, in degrees; `None` outside the samples.
+    /// Interpolates a table at polar angle and azimuth, in degrees; `None` outside the samples.
     pub(super) fn at(&self, [theta, phi]: [f64; 2]) -> Option<Mix> {
         let direction = Direction::from_degrees(theta, phi);
         let angles = match self {
@@ -122,8 +122,8 @@ impl<'a> Side<'a> {
     }
 }
 
-/// Returns the integral weights of each theta, ∫|cos θ| sin θ dθ. Values are linear between the thetas and constant
-/// from the outermost ones to the ends of the covered range.
+/// Returns, for each polar angle, the integral of |cos θ| sin θ dθ times the piecewise linear function that is 1 at
+/// this angle. Beyond the outermost angles the function is constant to the ends of the covered range.
 fn rings(angles: &Angles) -> Vec<f64> {
     let theta = &angles.theta;
     let mut weights = vec![0.0; theta.len()];
@@ -146,7 +146,8 @@ fn rings(angles: &Angles) -> Vec<f64> {
     weights
 }
 
-/// Returns the angles of a grid in the frame of the surface; `None` for other frames and symmetries.
+/// Returns the angles of a grid whose polar axis is the surface normal; `None` for grids in other frames and for
+/// mirrored polar angles.
 fn angles_of(grid: &DirectionGrid) -> Option<Angles> {
     if grid.frame() != Frame::Surface || grid.is_polar_mirrored() {
         return None;

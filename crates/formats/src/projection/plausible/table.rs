@@ -6,7 +6,8 @@ use crate::formats::{Acquisition, Angles, AzimuthExtent, Azimuths, Samples};
 use crate::projection::planes::single_azimuth;
 use std::borrow::Cow;
 
-/// Values `[outer, incoming, outgoing, band]` of a file.
+/// Table of the values of a file, row-major `[entry, incoming direction, outgoing direction, band]`; all leading index
+/// axes of the file count as one axis of entries.
 pub(super) struct Table<'a> {
     pub(super) values: &'a [f32],
     pub(super) incoming: Side<'a>,
@@ -15,7 +16,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// Returns the table of a file; `None` if it has none with both directions.
+    /// Returns the table of values of a file; `None` if it has no table over incoming and outgoing directions.
     pub(super) fn of(acquisition: &'a Acquisition) -> Option<Self> {
         let table = match &acquisition.samples {
             Samples::Grid(grid) => {
@@ -43,18 +44,19 @@ impl<'a> Table<'a> {
         (block > 0 && table.values.len() % block == 0).then_some(table)
     }
 
-    /// Returns the number of bands.
+    /// Returns the number of spectral bands of the table.
     pub(super) fn bands(&self) -> usize {
         self.spectral.map_or(1, Axis::len)
     }
 
-    /// Returns the number of values under one incoming direction.
+    /// Returns the number of values under one incoming direction: outgoing directions times bands.
     pub(super) fn block(&self) -> usize {
         self.outgoing.len() * self.bands()
     }
 }
 
-/// Converts angles with a single incoming azimuth to those of an isotropic surface, with azimuths relative to it.
+/// Converts angles with a single incoming azimuth to those of an isotropic surface, with outgoing azimuths relative to
+/// the incoming one.
 fn isotropic<'a>(incoming: &'a Angles, outgoing: &'a Angles) -> (Cow<'a, Angles>, Cow<'a, Angles>) {
     let as_stated = (Cow::Borrowed(incoming), Cow::Borrowed(outgoing));
     let (Some(azimuth), Some(azimuths)) = (single_azimuth(incoming), &outgoing.phi) else { return as_stated };

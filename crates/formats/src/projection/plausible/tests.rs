@@ -12,7 +12,7 @@ fn csv(text: &str) -> Acquisition {
     read(text.as_bytes(), &Interpretation::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// An isotropic table at these incidences, every 10° of theta and every 30° of phi.
+/// Test data: an isotropic table at the given incoming polar angles, every 10° of outgoing theta and every 30° of phi.
 fn grid(incidences: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> Acquisition {
     let mut text = format!("{HEAD}# isotropic: true\n# theta_o_covers: 0 90\ntheta_i,theta_o,phi_o,value\n");
     for &theta_i in incidences {
@@ -25,7 +25,7 @@ fn grid(incidences: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> Acquisition {
     csv(&text)
 }
 
-/// A scan of a hemisphere at directions of a spiral.
+/// Test data: a scan of the hemisphere at outgoing directions on a spiral.
 fn spiral(incidences: &[f64], count: usize, f: impl Fn(f64, f64, f64) -> f64) -> Acquisition {
     let mut text = format!("{HEAD}# isotropic: true\ntheta_i,theta_o,phi_o,v500,v600\n");
     for &theta_i in incidences {
@@ -109,7 +109,7 @@ fn cells_over_triangles_are_summed_by_their_projected_solid_angles() {
     assert_eq!((reciprocity.difference, reciprocity.is_interpolated), (0.0, false));
 }
 
-/// A reciprocal BRDF with a lobe that follows the mirror direction.
+/// Test data: a reciprocal BRDF with a lobe that follows the mirror direction.
 fn glossy(theta_i: f64, theta_o: f64, phi_o: f64) -> f64 {
     let [wi, wo] = [Direction::from_degrees(theta_i, 0.0), Direction::from_degrees(theta_o, phi_o)].map(Direction::xyz);
     let h: [f64; 3] = std::array::from_fn(|k| wi[k] + wo[k]);

@@ -13,21 +13,22 @@ use crate::domain::vector::{Vector, add, cross, dot, norm, scale, unit};
 use crate::domain::{Domain, solid_angle};
 use rayon::prelude::*;
 
-/// Numbers of neighbours tried in turn, until no farther one can reach the cell.
+/// Numbers of nearest samples tried in turn to bound a Voronoi cell, until no farther sample can cut it.
 const NEIGHBOURS: [usize; 3] = [16, 64, 256];
-/// Half the width of the initial square, in sample spacings. In even scans the corners of cells lie within 0.7 of
-/// them.
+/// Half the width of the square from which a Voronoi cell is cut, in sample spacings. In even scans the corners of
+/// cells lie within 0.7 of them. Raising it lets cells at the edge of a scan grow larger.
 const HALF_WIDTH: f64 = 1.5;
-/// Upper bound on half the width of the square, in radians.
+/// Upper bound in radians on half the width of the square from which a Voronoi cell is cut.
 const WIDEST: f64 = 1.0;
 /// Number of neighbours whose distance gives the sample spacing.
 const DENSITY: usize = 6;
-/// Squared chord below which directions count as equal.
+/// Squared chord (on the unit sphere) below which two sample directions count as equal.
 const SAME: f64 = 1e-14;
-/// Sine of the angle to a plane below which samples count as lying in it: 0.6°.
+/// Sine of the angle between a sample and a plane below which the sample counts as lying in the plane: 0.6°.
 const IN_PLANE: f64 = 0.01;
 
-/// Returns the areas in sr of the cells of `directions` on `domain`; `None` if they lie in one plane.
+/// Returns the solid angles in sr that `directions` represent: the areas of their Voronoi cells on the part `domain` of
+/// the sphere. Returns `None` if all directions lie in one plane.
 pub(in crate::projection) fn areas(directions: &[Vector], domain: Domain) -> Option<Vec<f64>> {
     if are_in_plane(directions) {
         return None;
@@ -59,7 +60,7 @@ fn are_in_plane(directions: &[Vector]) -> bool {
     directions.iter().all(|d| dot(*d, normal).abs() < IN_PLANE)
 }
 
-/// Scratch space of one task.
+/// Scratch space of one task that computes Voronoi cells.
 #[derive(Default)]
 struct Scratch {
     found: Vec<Found>,
@@ -107,7 +108,7 @@ impl Scratch {
         area
     }
 
-    /// Cuts the cell to the half plane `c + a·u + b·v ≥ 0`.
+    /// Cuts the Voronoi cell to the half plane `c + a·u + b·v ≥ 0` in tangent coordinates (u, v).
     fn keep(&mut self, [c, a, b]: [f64; 3]) {
         let height = |[u, v]: [f64; 2]| c + a * u + b * v;
         self.cut.clear();

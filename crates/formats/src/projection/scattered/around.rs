@@ -1,14 +1,17 @@
 //! Test whether points lie on all sides of the origin.
 
-/// Sector seen from the origin that contains all points, as long as it is narrower than half a turn.
+/// Narrowest sector, seen from the origin of a plane, that contains all points given so far, as long as it is narrower
+/// than half a turn.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Around {
-    /// Points at its two sides, the second to the left of the first; both 0 if there are none.
+    /// Two of the given points, through which the clockwise and the counterclockwise edge of the sector around all of
+    /// them pass. Both are 0 if no point was given.
     sides: [[f64; 2]; 2],
 }
 
 impl Around {
-    /// Adds a point. Returns true if every half plane now contains a point; then no more may be added.
+    /// Widens the narrowest sector around all points given so far, seen from the origin, to contain `point`. Returns
+    /// true if it would reach half a turn: the points then lie on all sides of the origin, and no more may be given.
     pub(super) fn add(&mut self, point: [f64; 2]) -> bool {
         let left_of = |a: [f64; 2]| a[0] * point[1] - a[1] * point[0];
         let [first, last] = self.sides;

@@ -1,4 +1,4 @@
-//! Averages of local fits over triangles, and the data support of every cell.
+//! Averages of local fits over triangles, and the origin of the value of every cell.
 
 use super::cloud::Cloud;
 use super::fit::{Fitter, Place, Support};
@@ -10,41 +10,45 @@ use crate::domain::{TriangleMesh, Vertices, centroid, child, solid_angle};
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
-/// Number of triangles that one task computes, and that look up their samples together.
+/// Number of triangles that one task computes together, with one common search for samples.
 const BLOCK: usize = 16;
-/// Largest distance to the nearest sample of a hole that is filled, as a fraction of the distance to the farthest
-/// sample of the fit. Raising it fills larger holes.
+/// Largest distance from a hole between samples to the nearest sample at which the hole is filled. It is a fraction of
+/// the distance to the farthest sample of the fit. Raising the limit fills larger holes.
 const DEEPEST: f64 = 0.75;
-/// Largest distance beyond the outermost samples to which values are continued, in distances from such a sample to its
-/// fourth neighbour. Raising it extrapolates farther.
+/// Largest distance beyond the outermost samples to which values are extrapolated, in units of the distance from such a
+/// sample to its fourth neighbour. Raising it extrapolates farther.
 const BEYOND: f64 = 2.0;
 const NEIGHBOURS: usize = 5;
-/// Lower bound on the emptiness of a hole: the number of samples missing within the distance to the nearest one.
-/// Raising it marks fewer cells as filled.
+/// Lower bound on the emptiness from which a place counts as a hole. Emptiness is the number of samples expected, at
+/// the local density, within the distance to the nearest one. Raising the bound marks fewer triangles as filled.
 const HOLE: f32 = 5.0;
-/// Lower bound on the emptiness of a hole, relative to the median of all places between samples.
+/// Ratio of emptiness to its median over all places between samples from which a place counts as a hole. Emptiness is
+/// the number of samples expected within the distance to the nearest one. Raising the ratio marks fewer triangles as
+/// filled.
 const EMPTIER: f32 = 6.0;
 
-/// Data support of a cell.
+/// Origin of the value of a triangle of outgoing directions: measured, interpolated, extrapolated or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Standing {
-    /// Contains a sample.
+    /// The triangle contains a sample.
     Measured,
-    /// Lies between samples.
+    /// The triangle contains no sample, but lies between samples.
     Interpolated,
-    /// In a hole or beyond the outermost samples: continued from those around.
+    /// The triangle lies in a hole or beyond the outermost samples; its value is extrapolated from the samples around.
     Filled,
-    /// Too far from any sample.
+    /// The triangle is too far from any sample to have a value.
     Empty,
 }
 
-/// A cell before it is classified: the usual emptiness of places between samples is not known yet.
+/// Facts about the samples in and around a triangle. The origin of its value (measured, interpolated, extrapolated or
+/// none) follows from them once the usual sample density is known.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Draft {
     has_sample: bool,
     valid: bool,
     surrounded: bool,
-    /// Number of samples that would lie within the distance to the nearest one, at the density around it.
+    /// Largest emptiness among the parts of the triangle. The emptiness of a part is the number of samples expected
+    /// within the distance from its middle to the nearest sample, at the density of the samples farther out.
     emptiness: f32,
 }
 
@@ -52,39 +56,43 @@ impl Draft {
     const NOTHING: Self = Self { has_sample: false, valid: false, surrounded: false, emptiness: 0.0 };
 }
 
-/// Samples and settings for fits on triangles.
+/// Samples and settings for local fits whose averages over triangles are computed.
 #[derive(Clone, Copy)]
 pub(super) struct Fitted<'a> {
     pub(super) rows: &'a Rows<'a>,
     pub(super) cloud: &'a Cloud,
     pub(super) neighbours: usize,
-    /// Variance of a value about the fit, relative to that of the mean over bands of its row.
+    /// Variance of a sample's value in one band about the fit, relative to the variance of its mean over bands.
     pub(super) noise: f64,
-    /// Largest chord to the nearest incoming direction; cells farther away are empty.
+    /// Largest chord to the nearest measured incoming direction; triangles under incoming directions farther away are
+    /// empty.
     pub(super) incoming_reach: f64,
-    /// True if the two sides of the horizon are independent.
+    /// True if samples above and below the horizon are fitted independently.
     pub(super) sides_apart: bool,
 }
 
-/// Arrangement of the fits within a cell.
+/// Arrangement of local fits within a triangle whose average is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parts {
-    /// One fit in each part, after splitting the cell into four this many times.
+    /// One fit in each part of the triangle, after splitting it into four this many times.
     Divided(u32),
-    /// The fit in the middle of four sibling cells serves all of them if it is good enough.
+    /// One fit in the middle of four sibling triangles serves all four if it is accurate enough, otherwise one fit for
+    /// each triangle.
     Shared,
 }
 
-/// Scratch space of one task.
+/// Scratch space of one task that fits samples.
 #[derive(Default)]
 pub(super) struct Scratch {
     pub(super) fitter: Fitter,
     pub(super) found: Vec<Found>,
     around: Vec<Found>,
     nearby: Nearby,
-    /// Support of the fit in the middle of four sibling triangles, if the others may reuse it.
+    /// Distances, number and certainty of the samples of the local fit in the middle one of four sibling triangles.
+    /// `None` if the siblings must not reuse this fit.
     middle: Option<Support>,
-    /// Support of the last fit, if others may reuse it.
+    /// Distances, number and certainty of the samples of the last local fit; `None` if other triangles must not reuse
+    /// it.
     last: Option<Support>,
     missing: Vec<bool>,
     pub(super) row: Vec<f32>,
@@ -93,9 +101,9 @@ pub(super) struct Scratch {
 }
 
 impl Fitted<'_> {
-    /// Writes the averages under `wi` over all triangles of `mesh` into `out`, `[triangle, channel]`. Triangles
-    /// without data become NaN. `wanted` returns `None` for triangles to skip, and otherwise true if a sample lies
-    /// inside. `parts` arranges the fits within a triangle.
+    /// Writes the averages of the fits under the incoming direction `wi` over all triangles of `mesh` into `out`,
+    /// `[triangle, channel]`. Triangles without data become NaN. `wanted` returns `None` for triangles to skip, and
+    /// otherwise true if a sample lies inside. `parts` arranges the fits within a triangle.
     pub(super) fn cells(
         &self,
         wi: Vector,
@@ -142,8 +150,8 @@ impl Fitted<'_> {
         drafts.into_iter().flatten().collect()
     }
 
-    /// Returns a predicate for points on the side of the horizon of `wo`; it accepts all points if the sides are not
-    /// independent.
+    /// Returns a predicate that accepts samples on the same side of the horizon as `wo`. It accepts all samples if both
+    /// sides are fitted together.
     fn wanted(&self, wo: Vector) -> impl Fn(u32) -> bool {
         let side = if self.sides_apart { wo[2].signum() } else { 0.0 };
         move |point| side == 0.0 || self.cloud.wo[point as usize][2] * side >= 0.0
@@ -174,7 +182,8 @@ impl Fitted<'_> {
         draft
     }
 
-    /// Uses the fit in the middle of four triangles if it is good enough there, otherwise a separate one.
+    /// Computes the average value over one of four sibling triangles. Evaluates the polynomial that was fitted to the
+    /// samples around the middle sibling, if it is accurate enough here; otherwise fits another.
     fn shared(&self, wi: Vector, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
         let Some(mut support) = scratch.middle.take() else {
             return self.part(wi, vertices, 0, scratch, draft);
@@ -217,7 +226,7 @@ impl Fitted<'_> {
         self.add(&support, vertices, scratch, draft);
     }
 
-    /// Adds the value of a part of a cell, unless it lies too far from the samples.
+    /// Adds the fitted value of a part of a triangle to the average, unless the part lies too far from the samples.
     fn add(&self, support: &Support, vertices: Vertices, scratch: &mut Scratch, draft: &mut Draft) {
         let emptiness = emptiness(support);
         draft.emptiness = draft.emptiness.max(emptiness);
@@ -235,7 +244,7 @@ impl Fitted<'_> {
         }
     }
 
-    /// Fits the samples `scratch.found` at `place` and writes the value into `scratch.row`.
+    /// Fits the samples `scratch.found` around `place` and writes the fitted value in each band into `scratch.row`.
     pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
         let Scratch { fitter, found, .. } = scratch;
         let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;
@@ -243,7 +252,8 @@ impl Fitted<'_> {
         Some(support)
     }
 
-    /// Writes the value of the current fit into `scratch.row`.
+    /// Averages the polynomial that was last fitted to the samples over the parts of a triangle, with the weights
+    /// `shares`. Writes the average in each spectral band into `scratch.row`; NaN for a band that no sample has.
     fn evaluate(&self, shares: [f32; PARTS], scratch: &mut Scratch) {
         let Scratch { fitter, missing, row, .. } = scratch;
         missing.clear();
@@ -269,7 +279,8 @@ impl Fitted<'_> {
         }
     }
 
-    /// Returns true if the nearest samples are close enough to determine a value.
+    /// Returns true if the samples of a local fit lie close enough to the place at which it is evaluated for its value
+    /// to be used.
     fn is_near(&self, support: &Support, scratch: &mut Scratch) -> bool {
         if support.nearest_incoming > self.incoming_reach || support.variance.is_nan() {
             return false;
@@ -284,13 +295,14 @@ impl Fitted<'_> {
     }
 }
 
-/// Returns the number of samples that would lie within the distance to the nearest one, at the density of the others.
+/// Returns the emptiness about the centre of a local fit: the number of samples expected within the distance to the
+/// nearest sample, at the density of the samples between that distance and the distance to the farthest one.
 fn emptiness(support: &Support) -> f32 {
     let (empty, full) = (support.nearest * support.nearest, support.reach * support.reach);
     if full > empty { (support.count as f64 * empty / (full - empty)) as f32 } else { f32::MAX }
 }
 
-/// Classifies each cell by its data support.
+/// Classifies triangles by the origin of their values: measured, interpolated, extrapolated (filled) or none (empty).
 pub(super) fn standings(drafts: &[Draft]) -> Vec<Standing> {
     let mut between: Vec<f32> = drafts.iter().filter(|d| d.valid && d.surrounded).map(|d| d.emptiness).collect();
     let middle = between.len() / 2;

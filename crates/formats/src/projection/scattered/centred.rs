@@ -12,10 +12,11 @@ use super::together::{Company, FACTOR, Off, SAME, has_one_incidence};
 use crate::domain::vector::{norm, sub};
 use crate::domain::{CENTRES, Quantity};
 
-/// Largest distance from the centre, in sample spacings. Raising it warns of more lobes and of more outliers.
+/// Largest distance, in sample spacings, of outliers from the direction about which they suggest a lobe. Raising it
+/// warns of more lobes and of more outliers.
 const REACH: f64 = 1.0;
 
-/// Sample near a centre.
+/// A sample near the direction, such as the mirror direction, about which a narrow lobe may lie.
 #[derive(Clone, Copy)]
 struct Near {
     distance: f64,
@@ -24,7 +25,8 @@ struct Near {
     height: f64,
 }
 
-/// Finds outliers among `offs` that the `companies` do not classify as light and that stand about one likely centre.
+/// Finds outliers that lie about one likely lobe centre, such as the mirror direction: perhaps a lobe that the scan
+/// does not resolve. Samples already classified as part of a lobe are left out.
 pub(super) fn unresolved(
     quantity: Quantity,
     plan: &Plan,
@@ -57,9 +59,12 @@ pub(super) fn unresolved(
     found.reduce(|most, next| if next.values > most.values { next } else { most })
 }
 
-/// Returns true if two outliers of different incidences (of the same if the plan is `of_one`) fall off from the centre,
-/// to within a factor of two, and `all` other samples as near to it are like them. Only incidences from that of one
-/// outlier to that of the other count.
+/// Returns true if two outliers near a likely lobe centre, such as the mirror direction, look like samples of one lobe.
+///
+/// They must belong to different incoming directions, unless the scan has only one (`of_one`). The outlier farther from
+/// the centre must not exceed its neighbours by more than twice the factor of the nearer one. All other samples that
+/// are as near to the centre must also be brighter than their neighbours, in the same bands. Only samples with incoming
+/// polar angles between those of the two outliers count.
 fn is_peak(
     (plan, of_one): (&Plan, bool),
     offs: &[Off],

@@ -4,7 +4,7 @@ use crate::domain::{Axis, TensorError};
 use crate::formats::Scattered;
 use crate::projection::error::{ProjectionError, Role, ScatteredError};
 
-/// Checks the samples. Returns their number of bands.
+/// Checks that scattered samples are valid. Returns their number of spectral bands.
 pub(super) fn check(scattered: &Scattered) -> Result<usize, ProjectionError> {
     let count = scattered.directions();
     let width = scattered.spectral.as_ref().map_or(1, Axis::len);

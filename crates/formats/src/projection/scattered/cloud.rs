@@ -6,69 +6,74 @@ use crate::domain::{Direction, Quantity};
 use crate::formats::Scattered;
 use std::sync::Arc;
 
-/// Largest angle in degrees between elevations, or incoming directions, that count as equal: the repeatability of
-/// instruments.
+/// Largest difference in degrees at which incoming polar angles, or incoming directions, count as equal: the
+/// repeatability of instruments. Raising it groups more samples.
 const SAME: f64 = 0.05;
-/// Least mean number of samples per incoming direction for separate fits. With fewer, neighbouring incoming directions
-/// are fitted together.
+/// Least mean number of samples per incoming direction for separate fits. With fewer samples, neighbouring incoming
+/// directions are fitted together.
 const ALONE: usize = 24;
-/// One sample of every this many is withheld for validation.
+/// Number of consecutive samples of which one is withheld from fits for validation.
 const TENTH: u32 = 10;
-/// Height (z of `wi + wo`) below which the slope of a half vector is undefined.
+/// Height (z of `wi + wo`) below which the half vector is so close to the surface that its slope is undefined.
 const STEEP: f64 = 1e-3;
 
-/// Samples that are fitted together: one column for each property, in the order of the tree. Mirror images in the
-/// plane of incidence follow, if they count.
+/// Samples that are fitted together, in the order of a k-d tree, with one column for each property. Mirror images in
+/// the plane of incidence follow, if they are used.
 #[derive(Clone, Debug)]
 pub(super) struct Cloud {
-    /// Row of the values of each sample.
+    /// Index of each sample in the table of measured values.
     pub(super) rows: Vec<u32>,
     pub(super) wi: Vec<Vector>,
     pub(super) wo: Vec<Vector>,
-    /// hx/hz and hy/hz of the half vector; NaN if it has no slope.
+    /// Slopes hx/hz and hy/hz of the half vector of each sample; NaN if the half vector is too close to the surface.
     pub(super) slope: Vec<[f64; 2]>,
     pub(super) is_withheld: Vec<bool>,
     tree: Arc<Tree<6>>,
-    /// Scale of incoming directions relative to outgoing ones in distances; 0 if all samples have one incoming
-    /// direction.
+    /// Factor by which distances between incoming directions count relative to those between outgoing ones. It is 0 if
+    /// all samples have one incoming direction.
     pub(super) stretch: f64,
-    /// True if half-vector slopes are the coordinates of fits.
+    /// True if local fits use half-vector slopes as coordinates.
     pub(super) slopes: bool,
 }
 
-/// Samples grouped by incoming direction.
+/// Grouping of scattered samples by incoming direction.
 #[derive(Clone, Debug)]
 pub(super) enum Incoming {
-    /// There are no incoming directions.
+    /// The samples have no incoming directions.
     None,
-    /// Elevations of isotropic data in degrees, each with its own samples.
+    /// Incoming polar angles of isotropic data in degrees, each with the indices of its samples.
     Elevations(Vec<f64>, Vec<Vec<u32>>),
-    /// Elevations in degrees, each fitted to all samples.
+    /// Incoming polar angles of isotropic data in degrees. Too few samples share an angle, so the local fits for each
+    /// angle use the samples of all angles.
     AllElevations(Vec<f64>),
-    /// Number of distinct incoming directions.
+    /// Number of distinct incoming directions of anisotropic data.
     Directions(usize),
 }
 
-/// Returns the slope of the half vector; NaN if it lies near the surface.
+/// Returns the slope (x/z, y/z) of the half vector of a pair of directions; NaN if the half vector lies near the
+/// surface.
 pub(super) fn slope(wi: Vector, wo: Vector) -> [f64; 2] {
     let h = add(wi, wo);
     if h[2] < STEEP { [f64::NAN; 2] } else { [h[0] / h[2], h[1] / h[2]] }
 }
 
-/// Returns true for the withheld rows: one of every ten consecutive rows, at irregular distances.
+/// Returns true if a sample is withheld from fits for validation: one of every ten consecutive samples, at irregular
+/// distances.
 pub(super) fn is_withheld(row: u32) -> bool {
     let mixed = (row / TENTH).wrapping_mul(0x9e37_79b9);
     (mixed ^ (mixed >> 15)) % TENTH == row % TENTH
 }
 
-/// Returns two unit vectors that span the plane perpendicular to `d`; the first lies in the plane of `d` and `z`.
+/// Returns two unit vectors that span the plane perpendicular to `d`; the first lies in the plane of `d` and the z
+/// axis.
 pub(super) fn tangents(d: Vector) -> [Vector; 2] {
     let along = sub([0.0, 0.0, 1.0], scale(d, d[2]));
     let first = if norm(along) > 1e-6 { unit(along) } else { unit(sub([1.0, 0.0, 0.0], scale(d, d[0]))) };
     [first, cross(d, first)]
 }
 
-/// Returns the directions of every sample; incoming directions of isotropic data lie above the x axis.
+/// Returns the incoming and the outgoing direction of every sample. Incoming directions of isotropic data are rotated
+/// to azimuth 0.
 pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) -> Vec<(Vector, Vector)> {
     let up = [0.0, 0.0, 1.0];
     let of = |[theta, phi]: [f64; 2], turned: f64| Direction::from_degrees(theta, phi - turned).xyz();
@@ -86,7 +91,7 @@ pub(in crate::projection) fn directions(scattered: &Scattered, isotropic: bool) 
         .collect()
 }
 
-/// Returns true if all incoming directions have one azimuth, so that nothing is known of others.
+/// Returns true if all incoming directions of a scan have one azimuth, so that nothing is known of other azimuths.
 pub(super) fn one_azimuth(scattered: &Scattered) -> bool {
     let mut azimuths = scattered.incoming.iter().filter(|wi| wi[0] > SAME).map(|wi| wi[1].rem_euclid(360.0));
     let Some(first) = azimuths.next() else { return !scattered.incoming.is_empty() };
@@ -96,7 +101,7 @@ pub(super) fn one_azimuth(scattered: &Scattered) -> bool {
     })
 }
 
-/// Groups samples by incoming direction. `live` are the rows that have any value.
+/// Groups samples by incoming direction. `live` are the indices of the samples that have any value.
 pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> Incoming {
     if scattered.incoming.is_empty() {
         return Incoming::None;
@@ -145,7 +150,8 @@ pub(super) fn incoming(scattered: &Scattered, isotropic: bool, live: &[u32]) -> 
     Incoming::Elevations(elevations, groups)
 }
 
-/// Returns evenly spaced elevations between the extremes, as many as fit the density of samples in three dimensions.
+/// Returns evenly spaced incoming polar angles from the smallest to the largest measured one, in degrees. Their number
+/// grows with the cube root of the number of samples, which are spread over three angles: one incoming, two outgoing.
 fn even_elevations(scattered: &Scattered, live: &[u32]) -> Vec<f64> {
     let theta = live.iter().map(|&row| scattered.incoming[row as usize][0]);
     let (low, high) = theta.fold((90.0_f64, 0.0_f64), |(l, h), t| (l.min(t), h.max(t)));
@@ -154,7 +160,7 @@ fn even_elevations(scattered: &Scattered, live: &[u32]) -> Vec<f64> {
 }
 
 impl Cloud {
-    /// Creates the cloud of the samples `rows`.
+    /// Creates the set of samples with the indices `rows`, ready for nearest-neighbour search.
     pub(super) fn new(
         rows: impl Iterator<Item = u32>,
         directions: &[(Vector, Vector)],
@@ -173,7 +179,8 @@ impl Cloud {
         Self { rows, wi, wo, slope, is_withheld, tree: Arc::new(tree), stretch, slopes }
     }
 
-    /// Returns the samples with their mirror images in the plane of incidence, which contains all incoming directions.
+    /// Returns the samples together with their mirror images in the plane of incidence, which must contain all incoming
+    /// directions.
     pub(super) fn mirrored(&self) -> Self {
         fn with<T: Copy>(own: &[T], image: impl Fn(T) -> T) -> Vec<T> {
             own.iter().copied().chain(own.iter().map(|&own| image(own))).collect()
@@ -190,7 +197,7 @@ impl Cloud {
         }
     }
 
-    /// Returns the number of samples without mirror images.
+    /// Returns the number of samples, not counting mirror images.
     pub(super) fn own(&self) -> usize {
         self.tree.len()
     }
@@ -199,7 +206,8 @@ impl Cloud {
         self.rows.len()
     }
 
-    /// Returns the coordinates of a point in the tree.
+    /// Returns the point that stands for a sample, or for the mirror image of one, in the six-dimensional space in
+    /// which nearest neighbours are sought.
     pub(super) fn place(&self, item: u32) -> [f64; 6] {
         match (item as usize).checked_sub(self.tree.len()) {
             None => self.tree.point(item),
@@ -207,7 +215,8 @@ impl Cloud {
         }
     }
 
-    /// Returns coordinate `k` of the points `items` in the tree.
+    /// Writes one coordinate of the samples `items` into `out`: number `k`, 0 to 5, in the space in which nearest
+    /// neighbours are sought.
     pub(super) fn coordinates(&self, k: usize, items: &[u32], out: &mut Vec<f64>) {
         let (own, sign) = (self.tree.len() as u32, mirror(&[1.0; 6])[k]);
         let column = self.tree.column(k);
@@ -216,8 +225,8 @@ impl Cloud {
         out.extend(items.iter().map(of));
     }
 
-    /// Finds the `count` points nearest to `centre` that `wanted` accepts; the lower number wins ties. The farthest
-    /// comes first, the others are unordered.
+    /// Finds the `count` samples nearest to `centre` that `wanted` accepts; the lower index wins ties. The farthest
+    /// sample comes first in `found`, the others are unordered.
     pub(super) fn nearest(
         &self,
         centre: &[f64; 6],
@@ -231,7 +240,7 @@ impl Cloud {
         }
     }
 
-    /// Finds all points that `wanted` accepts within distance √`square` of `centre`.
+    /// Finds all samples that `wanted` accepts within distance √`square` of `centre`.
     pub(super) fn within(&self, centre: &[f64; 6], square: f64, wanted: impl Fn(u32) -> bool, found: &mut Vec<Found>) {
         found.clear();
         for (centre, first) in self.sides(centre) {
@@ -239,22 +248,24 @@ impl Cloud {
         }
     }
 
-    /// Yields the places to search in the tree: `centre`, and its mirror image if images count. Each comes with the
-    /// number of its first point.
+    /// Yields the places to search in the k-d tree: `centre`, and its mirror image if mirror images are used. Each
+    /// comes with the index of the first sample that is searched there.
     fn sides(&self, centre: &[f64; 6]) -> impl Iterator<Item = ([f64; 6], u32)> + use<> {
         let own = self.tree.len();
         let images = (self.len() > own).then(|| (mirror(centre), own as u32));
         [Some((*centre, 0)), images].into_iter().flatten()
     }
 
-    /// Returns false for mirror images that coincide with their sample.
+    /// Returns false for mirror images that coincide with their sample, true for all other points.
     fn is_there(&self, item: u32) -> bool {
         (item as usize) < self.tree.len() || self.wo[item as usize][1] != 0.0
     }
 
-    /// Returns the coordinates of a pair of directions in the tree. Distances are chords between outgoing directions.
-    /// For reflection, doubled half vectors take part or replace them. These move as far as outgoing directions,
-    /// except where both directions graze: lobes are narrow across there.
+    /// Returns the point that stands for a pair of directions in the six-dimensional space in which nearest neighbours
+    /// are sought. Distances there are chords between outgoing directions.
+    ///
+    /// For reflection, doubled half vectors contribute or replace the outgoing directions. They move as far as outgoing
+    /// directions, except where both directions are grazing: lobes are narrow across there.
     pub(super) fn key(&self, wi: Vector, wo: Vector) -> [f64; 6] {
         key((wi, wo), self.slopes, self.stretch)
     }
@@ -273,7 +284,8 @@ fn key((wi, wo): (Vector, Vector), slopes: bool, stretch: f64) -> [f64; 6] {
     [wo[0], wo[1], wo[2], h[0], h[1], h[2]].map(|x| x * std::f64::consts::FRAC_1_SQRT_2)
 }
 
-/// Returns the coordinates of the mirror image in the plane of incidence.
+/// Mirrors a sample in the plane of incidence: returns the point that stands for the image in the six-dimensional space
+/// in which nearest neighbours are sought.
 fn mirror(&[a, b, c, d, e, f]: &[f64; 6]) -> [f64; 6] {
     [a, -b, c, d, -e, f]
 }

@@ -7,10 +7,11 @@ use crate::domain::{Domain, Quantity};
 
 /// Number of neighbours whose distance gives the sample density.
 const DENSITY: usize = 16;
-/// Largest distance beyond the plane of incidence at which samples count as on one side of it.
+/// Tolerance of the test for one-sided scans: a sample may lie this far (on the unit sphere) beyond the plane of
+/// incidence. Raising it takes more scans for one-sided.
 const ON_PLANE: f64 = 1e-3;
 
-/// Incoming directions of samples that are fitted together.
+/// Incoming directions of samples that are fitted together: their number and spacing.
 pub(super) struct Joint {
     pub(super) count: usize,
     /// Angle between neighbouring incoming directions, in radians.
@@ -34,7 +35,7 @@ impl Joint {
     }
 }
 
-/// Returns true if all samples lie on one side of the plane of incidence, and not all of them in it.
+/// Returns true if all samples lie on one side of the plane of incidence, and not all of them within that plane.
 pub(super) fn is_one_sided(live: &[u32], directions: &[(Vector, Vector)]) -> bool {
     let beside = live.iter().map(|&row| directions[row as usize].1[1]);
     let (low, high) = beside.fold((0.0_f64, 0.0_f64), |(l, h), y| (l.min(y), h.max(y)));
@@ -59,8 +60,8 @@ pub(super) fn incoming_domain(live: &[u32], directions: &[(Vector, Vector)]) -> 
     }
 }
 
-/// Returns the spacing of neighbouring samples in degrees: the median over many, from the distance of the sixteenth
-/// neighbour.
+/// Returns the spacing of neighbouring samples in degrees: the median over many samples, from the distance of their
+/// sixteenth neighbour.
 pub(super) fn spacing(clouds: &[Cloud]) -> f64 {
     let mut found = Vec::new();
     let mut all: Vec<f64> = trials(clouds, 200)

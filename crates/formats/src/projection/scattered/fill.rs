@@ -9,15 +9,18 @@ use crate::domain::{Direction, Note, Quantity};
 use crate::notes::FitNote;
 use crate::projection::resampling::Channels;
 
-/// Largest median relative difference between values of exchanged directions at which data count as reciprocal.
-/// Raising it fills cells of less reciprocal data.
+/// Largest median relative difference between f(wi, wo) and f(wo, wi) at which data count as reciprocal. Raising it
+/// fills empty triangles by reciprocity in less reciprocal data.
 const RECIPROCAL: f64 = 0.05;
-/// Approximate number of cells compared for it, and their least number.
+/// Approximate number of direction pairs (wi, wo) for which f(wi, wo) and f(wo, wi) are compared before empty triangles
+/// are filled by reciprocity.
 const COMPARED: usize = 2000;
+/// Least number of direction pairs (wi, wo) for which f(wi, wo) and f(wo, wi) must be comparable before empty triangles
+/// are filled by reciprocity.
 const ENOUGH: usize = 50;
 
-/// Fills cells without samples from fits to the samples and their mirror images in the plane of incidence. Returns the
-/// number of filled cells.
+/// Fills triangles of outgoing directions without samples, from fits to the samples and their mirror images in the
+/// plane of incidence. Returns the number of filled triangles.
 pub(super) fn by_symmetry(
     plan: &Plan,
     rows: &Rows<'_>,
@@ -52,8 +55,8 @@ pub(super) fn by_symmetry(
     filled
 }
 
-/// Fills empty cells of isotropic reflection with the values of exchanged directions, if these agree where both were
-/// measured. Returns a note for the user.
+/// Fills empty triangles of an isotropic BRDF with the values of exchanged directions, f(wo, wi), if the measured
+/// values agree with reciprocity. Returns a note for the user.
 pub(super) fn by_reciprocity(
     quantity: Quantity,
     plan: &Plan,
@@ -104,8 +107,9 @@ pub(super) fn by_reciprocity(
         .then(|| FitNote::FromReciprocity { cells: found.len(), difference_percent: 100.0 * median }.into())
 }
 
-/// Writes the values of the exchanged directions into `row`, interpolated between the two elevations around. Each
-/// elevation is read at its own half vector. Returns `None` if there is no value.
+/// Writes the values f(wo, wi) for a cell (wi, wo) into `row`, one for each band, interpolated between the two incoming
+/// polar angles around. The values under each angle are read at the half vector of the cell. Returns `None` if there is
+/// no value.
 fn exchanged(
     plan: &Plan,
     samples: &[f32],

@@ -18,27 +18,32 @@ use super::system::{Factored, TERMS};
 use super::tree::Found;
 use crate::domain::vector::Vector;
 
-/// Fits whose variance exceeds this multiple of one sample's variance are rejected. Raising it accepts less certain
-/// fits of higher degree.
+/// Largest variance of a local fit, in multiples of the variance of one sample; fits above it are replaced by a lower
+/// degree. Raising it accepts less certain fits of higher degree.
 const UNCERTAIN: f64 = 1.0;
-/// Residuals of this many standard deviations or more get weight 0. Raising it tolerates larger outliers.
+/// Residual, in standard deviations, from which a sample gets weight 0 in a local fit. Raising it tolerates larger
+/// outliers.
 const FAR_OFF: f64 = 6.0;
-/// Ratio of the true variance of a fit to its variance computed as if weights were inverse variances: they also fall
-/// with distance.
+/// Ratio of the true variance of a locally fitted value to the computed variance. The computation takes the weights of
+/// samples for inverse variances, but they also fall with distance: the ratio is below 1. Raising it favours fits to
+/// more samples.
 const FALL_OFF: f64 = 0.75;
-/// Squared departures between two fits up to this multiple of their expected variance count as noise.
+/// Multiple of the expected variance up to which the squared difference between the local fit to all samples around and
+/// that to the nearest ones counts as noise. Raising it favours the fit to all samples.
 const CHANCE: f64 = 2.0;
-/// Largest residual, in standard deviations, without a robust refit.
+/// Largest residual of a local fit, in standard deviations, for which no robust refit is made. Raising it saves time
+/// and tolerates larger outliers.
 const SUSPECT: f64 = 4.5;
-/// Least number of samples of a fit beyond its number of terms.
+/// Least excess of the number of samples of a fit over its number of terms.
 const FEWEST_LEFT: usize = 4;
-/// Largest change of logarithms within the reach at which a fit also serves the neighbouring cells. Raising it is
-/// faster and less accurate.
+/// Largest change of the fitted natural logarithm, between the centre and the outermost samples of a local fit, at
+/// which the neighbouring triangles reuse the fit. Raising it is faster and less accurate.
 const EVEN: f64 = 0.25;
-/// Upper bound on the rounds of reweighting.
+/// Upper bound on the rounds of robust reweighting in a local fit.
 const ROUNDS: usize = 4;
 
-/// Place of a fit within one cell; values are computed at [`PARTS`] directions.
+/// Place of a local fit within one triangle: its centre, and the [`PARTS`] outgoing directions at which values are
+/// computed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) wi: Vector,
@@ -46,35 +51,38 @@ pub(super) struct Place {
     pub(super) parts: [Vector; PARTS],
 }
 
-/// Data support of a fit.
+/// Facts about a local polynomial fit: distances, number and arrangement of its samples, and its uncertainty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Support {
-    /// Chords to the nearest sample and to the farthest one of the fit.
+    /// Chord from the place of the fit to the nearest sample.
     pub(super) nearest: f64,
+    /// Chord from the place of the fit to its farthest sample.
     pub(super) reach: f64,
-    /// Chord to the nearest incoming direction.
+    /// Chord from the incoming direction of the fit to the nearest measured one.
     pub(super) nearest_incoming: f64,
-    /// Number of the nearest point in the cloud.
+    /// Index, in the k-d tree of the samples, of the sample nearest to the place of the fit.
     pub(super) nearest_point: u32,
-    /// Number of samples of the fit.
+    /// Number of samples to which the local polynomial is fitted.
     pub(super) count: usize,
-    /// True if the samples lie on all sides.
+    /// True if the samples of the local polynomial fit surround its place on all sides.
     pub(super) surrounded: bool,
-    /// Upper bound on the variance of the value, relative to that of a sample; exact above [`UNCERTAIN`].
+    /// Upper bound on the variance of the fitted value, relative to the variance of a sample; exact above
+    /// [`UNCERTAIN`].
     pub(super) variance: f64,
-    /// Degree: 2 for a quadratic, 1 for a plane, 0 for a mean.
+    /// Polynomial degree of the fit: 2 for a quadratic, 1 for a plane, 0 for a mean.
     pub(super) degree: u8,
 }
 
-/// Local fits, with buffers that are reused.
+/// Local polynomial fits to scattered samples, with buffers that are reused from fit to fit.
 #[derive(Default)]
 pub(super) struct Fitter {
-    /// Rows with nonzero weight.
+    /// Indices of the samples with nonzero weight in the last local fit.
     pub(super) rows: Vec<u32>,
-    /// Weights of each row in the values at the parts.
+    /// For each sample of the last local fit, its weight in each of the four fitted values: a value is a weighted sum
+    /// of the samples, and is computed at one of four neighbouring outgoing directions.
     pub(super) weights: Vec<[f32; PARTS]>,
     pub(super) gathered: Gathered,
-    /// Index of the last of [`REACHES`] in use.
+    /// Index in [`REACHES`] of the radius within which samples take part in the last local polynomial fit.
     size: usize,
     parts: [[f64; TERMS]; PARTS],
     robust_of_all: Vec<f64>,
@@ -83,8 +91,9 @@ pub(super) struct Fitter {
 }
 
 impl Fitter {
-    /// Fits the samples `found` (squared chords, in any order) around `place`, to the values of `rows`. `noise` is the
-    /// variance of a value relative to that of the mean over bands of its row. Returns `None` if there are no samples.
+    /// Fits a local polynomial around `place` to the samples `found` (squared chords, in any order). `noise` is the
+    /// variance of a value in one band, relative to that of the mean over bands. Returns `None` if there are no
+    /// samples.
     pub(super) fn fit(
         &mut self,
         cloud: &Cloud,
@@ -146,9 +155,12 @@ impl Fitter {
         Some(support)
     }
 
-    /// Reuses the fit for other nearby parts. Returns the largest variance of a value there, as in [`Support`].
-    /// Returns `None` if the fit is not good enough there: it must be an even quadratic through all samples, with
-    /// coordinates at the parts.
+    /// Evaluates the last local fit at other outgoing directions nearby, `parts`, instead of fitting again. Returns the
+    /// largest variance of a fitted value there, relative to the variance of a sample.
+    ///
+    /// Returns `None` if the fit may be inaccurate there. It must be a quadratic in logarithms, fitted to all samples
+    /// around, that changes little and has a small variance. Its coordinates, such as half-vector slopes, must exist
+    /// for all of the directions.
     pub(super) fn elsewhere(&mut self, parts: [Vector; PARTS], degree: u8) -> Option<f64> {
         let fitted = self.fitted.as_ref()?;
         let change: f64 = fitted.solution[1..].iter().map(|term| term.abs()).sum();
@@ -164,19 +176,20 @@ impl Fitter {
         (variance <= UNCERTAIN).then_some(variance)
     }
 
-    /// Returns the light of the fit at each part, relative to that of the first gathered row (a difference).
+    /// Returns the fitted mean over bands (or its logarithm) at each direction of the fit, as a difference from that of
+    /// the first sample.
     pub(super) fn lights(&self) -> [f64; PARTS] {
         self.fitted.as_ref().map_or([f64::NAN; PARTS], |fitted| self.parts.map(|part| fitted.light(&part)))
     }
 
-    /// Returns the standard deviation of the logarithms of the samples' light about the fit; 0 if values are fitted
-    /// instead.
+    /// Returns the standard deviation of the samples from the polynomial last fitted to them; a sample counts as the
+    /// mean of its natural logarithms over the bands. Returns 0 if the fit is to values instead of logarithms.
     pub(super) fn deviation(&self) -> f64 {
         let scatter = self.fitted.as_ref().filter(|_| self.gathered.logarithms).map(|fitted| fitted.scatter);
         scatter.map_or(0.0, f64::sqrt)
     }
 
-    /// Computes the weights of the fit.
+    /// Computes the weight of each sample in the values of the last local fit, which are weighted sums of the samples.
     pub(super) fn weigh(&mut self) {
         if let Some(fitted) = self.fitted.take() {
             self.weigh_by(&fitted);
@@ -184,8 +197,8 @@ impl Fitter {
         }
     }
 
-    /// Computes the weights for a band that is `missing` in some of the gathered rows. Returns false if all rows lack
-    /// it.
+    /// Computes the weights of the samples for a spectral band that is `missing` in some of them. Returns false if all
+    /// samples lack the band.
     pub(super) fn without(&mut self, missing: &[bool]) -> bool {
         let left = missing.iter().filter(|missing| !**missing).count();
         for (robust, &missing) in self.gathered.columns.robust.iter_mut().zip(missing) {
@@ -204,8 +217,8 @@ impl Fitter {
         left > 0
     }
 
-    /// Returns the fit to all samples, or to the nearest ones if the departure between both exceeds the noise that
-    /// more samples save.
+    /// Returns either the fit to all samples or a fit to the nearest ones. The second is used if the difference between
+    /// both exceeds the noise that more samples would save.
     fn narrowed(&mut self, all: Factored, noise: f64) -> Factored {
         let last = self.size;
         // Starts without the outliers of the fit to all samples: with few samples an outlier bends the fit to itself.
@@ -236,7 +249,7 @@ impl Fitter {
         few
     }
 
-    /// Repeats the fit with lower weights for outliers.
+    /// Repeats a local fit with lower weights for outliers.
     fn robustly(&mut self, mut factored: Factored) -> Factored {
         let mut last = f64::INFINITY;
         for _ in 0..ROUNDS {
@@ -252,8 +265,8 @@ impl Fitter {
         factored
     }
 
-    /// Returns the robust standard deviation of the light about the fit if some sample is an outlier, otherwise
-    /// `None`. Leaves the residuals in the columns.
+    /// Returns the robust standard deviation of the samples from the polynomial fitted to them, if some sample is an
+    /// outlier; otherwise `None`. A sample counts as its mean over bands. Leaves the residuals in `gathered.columns`.
     fn suspicion(&mut self, factored: &Factored) -> Option<f64> {
         let count = self.gathered.counts[self.size];
         let departure = self.gathered.columns.depart(count, &factored.solution);
@@ -276,15 +289,16 @@ impl Fitter {
         self.gathered.columns.system(self.gathered.counts[self.size], REACHES[self.size], self.gathered.joint, terms)
     }
 
-    /// Returns an upper bound on the variance of a value at the parts, relative to that of a sample.
+    /// Returns an upper bound on the variance of a fitted value at the directions of the fit, relative to that of a
+    /// sample.
     fn variance(&mut self, factored: &Factored) -> f64 {
         // Assumes that samples vary by their inverse weights; they vary less.
         let most = self.gathered.most_certain * most_of(self.parts.map(|part| factored.variance(part)));
         if most <= UNCERTAIN { most } else { self.weigh_by(factored) }
     }
 
-    /// Sets the weights at the parts, and the rows with any weight. Returns the largest variance of a value, relative
-    /// to that of a sample.
+    /// Sets the weights of the samples in the fitted values, and the indices of the samples with any weight. Returns
+    /// the largest variance of a fitted value, relative to that of a sample.
     fn weigh_by(&mut self, factored: &Factored) -> f64 {
         self.weights.clear();
         self.rows.clear();
@@ -299,12 +313,12 @@ impl Fitter {
     }
 }
 
-/// Returns the largest variance, or NaN if one is NaN.
+/// Returns the largest of several variances, or NaN if one is NaN.
 fn most_of(variances: [f64; PARTS]) -> f64 {
     variances.into_iter().fold(0.0, |most, v| if v > most || v.is_nan() { v } else { most })
 }
 
-/// Returns degrees and their numbers of terms, the highest first.
+/// Returns the polynomial degrees of a local fit with their numbers of terms, highest degree first.
 fn degrees(joint: bool) -> [(usize, usize); 3] {
     if joint { [(2, 8), (1, 5), (0, 1)] } else { [(2, 6), (1, 3), (0, 1)] }
 }

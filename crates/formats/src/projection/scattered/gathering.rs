@@ -8,19 +8,21 @@ use super::tree::Found;
 use crate::domain::vector::{Vector, dot, sub};
 use crate::numeric::wide;
 
-/// Squared radii of competing fits, as fractions of the squared reach.
+/// Squared radii within which samples take part in two competing fits, as fractions of the squared distance to the
+/// farthest sample.
 pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
-/// Upper bound on the certainty of a sample relative to the median.
+/// Upper bound on the weight of a sample by its stated uncertainty, relative to the median weight.
 const MOST_CERTAIN: f64 = 1e6;
 
-/// Coordinates of a fit.
+/// Local coordinates of a fit: half-vector slopes or tangent coordinates of the outgoing direction.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Frame {
-    /// Incoming direction, and slope at the place, if the coordinates are slopes.
+    /// Incoming direction, and the half-vector slope (hx/hz, hy/hz) that is the origin of the coordinates. `None` if
+    /// the coordinates are those of the tangent plane at the outgoing direction of the fit.
     pub(super) slopes: Option<(Vector, [f64; 2])>,
-    /// Axes of the tangent coordinates otherwise.
+    /// Axes of the tangent coordinates, used if the coordinates are not half-vector slopes.
     pub(super) axes: [Vector; 2],
-    /// Divisor of the coordinates.
+    /// Unit of length of the local coordinates: the distance of the farthest sample from their origin, which becomes 1.
     pub(super) length: f64,
 }
 
@@ -37,17 +39,18 @@ impl Frame {
     }
 }
 
-/// Samples around a place, as columns of the linear system.
+/// Samples around the place of a local fit, as columns of its linear system.
 #[derive(Default)]
 pub(super) struct Gathered {
-    /// All gathered rows: first those within the first of [`REACHES`], then the others.
+    /// Indices of all samples to which the local polynomial is fitted: first those near enough for a second, narrower
+    /// fit, then the others.
     pub(super) rows: Vec<u32>,
-    /// True if logarithms are fitted: all gathered values are positive.
+    /// True if logarithms are fitted, because all gathered values are positive.
     pub(super) logarithms: bool,
     pub(super) counts: [usize; REACHES.len()],
     pub(super) joint: bool,
     pub(super) columns: Columns,
-    /// True if no sample has lost weight as an outlier.
+    /// True if no gathered sample has lost weight as an outlier.
     pub(super) plain: bool,
     pub(super) sorted: Vec<f64>,
     order: Vec<Found>,
@@ -56,7 +59,7 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Puts samples within the first of [`REACHES`] first.
+    /// Orders the samples so that those near enough for the narrower of two competing fits come first.
     pub(super) fn order(&mut self, found: &[Found], reach: f64) {
         let inverse = 1.0 / reach;
         self.order.resize(found.len(), (0.0, 0));
@@ -72,7 +75,7 @@ impl Gathered {
         self.counts = [front, found.len()];
     }
 
-    /// Looks up the rows, light and certainty of the samples.
+    /// Looks up index, mean over bands and inverse variance of each gathered sample.
     pub(super) fn gather(&mut self, cloud: &Cloud, rows: &Rows<'_>, wi: Vector) {
         self.columns.resize(self.order.len());
         self.plain = true;
@@ -116,7 +119,8 @@ impl Gathered {
         }
     }
 
-    /// Sets coordinates to slopes relative to that of the place. Returns false if some sample has no slope.
+    /// Sets the coordinates of the samples to half-vector slopes relative to `centre`. Returns false if the half vector
+    /// of some sample has no slope.
     pub(super) fn slopes(&mut self, cloud: &Cloud, centre: [f64; 2]) -> bool {
         let [_, us, vs, ..] = &mut self.columns.basis;
         let mut steep = false;
@@ -128,7 +132,7 @@ impl Gathered {
         !steep
     }
 
-    /// Sets coordinates along the tangents.
+    /// Sets the coordinates of the samples to their projections on the tangents `axes`.
     pub(super) fn tangents(&mut self, cloud: &Cloud, axes: &[Vector; 2]) {
         let [_, us, vs, ..] = &mut self.columns.basis;
         for ((u, v), &(_, item)) in us.iter_mut().zip(vs).zip(&self.order) {
@@ -137,7 +141,8 @@ impl Gathered {
         }
     }
 
-    /// Divides certainties by their median; rows without a stated one count as the median.
+    /// Divides the inverse variances of the samples by their median; samples without a stated uncertainty get the
+    /// weight 1.
     fn count_certainty(&mut self) {
         let certainty = &mut self.columns.certainty[..self.rows.len()];
         self.sorted.clear();
@@ -151,7 +156,8 @@ impl Gathered {
         }
     }
 
-    /// Turns coordinates into the basis. Returns the length by which they were divided.
+    /// Turns coordinates of the samples into polynomial basis functions. Returns the length by which the coordinates
+    /// were divided.
     pub(super) fn scale(&mut self) -> f64 {
         let joint = self.joint;
         let [_, u, v, c, d, e, f, g] = &mut self.columns.basis;
@@ -176,7 +182,7 @@ impl Gathered {
         )
     }
 
-    /// Returns true if every half plane contains a sample.
+    /// Returns true if the gathered samples surround the place of the fit: every half plane contains a sample.
     pub(super) fn surrounded(&self, cloud: &Cloud, axes: &[Vector; 2]) -> bool {
         let mut around = Around::default();
         self.order.iter().any(|&(_, item)| {
@@ -186,13 +192,13 @@ impl Gathered {
     }
 }
 
-/// Returns the basis at an offset of the outgoing (u, v) and the incoming direction (a, b).
+/// Returns the polynomial basis functions at an offset (u, v) of the outgoing and (a, b) of the incoming direction.
 #[inline]
 fn terms([u, v]: [f64; 2], [a, b]: [f64; 2], joint: bool) -> [f64; TERMS] {
     if joint { [1.0, u, v, a, b, u * u, u * v, v * v] } else { [1.0, u, v, u * u, u * v, v * v, 0.0, 0.0] }
 }
 
-/// Returns the largest squared length of the vectors; never 0.
+/// Returns the largest squared length of the two-dimensional vectors (x, y); never 0.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn largest(x: &[f64], y: &[f64]) -> f64 {

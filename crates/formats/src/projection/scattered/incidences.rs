@@ -7,33 +7,37 @@ use crate::domain::{Direction, Domain, Quantity};
 
 /// Largest angle in degrees between incoming directions that count as equal.
 const SAME: f64 = 0.05;
-/// Least mean number of samples per incoming direction; with fewer, all samples form one group.
+/// Least mean number of samples per incoming direction for groups by incoming direction; with fewer, all samples form
+/// one group.
 const FEWEST: usize = 24;
 
-/// Samples under one incoming direction, or all samples if each has its own.
+/// Group of scattered samples under one incoming direction, or of all samples if each has its own.
 #[derive(Clone, Debug)]
 pub struct Incidence {
-    /// Polar angle and azimuth in degrees; no azimuth for isotropic data, `None` without a common direction.
+    /// Polar angle and azimuth in degrees of the common incoming direction; without azimuth for isotropic data, `None`
+    /// without a common direction.
     pub(super) angles: Option<(f64, Option<f64>)>,
     pub(super) rows: Vec<u32>,
-    /// True if the samples share an incoming direction and are weighted by the areas of their cells.
+    /// True if the samples share an incoming direction and are weighted by the solid angles that they represent.
     is_one: bool,
 }
 
 impl Incidence {
-    /// Returns the polar angle in degrees of the incoming direction and, unless the data are isotropic, its azimuth.
-    /// Returns `None` if there is no such direction, or if each sample has its own.
+    /// Returns the polar angle in degrees of the common incoming direction and, unless the data are isotropic, its
+    /// azimuth. Returns `None` if there is no incoming direction, or if each sample has its own.
     pub fn angles(&self) -> Option<(f64, Option<f64>)> {
         self.angles
     }
 
-    /// Returns the rows of the samples.
+    /// Returns the indices of the samples in this group: those that share one incoming direction, or all samples if
+    /// each has its own.
     pub fn rows(&self) -> &[u32] {
         &self.rows
     }
 
-    /// Returns the weights of the samples: areas of their cells, times |cos θ| if the quantity has that factor. In a
-    /// plane 1 replaces the area. Also returns true if the weights are areas.
+    /// Returns weights for sums over outgoing directions: the solid angle of each sample, times |cos θ| if the quantity
+    /// has that factor. In a plane of incidence 1 replaces the solid angle. Also returns true if the weights contain
+    /// solid angles.
     pub(super) fn weights(
         &self,
         directions: &[(Vector, Vector)],
@@ -49,7 +53,7 @@ impl Incidence {
     }
 }
 
-/// Groups the samples of `plan` by incidence.
+/// Groups the samples of a scan by incoming direction.
 pub(super) fn incidences(quantity: Quantity, plan: &Plan, has_incoming: bool) -> Vec<Incidence> {
     let own = |cloud: usize| plan.clouds[cloud].rows[..plan.clouds[cloud].own()].to_vec();
     let alone = |angles, rows: Vec<u32>| Incidence { angles, rows: sorted(rows), is_one: true };

@@ -71,7 +71,7 @@ use rows::{Kind, Rows};
 use std::borrow::Cow;
 use trials::is_symmetric;
 
-/// Projects `scattered`, the samples of `acquisition`.
+/// Projects the samples `scattered` of a file, which lie at scattered directions, onto the requested axes.
 pub(super) fn project(
     acquisition: &Acquisition,
     scattered: &Scattered,
@@ -167,7 +167,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled, numbers: None, scattered: Some(samples), lobe: carried })
 }
 
-/// Returns counts, noise and outliers of the samples.
+/// Returns a report on scattered samples: counts, noise and outliers.
 fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatter) -> ScatterReport {
     let positive = found.positive.max(1) as f64;
     let share = |values: u64, light| Rejected { values, samples: values as f64 / positive, light };
@@ -185,7 +185,8 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
     }
 }
 
-/// Returns notes for the user on samples with this number of values.
+/// Returns notes for the user on missing and negative values of scattered samples, of which there are `values`, and on
+/// filled and empty cells.
 fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<Note> {
     let mut notes: Vec<Note> = Vec::new();
     if report.missing > 0 {

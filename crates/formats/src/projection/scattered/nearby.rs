@@ -6,32 +6,40 @@ use crate::domain::Vertices;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
-/// Upper bound on the attempts to find a radius that contains the wanted number of samples.
+/// Upper bound on the attempts to find a radius about the point of a local fit that contains the wanted number of
+/// samples.
 const TRIES: usize = 4;
-/// Factor by which the search radius grows near an edge of the scan.
+/// Factor by which the search for samples around a block of triangles is widened once, if it found too few for a local
+/// fit, as at the edge of the measured directions. Raising it collects more samples.
 const WIDER: f64 = 1.6;
 
-/// Scratch space of one task.
+/// Scratch space of one task that searches samples around a block of triangles.
 #[derive(Default)]
 pub(super) struct Nearby {
     found: Vec<Found>,
     items: Vec<u32>,
-    /// Coordinates of the samples in the tree, one column for each.
+    /// Coordinates of the collected samples in the six-dimensional space in which nearest neighbours are sought, one
+    /// column for each coordinate.
     keys: [Vec<f64>; 6],
-    /// Squared distances of the samples from a place.
+    /// Squared distances of the collected samples from the point of a local fit, in the six-dimensional space in which
+    /// nearest neighbours are sought.
     squares: Vec<f64>,
     centre: [f64; 6],
-    /// Distance from the centre of the block to its farthest corner.
+    /// Distance from the centre of the block of triangles to its farthest corner.
     size: f64,
-    /// Radius about the centre within which all samples are collected.
+    /// Radius about the centre of a block of neighbouring triangles within which all samples are collected, in the
+    /// six-dimensional space in which nearest neighbours are sought.
     complete: f64,
-    /// Squared radius within which the centre has the wanted number of neighbours.
+    /// Squared radius, about the centre of a block of neighbouring triangles, that contains as many samples as a local
+    /// fit needs. It is measured in the six-dimensional space in which nearest neighbours are sought.
     reach: f64,
     is_wide: bool,
 }
 
 impl Nearby {
-    /// Collects the samples that `wanted` accepts within the reach of any place in `vertices` under `wi`.
+    /// Collects all samples that local fits within a block of neighbouring outgoing triangles may need under the
+    /// incoming direction `wi`. `vertices` are the corners of the triangles; `wanted` returns true for samples that may
+    /// be used.
     pub(super) fn gather(
         &mut self,
         (cloud, neighbours): (&Cloud, usize),
@@ -48,7 +56,8 @@ impl Nearby {
         self.collect(cloud, self.reach.sqrt(), wanted);
     }
 
-    /// Collects all samples within `reach` of any place of the block.
+    /// Collects all samples within distance `reach` of any point of a block of neighbouring triangles, in the
+    /// six-dimensional space in which nearest neighbours are sought.
     fn collect(&mut self, cloud: &Cloud, reach: f64, wanted: impl Fn(u32) -> bool) {
         self.complete = reach + self.size + 1e-9;
         cloud.within(&self.centre, self.complete * self.complete, wanted, &mut self.found);
@@ -60,8 +69,9 @@ impl Nearby {
         self.squares.resize(self.items.len(), 0.0);
     }
 
-    /// Selects the samples around the place `key` of the block into `found`. Takes all within some radius if their
-    /// number is about the wanted one, otherwise the nearest.
+    /// Selects into `found` the samples for a local fit at `key`, a point of the six-dimensional space in which nearest
+    /// neighbours are sought. Takes all within a radius that contains about `neighbours` samples, otherwise the nearest
+    /// ones.
     pub(super) fn select(
         &mut self,
         (cloud, neighbours): (&Cloud, usize),
@@ -102,12 +112,15 @@ impl Nearby {
         }
     }
 
-    /// Returns the squared radius about a place within which all samples are collected.
+    /// Returns the square of the radius within which all samples have been collected about `key`, the point of a local
+    /// fit in the six-dimensional space in which nearest neighbours are sought.
     fn complete_around(&self, key: &[f64; 6]) -> f64 {
         (self.complete - distance(key, &self.centre).sqrt()).max(0.0).powi(2)
     }
 
-    /// Computes the squared distances from `key`; later coordinates than the first `dimensions` are equal.
+    /// Computes the squared distance of each collected sample from `key`, a point of the six-dimensional space in which
+    /// nearest neighbours are sought. Uses the first `dimensions` coordinates, 3 or 6; with 3, the others are equal for
+    /// all points.
     fn measure(&mut self, key: &[f64; 6], dimensions: usize) {
         let n = self.items.len();
         let squares = &mut self.squares[..n];
@@ -128,7 +141,8 @@ impl Nearby {
         );
     }
 
-    /// Takes the `count` samples within distance √`square`.
+    /// Takes all collected samples whose squared distance from the point of a local fit is at most `square`; there are
+    /// `count` of them.
     fn take(&self, square: f64, count: usize, found: &mut Vec<Found>) {
         // One extra place is overwritten by samples that are not taken.
         found.resize(count + 1, (0.0, 0));
@@ -141,7 +155,8 @@ impl Nearby {
     }
 }
 
-/// Returns the mean of the corners.
+/// Returns the centre of a block of outgoing triangles under the incoming direction `wi`: the mean of the points that
+/// stand for their corners in the six-dimensional space in which nearest neighbours are sought.
 fn middle(cloud: &Cloud, wi: Vector, vertices: &[Vertices]) -> [f64; 6] {
     let (mut sum, mut count) = ([0.0; 6], 0.0);
     for &corner in vertices.iter().flatten() {

@@ -26,77 +26,89 @@ use crate::domain::Quantity;
 use crate::projection::resampling::Channels;
 use rayon::prelude::*;
 
-/// Numbers of neighbours whose fits estimate the noise. Noise is equal for all of them; differences that grow with the
-/// number are signal.
+/// Two counts of nearest neighbours from which each sample is predicted, to estimate the noise from the differences.
+/// The smaller estimate counts, because noise does not depend on the count: differences that grow with it are signal.
 const NEIGHBOURS: [usize; 2] = [27, 16];
-/// Approximate number of samples that estimate the noise, each in all bands, and upper bound on their values.
+/// Approximate number of samples from which the noise is estimated, each in all bands. Raising it is more accurate and
+/// slower.
 const JUDGES: usize = 1 << 13;
+/// Upper bound on the number of values from which the noise is estimated. Raising it is more accurate and slower.
 const JUDGED_VALUES: usize = 1 << 20;
-/// Upper bound on the brightness classes, and lower bound on the values in each.
+/// Upper bound on the number of brightness classes, for each of which the noise is estimated separately.
 const CLASSES: usize = 16;
+/// Lower bound on the number of values in a brightness class.
 const CLASS: usize = 200;
-/// Least number of values for a noise estimate.
+/// Least number of positive values for a noise estimate.
 const FEWEST: usize = 48;
-/// Ratio of the standard deviation of normal deviates to the median of their magnitudes.
+/// Ratio of the standard deviation of a normal distribution to the median of the magnitudes of its deviates.
 pub(super) const OF_MEDIAN: f64 = 1.4826;
-/// Relative noise below this is the rounding of float32, and counts as 0.
+/// Relative noise below which it is only the rounding of float32, and counts as 0.
 const ROUNDING: f64 = 2e-7;
-/// Standard deviations, of the class and of the neighbours, beyond which a sample deviates. Raising it rejects fewer.
+/// Multiple of a standard deviation by which a sample must differ from its prediction to count as an outlier. It is the
+/// larger one of two: of samples of similar brightness, and of the neighbours. Raising the multiple rejects fewer
+/// samples.
 const FAR_OFF: f64 = 8.0;
-/// Least difference of natural logarithms of a deviating sample: a third. Raising it rejects fewer.
+/// Least difference of natural logarithms by which a deviating sample differs from its neighbours: a third. Raising it
+/// rejects fewer samples.
 const LEAST_OFF: f64 = 0.3;
-/// Difference of logarithms, and standard deviations of the class, beyond which a sample is *high*. It is not
-/// rejected, but supports a lobe together with deviating samples.
+/// Difference of natural logarithms above which a sample is *high*: brighter than its neighbours, but not a deviating
+/// sample. High samples are kept, and support a lobe together with deviating ones. Raising it finds fewer high samples.
 const HIGH: f64 = 0.05;
+/// Number of standard deviations of its brightness class above which a sample is *high*: brighter than its neighbours,
+/// but not a deviating sample. Raising it finds fewer high samples.
 const HIGH_OFF: f64 = 4.0;
-/// Number of neighbours whose median is compared.
+/// Number of nearest neighbours with whose median a sample is compared.
 const NEAREST: usize = 12;
-/// Rounds of fits: first with all samples, then without deviating ones.
+/// Rounds of predicting samples from their neighbours: first with all samples, then without deviating ones.
 const ROUNDS: usize = 2;
-/// Number of neighbours examined around a deviating sample, and least number on the same side that makes a lobe.
+/// Number of neighbours examined around a deviating sample to tell whether several of them form a lobe.
 const BESIDE: usize = 6;
+/// Least number of neighbours that must deviate to the same side as a sample for both to form a lobe. Raising it
+/// rejects more samples.
 const LOBE: usize = 2;
 
-/// Noise and outliers of the samples.
+/// Noise and outliers of scattered samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scatter {
-    /// Root mean square of the relative noise of positive samples; `None` if there are too few.
+    /// Root mean square of the relative noise of positive samples; `None` if there are too few samples.
     pub(super) noise: Option<f64>,
-    /// Rejected values, in increasing order of positions.
+    /// Values rejected as outliers, in increasing order of their positions in the array of values.
     pub(super) rejected: Vec<Rejection>,
-    /// Fraction of the sum of all positive values in the rejected ones, and in the isolated ones among them.
+    /// Sum of the outliers as a fraction of the sum of all positive values.
     pub(super) light: f64,
+    /// Sum of the isolated outliers as a fraction of the sum of all positive values.
     pub(super) isolated_light: f64,
-    /// Number of values that differ strongly from their neighbours but belong to a lobe.
+    /// Number of values that differ strongly from their neighbours but belong to a lobe, and are not rejected.
     pub(super) lobe: u64,
-    /// Rejected values that suggest a lobe which the scan does not resolve.
+    /// Outliers that suggest a lobe too narrow for the sample spacing; `None` if there are none.
     pub(super) unresolved: Option<UnresolvedLobe>,
-    /// Number of positive values.
+    /// Number of positive values of the scan.
     pub(super) positive: u64,
 }
 
-/// A rejected value.
+/// A value rejected as an outlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rejection {
-    /// Position in the array `[row, own channel]`.
+    /// Position of the rejected value in the row-major array `[sample, channel]` of the values that are compared with
+    /// predictions.
     pub(super) position: usize,
-    /// True if other rejected samples lie close to it.
+    /// True if other outliers lie close to the value.
     pub(super) is_together: bool,
 }
 
-/// Noise of the samples of one brightness class.
+/// Noise of the samples whose brightness lies in one range.
 struct Class {
-    /// Logarithm of the brightest prediction in the class.
+    /// Natural logarithm of the brightest predicted value in the brightness class.
     up_to: f64,
     deviation: f64,
 }
 
-/// Channels on which values are compared: the wavelengths of the tensor, or the single value before a spectrum
-/// multiplies it.
+/// Channels on which a sample is compared with its neighbours: the wavelengths of the tensor, or the single value
+/// before a spectrum multiplies it.
 pub(super) struct Own<'a>(pub(super) &'a Channels);
 
 impl Own<'_> {
-    /// Returns the number of compared values of a row.
+    /// Returns the number of compared channels of a sample.
     pub(super) fn width(&self) -> usize {
         if let Channels::Multiplied(_) = self.0 { 1 } else { self.0.to() }
     }
@@ -112,7 +124,7 @@ impl Own<'_> {
     }
 }
 
-/// Scratch space of one task: a prediction and a row, on the compared channels.
+/// Scratch space of one task that compares samples with predictions from their neighbours.
 #[derive(Default)]
 struct Compared {
     scratch: Scratch,
@@ -123,9 +135,9 @@ struct Compared {
 }
 
 impl Compared {
-    /// Computes the differences of logarithms between the values at `point` and the prediction of its neighbours, and
-    /// the logarithm of the prediction. They are NaN if a value is not positive. Returns `None` if there is no
-    /// prediction.
+    /// Computes the differences of logarithms between the sample `point` and its prediction from neighbours, and the
+    /// logarithms of the prediction. Both are NaN in channels with a value that is not positive. Returns `None` if
+    /// there is no prediction.
     fn differences(
         &mut self,
         fitted: &Fitted<'_>,
@@ -147,8 +159,8 @@ impl Compared {
     }
 }
 
-/// Predicts the value at `point` from its neighbours, without itself, its mirror image, and points that `is_left_out`.
-/// The result is in `scratch.row`.
+/// Predicts the sample `point` from its neighbours, without the sample itself, its mirror image, and samples for which
+/// `is_left_out` is true. The result is in `scratch.row`.
 pub(super) fn without_itself(
     fitted: &Fitted<'_>,
     point: u32,
@@ -169,7 +181,7 @@ pub(super) fn without_itself(
     (support.nearest < support.reach).then_some(support)
 }
 
-/// Finds the noise and the rejected values of `rows`.
+/// Finds the noise and the outliers of scattered samples.
 pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels: &Channels) -> Scatter {
     let own = Own(channels);
     let classes = classes(plan, rows, &own);
@@ -216,7 +228,7 @@ pub(super) fn scatter(quantity: Quantity, plan: &Plan, rows: &Rows<'_>, channels
     scatter
 }
 
-/// Returns the noise by brightness of the prediction, and the number of values in each class.
+/// Returns the noise by brightness class of the predicted values, and the number of values in each class.
 fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
     let points: usize = plan.clouds.iter().map(Cloud::own).sum();
     let judges = JUDGES.min(JUDGED_VALUES / own.width()).max(100);
@@ -257,7 +269,8 @@ fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// Divides values, sorted by prediction, into classes of equal numbers.
+/// Divides (predicted value, difference) pairs, sorted by prediction, into brightness classes with about equally many
+/// pairs each, and estimates the noise in each class.
 fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     let count = pairs.len();
     let number = (count / CLASS).clamp(1, CLASSES);
@@ -274,12 +287,12 @@ fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// Deviating channels of a sample, with the differences of logarithms.
+/// Channels in which a sample deviates from its neighbours, each with the difference of logarithms.
 type Sides = Vec<(usize, f32)>;
 
-/// Returns the samples of a cloud that deviate or are high, and marks their channels that are not rejected. These are
-/// shared by enough neighbours for a lobe, or no more than high. `usual` is the spacing of samples of several
-/// incidences.
+/// Returns the samples of a cloud that deviate from their neighbours or are *high* (brighter than noise explains). Also
+/// marks the channels that are not rejected, since neighbours deviate likewise as in a lobe, or the sample is only
+/// high. `usual` is the sample spacing if several incoming directions are fitted together.
 fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec<(Off, Vec<bool>)> {
     if classes.is_empty() {
         return Vec::new();
@@ -322,15 +335,17 @@ fn off(fitted: &Fitted<'_>, own: &Own<'_>, classes: &[Class], usual: f64) -> Vec
     off.chain(high.iter().map(|(point, sides)| (*point, sides, true))).map(of).collect()
 }
 
-/// Returns the sample of a point, or of its mirror image.
+/// Returns the index of the sample that a point stands for: of the sample itself or, for the mirror image of a sample
+/// in the plane of incidence, of that sample.
 fn own_point(cloud: &Cloud, item: u32) -> usize {
     let item = item as usize;
     if item < cloud.own() { item } else { item - cloud.own() }
 }
 
 impl Compared {
-    /// Returns the deviating and the high channels of a sample. Returns `None` if none differs much from the
-    /// prediction without points that `is_left_out`.
+    /// Returns the channels in which a sample deviates from its neighbours, and those in which it is *high* (brighter
+    /// than noise explains). Predicts the sample without points for which `is_left_out` is true. Returns `None` if no
+    /// channel differs much.
     fn sides(
         &mut self,
         fitted: &Fitted<'_>,
@@ -379,8 +394,8 @@ impl Compared {
     }
 }
 
-/// Returns the difference of `log` from the median logarithm of `values`, and the robust standard deviation of these.
-/// Returns `None` if one is not positive.
+/// Returns the difference of `log` from the median logarithm of `values`, and the robust standard deviation of the
+/// logarithms. Returns `None` if one of the values is not positive.
 fn beside_median(values: impl Iterator<Item = f32>, log: f64) -> Option<(f64, f64)> {
     let logs: Option<Vec<f64>> = values.map(|v| (v > 0.0).then(|| f64::from(libm::logf(v)))).collect();
     let mut logs = logs.filter(|logs| !logs.is_empty() && !log.is_nan())?;

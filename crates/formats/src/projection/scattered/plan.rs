@@ -15,67 +15,73 @@ use crate::projection::levels::{self, Choice, Entries, MAX_CHOSEN_SAMPLES};
 use crate::projection::request::AxesRequest;
 use rayon::prelude::*;
 
-/// Finest level of outgoing triangles chosen automatically: cells of 0.6°.
+/// Finest subdivision level of outgoing triangles chosen automatically, with triangles of 0.6°. Raising it resolves
+/// finer detail with larger tensors.
 const FINEST: u8 = 7;
-/// Upper bound on the cells, or pairs of them, after refinement: a million. Beyond it, files and times grow while
-/// errors hardly fall.
+/// Upper bound on the number of triangles, or of pairs of them, after refinement: a million. Beyond it, files and times
+/// grow while errors hardly fall.
 const MAX_REFINED_CELLS: usize = 1 << 20;
-/// Upper bound on the bands used for choices. Raising it is slower.
+/// Upper bound on the number of spectral bands from which settings such as the number of neighbours are chosen. Raising
+/// it is slower.
 const BANDS: usize = 8;
-/// Distance assigned to neighbouring incoming directions in joint fits, in spacings of outgoing samples. Raising it
-/// mixes fewer incoming directions.
+/// Distance that neighbouring incoming directions get if several are fitted together, in spacings of outgoing samples.
+/// Raising it mixes fewer incoming directions.
 const JOINT_STRETCH: f64 = 1.5;
-/// Largest distance to the nearest measured incoming direction, in spacings between them; cells farther away are
-/// empty.
+/// Largest distance to the nearest measured incoming direction at which a value is computed, in spacings of the
+/// measured incoming directions; farther cells are empty. Raising it extrapolates farther.
 const JOINT_REACH: f64 = 1.5;
-/// Upper bound on the size of the parts of a cell, as a fraction of the reach of a fit. Raising it takes fewer fits.
+/// Upper bound on the size of the parts into which a triangle is split for fits, as a fraction of the radius of a fit.
+/// Raising it takes fewer fits.
 const PART: f64 = 0.7;
 
-/// Entry of the incoming axis: its direction, and the number of the cloud fitted for it.
+/// Position on the incoming axis: its direction, and the number of the group of samples that is fitted for it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
     pub(super) wi: Vector,
     pub(super) cloud: usize,
 }
 
-/// Assignment of samples to cells.
+/// Assignment of scattered samples to tensor cells, which are pairs of an incoming position and an outgoing triangle.
 #[derive(Clone, Debug)]
 pub(super) struct Located {
-    /// Cell `[entry, triangle]` of each row; `None` if it is not used or outside the axes.
+    /// Index `[incoming position, outgoing triangle]` of the cell of each sample; `None` if the sample is not used or
+    /// lies outside the axes.
     pub(super) cells: Vec<Option<usize>>,
-    /// True for each cell that contains a sample or a mirror image.
+    /// True for each cell of the tensor that contains a sample or a mirror image of one.
     pub(super) has_sample: Vec<bool>,
-    /// Rows under each entry.
+    /// Indices of the samples under each position of the incoming axis.
     pub(super) rows: Vec<Vec<u32>>,
 }
 
-/// Choices for the projection of scattered samples.
+/// Choices for the projection of scattered samples: axes, groups of samples, and settings of the fits.
 pub(super) struct Plan {
     pub(super) isotropic: bool,
-    /// True if mirror images replace a half that was not measured.
+    /// True if only one side of the plane of incidence was measured, and mirror images of the samples replace the
+    /// other.
     pub(super) unfolded: bool,
     pub(super) directions: Vec<(Vector, Vector)>,
     pub(super) clouds: Vec<Cloud>,
     pub(super) entries: Vec<Entry>,
-    /// Elevations of the entries, in degrees.
+    /// Polar angles of the positions on the incoming axis, in degrees.
     pub(super) elevations: Vec<f64>,
     incoming: Option<Choice>,
     pub(super) outgoing: Choice,
     pub(super) parts: Parts,
     pub(super) neighbours: usize,
-    /// Fraction of the variance of a value that is independent between bands; the rest is common to its row.
+    /// Fraction of the variance of a value that is independent between bands; the rest is common to all bands of a
+    /// sample.
     own_noise: f64,
     incoming_reach: f64,
-    /// Usual distance between the samples of one incidence, in radians.
+    /// Usual distance between neighbouring samples under one incoming direction, in radians.
     pub(super) spacing: f64,
     sides_apart: bool,
-    /// A selection of the bands of all rows, if there are many.
+    /// Values of all samples in a selection of the bands; `None` if there are few bands.
     thin: Option<Rows<'static>>,
     pub(super) notes: Vec<Note>,
 }
 
-/// Returns the side that triangles represent, and its requested level. Fails if a level is requested for a missing
-/// side.
+/// Returns the role (incoming or outgoing) of the directions that become triangles, and the level requested for them.
+/// Fails if a level is requested for directions that do not exist.
 fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(Role, Option<u8>), ProjectionError> {
     let (role, level, other, unused) = if lone {
         (Role::Incoming, request.incoming_level, Role::Outgoing, request.outgoing_level)
@@ -89,8 +95,8 @@ fn asked(of: &Scattered, request: &AxesRequest, lone: bool) -> Result<(Role, Opt
     Ok((role, level))
 }
 
-/// Moves the incoming directions of a reflectance to the outgoing side, which triangles represent; `None` for other
-/// data.
+/// Treats the incoming directions of a hemispherical reflectance as outgoing ones, which triangles represent; `None`
+/// for other data.
 fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
     (quantity == Quantity::Reflectance && scattered.outgoing.is_empty()).then(|| Scattered {
         incoming: Vec::new(),
@@ -103,7 +109,8 @@ fn turned(quantity: Quantity, scattered: &Scattered) -> Option<Scattered> {
 }
 
 impl Plan {
-    /// Creates the plan for `rows`, the values of `scattered`. `channels` is the number of values of a cell.
+    /// Chooses axes, groups of samples and settings of the local fits for projecting samples at scattered directions.
+    /// `rows` are the values of the samples, `channels` the number of spectral values per direction of the result.
     pub(super) fn new(
         quantity: Quantity,
         scattered: &Scattered,
@@ -222,12 +229,12 @@ impl Plan {
         }
     }
 
-    /// Returns a selection of the bands of all `rows`.
+    /// Returns the values of all samples in a selection of the bands, or `rows` itself if there are few bands.
     pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
         self.thin.as_ref().unwrap_or(rows)
     }
 
-    /// Returns the setup of fits to `rows` with cloud number `cloud`.
+    /// Returns the setup of local fits to the values `rows` of the samples in group number `cloud`.
     pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
         Fitted {
             rows,
@@ -244,7 +251,7 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// Assigns samples to cells.
+    /// Assigns the samples to tensor cells.
     pub(super) fn located(&self) -> Located {
         let mesh = self.outgoing.mesh;
         let axis = self.incoming_axis();
@@ -289,7 +296,7 @@ impl Plan {
         levels::lower_to_fit(incoming, Entries::Chosen(&mut self.outgoing), channels);
     }
 
-    /// Refines the outgoing triangles `times` times, or as far as the limits allow.
+    /// Refines the outgoing triangles `times` times by one level, or as far as the size limits allow.
     fn refine(&mut self, times: u8, channels: usize) {
         for _ in 0..times {
             let is_small = |limit: usize, inner: usize| self.size(inner).saturating_mul(4) <= limit;
@@ -320,7 +327,8 @@ impl Plan {
     }
 }
 
-/// Creates a cloud for each group of samples, and the elevations of the incoming axis.
+/// Creates a k-d tree of the samples under each incoming polar angle, or one of all samples. Also returns the incoming
+/// polar angles in degrees if the data are isotropic; otherwise none.
 fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync) -> (Vec<Cloud>, Vec<f64>) {
     match groups {
         Incoming::None | Incoming::Directions(_) => (vec![cloud(live)], Vec::new()),
@@ -329,7 +337,8 @@ fn clouds(groups: Incoming, live: &[u32], cloud: impl Fn(&[u32]) -> Cloud + Sync
     }
 }
 
-/// Returns the entry of an axis for a direction with elevation `theta` in degrees; the nearest one of elevations.
+/// Returns the position on the incoming axis for a direction with polar angle `theta` in degrees: the triangle that
+/// contains it, or the nearest polar angle.
 pub(super) fn entry_of(axis: &Axis, d: Vector, theta: f64) -> Option<usize> {
     match axis {
         Axis::Triangles(mesh) => mesh.locate(Direction::from_unit(d)),

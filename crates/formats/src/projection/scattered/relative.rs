@@ -8,16 +8,20 @@ use super::cloud::slope;
 use crate::domain::Quantity;
 use crate::domain::vector::{Vector, cross, dot, norm, unit};
 
-/// Number of coordinate systems: mirror direction, half-vector slopes, direction back to the source.
+/// Number of coordinate systems in which lobes are sought: about the mirror direction, in half-vector slopes, and about
+/// the direction back to the source.
 const COORDINATES: usize = 3;
-/// Place of samples whose half vector has no slope: far from all that have one.
+/// Coordinates of samples whose half vector has no slope: far from those of all other samples.
 const NOWHERE: Vector = [1e6, 0.0, 0.0];
 
-/// Expected place of a lobe's peak in each coordinate system.
+/// Expected position of a lobe's peak in each of the three coordinate systems (mirror direction, half-vector slopes,
+/// direction back to the source).
 pub(super) const ORIGINS: [Vector; COORDINATES] = [[1.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0]];
 
-/// Returns the place of a pair of directions in each coordinate system. Near the origins, distances are about those
-/// between outgoing directions, in radians.
+/// Returns three sets of coordinates of a pair of directions: about the mirror direction, in half-vector slopes, and
+/// about the direction back to the source. In one of them a lobe peaks at the same place under all incoming directions.
+///
+/// Near that peak ([`ORIGINS`]), distances approximate those between outgoing directions, in radians.
 pub(super) fn places(quantity: Quantity, (wi, wo): (Vector, Vector)) -> [Vector; COORDINATES] {
     let [x, y, z] = wi;
     let across = if norm([x, y, 0.0]) > 1e-6 { unit([-y, x, 0.0]) } else { [0.0, 1.0, 0.0] };

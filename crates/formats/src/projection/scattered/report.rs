@@ -3,54 +3,59 @@
 use crate::domain::LobeCentre;
 use serde::{Deserialize, Serialize};
 
-/// Counts, noise and outliers of scattered samples, independent of the cells made of them.
+/// Counts, noise and outliers of scattered samples, independent of the triangles onto which they are projected.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct ScatterReport {
-    /// Number of samples (directions, or pairs of them).
+    /// Number of samples of the file: directions, or pairs of incoming and outgoing directions.
     pub samples: u64,
-    /// Number of missing values.
+    /// Number of missing values of the samples.
     pub missing: u64,
-    /// Number of negative values; they are kept.
+    /// Number of negative values, which are kept.
     pub negative: u64,
-    /// Number of nearest samples that each value is fitted to.
+    /// Number of nearest samples to which each value of the tensor is fitted.
     pub neighbours: usize,
     /// Root mean square of the relative noise of the samples, from differences between neighbours; `None` if there are
     /// too few samples.
     pub noise: Option<f64>,
-    /// Outliers.
+    /// Outliers: samples that differ so much from their neighbours that they are left out of all errors.
     pub rejected: Rejected,
-    /// Isolated outliers: fewer than three within two sample spacings of each other, in every coordinate system.
+    /// Isolated outliers: those that do not belong to a group of three or more within two sample spacings. Groups are
+    /// sought in three coordinate systems: about the mirror direction, in half-vector slopes, and about the direction
+    /// back to the source.
     pub isolated: Rejected,
     /// Number of values that differ strongly from their neighbours but belong to a narrow lobe. Samples of several
-    /// incidences lie close together about the mirror direction, in the slope of the half vector, or about the
-    /// direction back to the source. They fall off from one peak and are not rejected.
+    /// incoming directions lie close together about the mirror direction, in the slope of the half vector, or about the
+    /// direction back to the source. They decrease from one peak and are not rejected.
     pub lobe: u64,
-    /// Rejected values that suggest a lobe which the scan does not resolve; `None` if there are none. Samples of
-    /// several incidences (of one if there is no other) are outliers and the nearest ones to the mirror direction or to
-    /// that back to the source.
+    /// Outliers that suggest a lobe too narrow for the sample spacing; `None` if there are none. They are the samples
+    /// nearest to the mirror direction or to the direction back to the source, under two or more incoming directions
+    /// (under one if the file has no other).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unresolved: Option<UnresolvedLobe>,
 }
 
-/// Outliers: samples that differ so much from their neighbours that they are left out of all errors.
+/// Number of outliers among the samples, and how much they contribute. Outliers differ so much from their neighbours
+/// that they are left out of all errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Rejected {
-    /// Number of values.
+    /// Number of values that are outliers.
     pub values: u64,
-    /// Fraction of all positive values, by number.
+    /// Number of outliers divided by the number of positive values.
     pub samples: f64,
-    /// Fraction of the sum of all positive values.
+    /// Sum of the outliers divided by the sum of all positive values.
     pub light: f64,
 }
 
-/// Outliers about one likely centre: perhaps samples of a lobe that the scan does not resolve.
+/// Outliers about one likely lobe centre: perhaps samples of a lobe that the scan does not resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct UnresolvedLobe {
-    /// Centre of the lobe; in transmission the direction straight through stands for the mirror direction.
+    /// Direction about which the outliers suggest a lobe: the mirror direction (in transmission, the direction straight
+    /// through) or the direction back to the source.
     pub centre: LobeCentre,
-    /// Number of rejected values about the centre.
+    /// Number of values that are outliers within about one sample spacing of the direction about which they suggest a
+    /// lobe.
     pub values: u64,
 }

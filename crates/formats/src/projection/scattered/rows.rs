@@ -5,35 +5,38 @@ use crate::numeric::wide;
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Number of points within a cell whose values are averaged. Raising it is more accurate and slower.
+/// Number of points within a triangle at which a local fit is evaluated and averaged. Raising it is more accurate and
+/// slower.
 pub(super) const PARTS: usize = 4;
-/// Number of bands summed at a time.
+/// Number of spectral bands in which the weighted sums over samples of a local fit are formed at a time. Raising it
+/// uses more memory.
 const BLOCK: usize = 256;
 
-/// Rows of values `[sample, band]`, prepared for fits.
+/// Values of scattered samples `[sample, band]`, prepared for local fits.
 pub(super) struct Rows<'a> {
     pub(super) width: usize,
     values: Cow<'a, [f32]>,
-    /// Natural logarithms; NaN if a value is missing or not positive.
+    /// Natural logarithms of the sample values `[sample, band]`; NaN if a value is missing or not positive.
     logs: Vec<f32>,
     pub(super) kinds: Vec<Kind>,
-    /// Means over the bands of each row: of the logarithms (NaN unless all are positive) and of the values (NaN if
-    /// some are missing).
+    /// Means over the bands of each sample: of the logarithms (NaN unless all values are positive) and of the values
+    /// (NaN if some are missing).
     pub(super) light: Vec<[f64; 2]>,
-    /// Inverse variance of each row, absolute and relative to its own values; empty if no uncertainty is stated.
+    /// Pair of numbers for each sample: the inverse of its stated variance, averaged over bands, and this inverse times
+    /// the mean square of its values. Empty if the file states no uncertainty.
     pub(super) certainty: Vec<[f64; 2]>,
 }
 
-/// Completeness of a row.
+/// Completeness of the values of a sample over the bands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
-    /// All values present and positive.
+    /// All values of the sample are present and positive.
     Positive,
-    /// All values present.
+    /// All values of the sample are present, but some are zero or negative.
     Whole,
-    /// Some values missing.
+    /// Some values of the sample are missing.
     Partial,
-    /// All values missing.
+    /// All values of the sample are missing.
     Missing,
 }
 
@@ -52,7 +55,8 @@ impl<'a> Rows<'a> {
         Self { width, values, logs, kinds, light, certainty }
     }
 
-    /// Returns `count` of the bands, evenly spread; `None` if there are no more than that.
+    /// Returns the values of all samples in `count` of the bands, evenly spread; `None` if there are no more bands than
+    /// that.
     pub(super) fn thinned(&self, sigma: Option<&[f32]>, count: usize) -> Option<Rows<'static>> {
         if self.width <= count {
             return None;
@@ -73,9 +77,9 @@ impl<'a> Rows<'a> {
         &self.logs[row as usize * self.width..][..self.width]
     }
 
-    /// Writes into `out` the mean over points, weighted by `shares`, of the values that `weights` `[point, row]` give
-    /// for `rows`. The first row is the reference for differences. Bands in which all rows are positive sum
-    /// logarithms, others values. Bands in which some row is missing become NaN.
+    /// Writes into `out`, for each band, the value of a local fit averaged over points with the weights `shares`.
+    /// `weights` `[sample, point]` are the weights of the samples `rows` at each point. Bands in which all these
+    /// samples are positive average logarithms, others values. Bands that some sample lacks become NaN.
     pub(super) fn combine(&self, rows: &[u32], weights: &[[f32; PARTS]], shares: [f32; PARTS], out: &mut [f32]) {
         let positive = rows.iter().all(|&row| self.kinds[row as usize] == Kind::Positive);
         let total: f32 = shares.iter().sum();
@@ -114,14 +118,15 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Returns the single value of `row` times the mean of exp(`logs`), weighted by `shares`.
+    /// Returns the single value of sample `row` times the mean of exp(`logs`), weighted by `shares`.
     pub(super) fn mean_of(&self, row: u32, logs: [f64; PARTS], shares: [f32; PARTS]) -> f32 {
         let total: f32 = shares.iter().sum();
         let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp_horner(log as f32)).sum();
         self.values[row as usize] * (mean / total)
     }
 
-    /// Like [`Rows::combine`], for one band that all `rows` have.
+    /// Returns the value of a local fit in one spectral band, averaged over [`PARTS`] points with the weights `shares`.
+    /// All samples in `rows` must have a value in this band.
     pub(super) fn combine_band(
         &self,
         band: usize,
@@ -148,7 +153,8 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Adds the weighted differences from `base`.
+    /// Adds up the weighted differences of the samples from the reference spectrum `base`, into `sums`: for each of the
+    /// four directions at which a local fit is evaluated, and each spectral band from `start` on.
     fn sum(
         &self,
         from: &[f32],
@@ -190,8 +196,8 @@ fn look(row: &[f32], logs: &[f32]) -> (Kind, [f64; 2]) {
     (kind, [mean(logs), mean(row)])
 }
 
-/// Returns the inverse of the mean variance of the bands, absolute and relative to the mean square of the values; 0 if
-/// nothing is stated.
+/// Returns the inverse of the mean variance over the bands of a sample, absolute and relative to the mean square of its
+/// values; 0 if no uncertainty is stated.
 fn certainty(row: &[f32], sigma: &[f32]) -> [f64; 2] {
     let (mut variance, mut square, mut count) = (0.0, 0.0, 0.0);
     for (&value, &sigma) in row.iter().zip(sigma) {

@@ -4,30 +4,34 @@ use super::rows::PARTS;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 use crate::numeric::wide;
 
-/// Number of terms of the largest basis: 1, u, v, a, b, u², uv, v².
+/// Number of terms of the largest polynomial basis of a local fit: 1, u, v, a, b, u², uv, v².
 pub(super) const TERMS: usize = 8;
-/// Number of samples summed side by side.
+/// Number of samples summed side by side in SIMD lanes.
 const LANES: usize = 4;
-/// Ridge added to the diagonal, as a fraction of the sum of weights. Terms in which samples do not differ become 0.
+/// Ridge added to the diagonal of the normal equations, as a fraction of the sum of weights. It makes the coefficients
+/// of undetermined terms 0.
 const RIDGE: f64 = 1e-9;
 
-/// Properties of the samples, one column each. Columns are padded to whole lanes; the padding has no weight.
+/// Columns of a local least-squares fit, one element for each sample. Columns are padded to whole SIMD lanes; the
+/// padding has no weight.
 #[derive(Default)]
 pub(super) struct Columns {
-    /// Basis functions; the first is 1.
+    /// Polynomial basis functions at the samples; the first is the constant 1.
     pub(super) basis: [Vec<f64>; TERMS],
-    /// Squared distances, relative to the squared reach.
+    /// Squared distances of the samples from the centre of the local fit, divided by slightly more than the largest of
+    /// them.
     pub(super) squares: Vec<f64>,
-    /// Weights by stated uncertainty.
+    /// Weight of each sample in the local fit according to its stated uncertainty.
     pub(super) certainty: Vec<f64>,
     pub(super) robust: Vec<f64>,
     pub(super) light: Vec<f64>,
     pub(super) residuals: Vec<f64>,
-    /// Weights in the last system.
+    /// Weights of the samples in the last solved system: products of the weights by distance, by stated uncertainty,
+    /// and against outliers.
     weights: Vec<f64>,
 }
 
-/// Sums over residuals.
+/// Sums and maxima of the residuals of a local fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Departure {
     pub(super) sum: f64,
@@ -36,17 +40,18 @@ pub(super) struct Departure {
     pub(super) brightest: f64,
 }
 
-/// A symmetric system, factored, with its solution for the light.
+/// Factored normal equations of a local fit, with their solution for the samples' means over bands.
 pub(super) struct Factored {
     factor: [[f64; TERMS]; TERMS],
     pub(super) terms: usize,
     pub(super) solution: [f64; TERMS],
-    /// Variance of the light about the fit.
+    /// Variance of the samples about the fitted polynomial; each sample counts as its mean over bands.
     pub(super) scatter: f64,
 }
 
 impl Columns {
-    /// Makes room for `count` samples with full robust weights.
+    /// Resizes all columns of a local least-squares fit for `count` samples. Sets the weights that suppress outliers to
+    /// 1.
     pub(super) fn resize(&mut self, count: usize) {
         let padded = count.next_multiple_of(LANES);
         let Self { basis, squares, certainty, robust, light, residuals, weights } = self;
@@ -59,8 +64,11 @@ impl Columns {
         self.robust.fill(1.0);
     }
 
-    /// Sets the weights of the first `count` samples within `reach`. The farthest has weight, too: its square is less
-    /// than 1.
+    /// Sets the weights of the first `count` samples in a local least-squares fit. Each is the product of three
+    /// weights: by distance, by stated uncertainty, and against outliers.
+    ///
+    /// The weight by distance falls linearly with the squared distance, to 0 at `reach`. The farthest sample has some
+    /// weight, too: its squared distance is less than 1.
     fn count(&mut self, count: usize, reach: f64) {
         let padded = count.next_multiple_of(LANES);
         let [squares, certainty, robust] =
@@ -78,7 +86,8 @@ impl Columns {
         );
     }
 
-    /// Solves the system of the first `count` samples within `reach`, a fraction of the squared reach of all.
+    /// Solves the normal equations of the first `count` samples within the squared radius `reach`, a fraction of the
+    /// squared radius of all samples.
     pub(super) fn system(&mut self, count: usize, reach: f64, joint: bool, terms: usize) -> Factored {
         self.count(count, reach);
         let padded = count.next_multiple_of(LANES);
@@ -125,7 +134,7 @@ impl Columns {
         factored
     }
 
-    /// Computes the residuals of the light of the first `count` samples.
+    /// Computes the magnitudes of the residuals of the first `count` samples for the coefficients `solution`.
     pub(super) fn depart(&mut self, count: usize, solution: &[f64; TERMS]) -> Departure {
         let Self { basis, light, residuals, .. } = self;
         let padded = count.next_multiple_of(LANES);
@@ -156,7 +165,7 @@ impl Columns {
         Departure { sum: total(sum), squares: total(squares), largest: most(largest), brightest: most(brightest) }
     }
 
-    /// Lowers the weight of samples with residuals up to `limit`, and sets it to 0 beyond (bisquare).
+    /// Lowers the robust weight of samples with residuals up to `limit`, and sets it to 0 beyond (bisquare weights).
     pub(super) fn trust(&mut self, limit: f64) {
         for (robust, residual) in self.robust.iter_mut().zip(&self.residuals) {
             let far = residual / limit;
@@ -164,8 +173,8 @@ impl Columns {
         }
     }
 
-    /// Calls `with` for each of the first `count` samples with weight within `reach`, with its weights in the values
-    /// at `parts`.
+    /// Calls `with` for each sample of nonzero weight among the first `count` samples. Passes its weights in the fitted
+    /// values at the points `parts`.
     pub(super) fn weigh(
         &mut self,
         (count, reach): (usize, f64),
@@ -198,7 +207,7 @@ impl Columns {
     }
 }
 
-/// Splits a column into lanes.
+/// Splits a column into groups of samples that are summed side by side in SIMD lanes.
 fn lanes(column: &[f64]) -> &[[f64; LANES]] {
     column.as_chunks().0
 }
@@ -207,7 +216,7 @@ fn total(lanes: [f64; LANES]) -> f64 {
     (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
-/// Sums row `J` of the lower triangle and of the right-hand side.
+/// Sums row `J` of the lower triangle of the normal matrix, and element `J` of the right-hand side.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn add_row<const J: usize>(
@@ -240,7 +249,8 @@ fn add_row<const J: usize>(
 }
 
 impl Factored {
-    /// Computes the Cholesky factor of the first `terms` rows of the lower triangle of `matrix`.
+    /// Computes the Cholesky factor of the normal equations from the first `terms` rows of the lower triangle of
+    /// `matrix`.
     fn new(mut matrix: [[f64; TERMS]; TERMS], terms: usize) -> Self {
         match terms {
             6 => factor_clamped::<6, TERMS>(&mut matrix),
@@ -252,7 +262,7 @@ impl Factored {
         Self { factor: matrix, terms, solution: [0.0; TERMS], scatter: 0.0 }
     }
 
-    /// Solves for a right-hand side; the solution is 0 beyond the terms.
+    /// Solves the factored normal equations for a right-hand side; the solution is 0 beyond the terms of the fit.
     pub(super) fn solve(&self, right: [f64; TERMS]) -> [f64; TERMS] {
         match self.terms {
             6 => backward::<6, TERMS>(&self.factor, forward::<6, TERMS>(&self.factor, right)),
@@ -263,8 +273,8 @@ impl Factored {
         }
     }
 
-    /// Returns the quadratic form of the inverse with `of`: the variance of that combination if samples vary by their
-    /// inverse weights.
+    /// Returns the variance of the linear combination `of` of the coefficients if the variances of the samples are
+    /// their inverse weights. It is the quadratic form of the inverse normal matrix.
     pub(super) fn variance(&self, of: [f64; TERMS]) -> f64 {
         let half = match self.terms {
             6 => forward::<6, TERMS>(&self.factor, of),
@@ -276,7 +286,7 @@ impl Factored {
         half.iter().map(|x| x * x).sum()
     }
 
-    /// Returns the light of the fit at a place with this basis.
+    /// Returns the fitted mean over bands at a place with the basis functions `at`.
     pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
         self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
     }

@@ -19,12 +19,12 @@ pub(super) fn acquisition(quantity: Quantity, scattered: Scattered) -> Acquisiti
     }
 }
 
-/// Evenly distributed numbers between 0 and 1 (R2, Roberts 2018).
+/// Returns evenly distributed points with coordinates between 0 and 1 (the R2 sequence, Roberts 2018).
 fn square(i: usize) -> [f64; 2] {
     [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.5 + i as f64 * step).fract())
 }
 
-/// Noise with a standard deviation of about 1.
+/// Returns pseudo-random noise with a standard deviation of about 1.
 pub(super) fn noise(i: usize) -> f64 {
     let even = |k: u32| {
         let mixed = (i as u32).wrapping_mul(0x9e37_79b9).wrapping_add(k).wrapping_mul(0x85eb_ca6b);
@@ -33,14 +33,14 @@ pub(super) fn noise(i: usize) -> f64 {
     (0..12).map(even).sum::<f64>() - 6.0
 }
 
-/// Directions uniform in solid angle from the normal to `lowest`, in degrees.
+/// Returns outgoing directions uniform in solid angle from the normal down to the polar angle `lowest`, in degrees.
 pub(super) fn uniform(count: usize, lowest: f64) -> Vec<[f64; 2]> {
     let low = lowest.to_radians().cos();
     let angles = |[u, v]: [f64; 2]| [(low + (1.0 - low) * u).acos().to_degrees(), 360.0 * v];
     (0..count).map(|i| angles(square(i))).collect()
 }
 
-/// An isotropic BRDF `f(wi, wo)` at `outgoing` under each elevation.
+/// Test data: an isotropic BRDF `f(wi, wo)` at the `outgoing` directions under each incoming polar angle.
 pub(super) fn isotropic(elevations: &[f64], outgoing: &[[f64; 2]], f: impl Fn(Vector, Vector) -> f64) -> Acquisition {
     let mut scattered =
         Scattered { incoming: vec![], outgoing: vec![], isotropic: true, spectral: None, values: vec![], sigma: None };
@@ -73,15 +73,15 @@ fn mesh(projected: &Projected) -> TriangleMesh {
     }
 }
 
-/// A gloss on a diffuse base.
+/// Test BRDF: a glossy lobe on a diffuse base.
 fn gloss(wi: Vector, wo: Vector) -> f64 {
     let [x, y] = slope(wi, wo);
     let lobe = if x.is_nan() { 0.0 } else { (1.0 + (x * x + y * y) / 0.09).powi(-2) };
     0.1 + lobe
 }
 
-/// Root mean square of relative errors against `f` at cell centres, over cells that are not masked, in the rows of
-/// `wi`.
+/// Returns the root mean square of the relative errors of triangle values against the means of the BRDF `f` over the
+/// triangles, under the incoming polar angles `wi`. Masked triangles do not count.
 fn error(projected: &Projected, wi: &[f64], f: impl Fn(Vector, Vector) -> f64, wanted: impl Fn(usize) -> bool) -> f64 {
     let mesh = mesh(projected);
     let samples = projected.measurement.tensor.samples();
@@ -420,7 +420,7 @@ fn what_makes_no_sense_is_refused() {
     unfit(&|data| data.values.fill(f32::NAN), "no sample of the 50");
     unfit(
         &|data| (data.incoming, data.outgoing, data.values) = (vec![], vec![], vec![]),
-        "none, expected at least one",
+        "no sample, expected at least one",
     );
     let mut bad = good();
     scattered(&mut bad).values.pop();

@@ -18,48 +18,56 @@ use crate::domain::Quantity;
 use crate::domain::vector::{Vector, add, norm, scale, sub};
 use rayon::prelude::*;
 
-/// Largest distance of samples that lie together, in sample spacings. Raising it joins outliers.
+/// Largest distance at which deviating samples count as lying together, in sample spacings. Raising it takes more
+/// outliers for lobes.
 const SPACINGS: f64 = 2.0;
-/// Least number of samples that lie together, and least number of deviating ones among them; the others are high.
+/// Least number of samples that must lie together to form a lobe; at least two deviate, the others may be only *high*
+/// (brighter than noise explains). Raising it finds fewer lobes.
 const FEWEST: usize = 3;
+/// Least number of deviating samples among those that form a lobe. Raising it finds fewer lobes.
 const FEWEST_OFF: usize = 2;
-/// Ratio of like samples to unlike ones from which nearly all count as alike. Raising it is stricter.
+/// Ratio of two counts of samples around an outlier from which a lobe is assumed there: those that deviate in the same
+/// sense (brighter or darker than predicted) to all others. Raising it finds fewer lobes.
 const FOREIGN: usize = 4;
-/// Natural logarithm of the factor within which values fall off from one peak.
+/// Natural logarithm of a factor of two. The ratio of a lobe's sample to the prediction by its neighbours may exceed
+/// that of a sample nearer to the lobe's peak by at most this factor. Raising it finds more lobes.
 pub(super) const FACTOR: f64 = std::f64::consts::LN_2;
 /// Chord between incoming directions below which they count as equal: 0.06°.
 pub(super) const SAME: f64 = 1e-3;
 
-/// A sample that deviates from its neighbours or is high, in some of its channels.
+/// A sample that, in some of its channels, deviates from its neighbours or is *high* (brighter than noise explains).
 #[derive(Clone, Debug)]
 pub(super) struct Off {
     pub(super) row: u32,
-    /// Channels, increasing, with the differences of logarithms from the prediction.
+    /// Channels in which the sample differs from the prediction by its neighbours by more than noise explains, in
+    /// increasing order. Each has the difference of natural logarithms: sample minus prediction.
     pub(super) channels: Vec<(usize, f32)>,
-    /// Spacing of the samples around, as a chord.
+    /// Distance between neighbouring samples in the surroundings of this sample, as a chord on the unit sphere.
     pub(super) spacing: f64,
-    /// True if it exceeds the others by more than noise, but not enough to count as deviating.
+    /// True if the sample exceeds its neighbours by more than noise, but not enough to count as deviating.
     pub(super) is_high: bool,
 }
 
-/// Classification of a deviating sample by its neighbours.
+/// Classification of a deviating sample: outlier or part of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Company {
-    /// Isolated: an outlier.
+    /// The sample is an isolated outlier.
     Alone,
-    /// Close to others, but without a common peak.
+    /// The sample is an outlier close to other outliers that share no common peak with it.
     Together,
-    /// Part of a lobe.
+    /// The sample is part of a lobe and is kept.
     Light,
 }
 
 impl Off {
-    /// Returns the mean difference of logarithms; its sign is the side.
+    /// Returns the mean over channels of the difference of logarithms from the prediction. Positive: brighter than the
+    /// neighbours.
     pub(super) fn excess(&self) -> f64 {
         self.channels.iter().map(|channel| f64::from(channel.1)).sum::<f64>() / self.channels.len().max(1) as f64
     }
 
-    /// Returns true if both deviate to the same side in most of their channels.
+    /// Returns true if two deviating samples are both brighter or both darker than their neighbours, in most of their
+    /// channels.
     pub(super) fn agrees(&self, other: &Self) -> bool {
         let mut others = other.channels.iter().peekable();
         let mut shared = 0;
@@ -71,28 +79,30 @@ impl Off {
     }
 }
 
-/// All samples, and the deviating ones, in one coordinate system.
+/// Search trees of all samples of a measurement, and of those that differ from their neighbours by more than noise
+/// explains, in one coordinate system, such as that of half-vector slopes.
 struct Laid {
     origin: Vector,
     all: Tree<3>,
-    /// Row of each point of `all`.
+    /// Index of the sample for each point of the search tree of all samples.
     rows: Vec<u32>,
     off: Tree<3>,
-    /// Number of each point of `off`, and place of each number.
+    /// For each point of the search tree of deviating samples, its number in the list of these samples.
     numbers: Vec<u32>,
     places: Vec<Vector>,
 }
 
-/// All samples and the deviating ones.
+/// All samples of a measurement, with a list of those that differ from their neighbours by more than noise explains.
 struct Samples<'a> {
     plan: &'a Plan,
     offs: &'a [Off],
-    /// Number of each row in `offs`; `u32::MAX` for others.
+    /// For each sample, its number in the list of deviating samples; `u32::MAX` for other samples.
     number_of: Vec<u32>,
     has_one_incidence: bool,
 }
 
-/// Classifies each of `offs`, which are in increasing order of rows.
+/// Classifies each deviating sample in `offs`, which are in increasing order of sample index, as an outlier or as part
+/// of a lobe.
 pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Company> {
     let mut found = vec![Company::Alone; offs.len()];
     if offs.iter().filter(|off| !off.is_high).count() < FEWEST_OFF {
@@ -118,14 +128,15 @@ pub(super) fn companies(quantity: Quantity, plan: &Plan, offs: &[Off]) -> Vec<Co
     found
 }
 
-/// Returns true if all samples have the same incoming direction.
+/// Returns true if all samples of a scan have the same incoming direction.
 pub(super) fn has_one_incidence(plan: &Plan) -> bool {
     let mut rows = plan.clouds.iter().flat_map(|cloud| &cloud.rows[..cloud.own()]);
     let wi = |row: &u32| plan.directions[*row as usize].0;
     rows.next().map(wi).is_some_and(|first| rows.all(|row| norm(sub(wi(row), first)) < SAME))
 }
 
-/// Counts of samples in a region: those that deviate or are high in the same way, and all.
+/// Two counts of the samples in a region around a deviating sample: of all samples, and of those that deviate in the
+/// same sense (brighter or darker than their neighbours predict).
 #[derive(Clone, Copy, Default)]
 struct Filling {
     alike: usize,
@@ -142,27 +153,36 @@ impl Filling {
         self.alike > 0 && 2 * self.alike >= self.count
     }
 
-    /// Returns true if nearly all are alike.
+    /// Returns true if at least four of five samples around a deviating sample deviate in the same sense: brighter, or
+    /// darker, than their neighbours predict.
     fn is_full(self) -> bool {
         self.alike > 0 && FOREIGN * (self.count - self.alike) <= self.alike
     }
 }
 
-/// Surroundings of a deviating sample, in one coordinate system.
+/// Surroundings of a deviating sample, in one of the coordinate systems in which lobes are sought.
 #[derive(Default)]
 struct Around {
-    /// Samples within reach that deviate or are high in the same way, nearest first.
+    /// Numbers of the samples near a deviating sample that deviate in the same sense (brighter or darker than their
+    /// neighbours predict) or are high (brighter than noise explains), nearest first.
     near: Vec<usize>,
-    /// Samples between it and the nearest of them, of all incidences.
+    /// Number of samples, and of those that deviate in the same sense (brighter or darker than predicted), in a ball
+    /// around three samples: a deviating one and the two nearest that deviate like it. Samples of all incoming
+    /// directions count.
     everywhere: Filling,
-    /// Samples between it and the nearest of them, of incidences within the range of these.
+    /// Number of samples, and of those that deviate in the same sense (brighter or darker than predicted), in a ball
+    /// around three samples: a deviating one and the two nearest that deviate like it. Only incoming polar angles
+    /// within the range of these three count.
     there: Filling,
-    /// True if it is above, seen at several incidences if there are several, and fits one peak.
+    /// True if the sample is brighter than its neighbours, is seen under several incoming directions if there are
+    /// several, and lies on a common peak with the samples like it.
     is_on_peak: bool,
 }
 
 impl Around {
-    /// Classifies the sample: by nearly all samples around it, or by a sample near it with such surroundings.
+    /// Classifies a deviating sample as outlier or part of a lobe. It belongs to a lobe if nearly all samples around it
+    /// deviate in the same sense (brighter or darker than their neighbours predict), or if that holds for a sample near
+    /// it.
     fn company(&self, all: &[Self]) -> Company {
         let begins = |filling: fn(&Self) -> Filling| {
             let is_near_full = || self.near.iter().any(|&other| filling(&all[other]).is_full());
@@ -183,7 +203,9 @@ impl Samples<'_> {
         self.plan.directions[self.offs[number].row as usize].0
     }
 
-    /// Returns the surroundings of a deviating sample in one coordinate system; empty for samples that are only high.
+    /// Finds the samples near a deviating sample that deviate in the same sense, and counts all samples between them.
+    /// Uses distances in the coordinate system `laid`. Empty for samples that are only high (brighter than noise
+    /// explains).
     fn around(&self, laid: &Laid, number: usize) -> Around {
         let (off, place) = (&self.offs[number], laid.places[number]);
         if off.is_high {
@@ -209,8 +231,11 @@ impl Samples<'_> {
         Around { near, everywhere, there, is_on_peak }
     }
 
-    /// Counts the samples between those of `group`, within a radius of about their distance, that deviate or are high
-    /// like the first. Counts all incidences, then only those within the range of the group.
+    /// Counts the samples in a ball about the centroid of three deviating samples, `group`, that just contains these
+    /// three. Counts apart those that deviate in the same sense (brighter or darker than predicted) as the first of the
+    /// three.
+    ///
+    /// Returns the counts for all incoming directions, then for incoming polar angles within the range of the three.
     fn between(&self, laid: &Laid, group: [usize; FEWEST]) -> (Filling, Filling) {
         let sum = group.iter().fold([0.0; 3], |sum, &other| add(sum, laid.places[other]));
         let centre = scale(sum, 1.0 / group.len() as f64);
@@ -233,8 +258,8 @@ impl Samples<'_> {
         (everywhere, there)
     }
 
-    /// Returns true if the sample and those `near` fall off from one peak, to within a factor of two. Peaks tried are
-    /// the origin of the coordinates, the brightest sample, and the centre of gravity.
+    /// Returns true if a deviating sample and the samples `near` it decrease from one peak, to within a factor of two.
+    /// Peaks tried are the origin of the coordinates, the brightest sample, and the centre of gravity.
     fn is_on_peak(&self, laid: &Laid, number: usize, near: &[usize]) -> bool {
         let excess = |number: usize| self.offs[number].excess();
         let group = || near.iter().copied().chain([number]);

@@ -9,7 +9,8 @@ use crate::formats::Acquisition;
 const ELEVATIONS: [f64; 6] = [0.0, 12.0, 24.0, 36.0, 48.0, 60.0];
 const SAMPLES: usize = 2000;
 
-/// A base, and a Gaussian about the mirror direction, `width` degrees wide at half its maximum; 1 % noise.
+/// Test BRDF: a constant base, a Gaussian about the mirror direction, `width` degrees wide at half its maximum, and 1 %
+/// noise.
 fn scan(elevations: &[f64], width: f64) -> Acquisition {
     let mut acquired = isotropic(elevations, &uniform(SAMPLES, 88.0), |[x, y, z]: Vector, wo: Vector| {
         let off = dot([-x, -y, z], wo).clamp(-1.0, 1.0).acos().to_degrees() / width;
@@ -20,7 +21,8 @@ fn scan(elevations: &[f64], width: f64) -> Acquisition {
     acquired
 }
 
-/// Raises the `count` samples nearest to a sample of the second elevation, by a factor.
+/// Multiplies the `count` samples nearest to one sample of the second incoming polar angle by a factor, to create
+/// outliers.
 fn spiked(acquired: &mut Acquisition, (first, count): (usize, usize), factor: f32) {
     let directions = uniform(SAMPLES, 88.0);
     let at = |i: usize| crate::domain::Direction::from_degrees(directions[i][0], directions[i][1]);
@@ -73,7 +75,8 @@ fn mirror([x, y, z]: Vector) -> Vector {
     [-x, -y, z]
 }
 
-/// Returns the samples of a scan, as number of the elevation and number of the sample, nearest to a centre first.
+/// Returns all samples of a test scan as pairs (number of the incoming polar angle, number of the outgoing direction),
+/// the nearest to a lobe centre first. `centre` returns that centre for an incoming direction.
 fn nearest(elevations: &[f64], centre: fn(Vector) -> Vector) -> Vec<(usize, usize)> {
     let directions = uniform(SAMPLES, 88.0);
     let far = |&(elevation, i): &(usize, usize)| {
@@ -85,7 +88,8 @@ fn nearest(elevations: &[f64], centre: fn(Vector) -> Vector) -> Vec<(usize, usiz
     all
 }
 
-/// Multiplies samples of a scan by a factor.
+/// Returns the report of noise and outliers for simulated samples, some of which are multiplied by a factor to create
+/// outliers.
 fn raised(elevations: &[f64], samples: &[(usize, usize)], factor: f32) -> ScatterReport {
     let mut acquired = scan(elevations, 1e-3);
     let values = &mut scattered(&mut acquired).values;

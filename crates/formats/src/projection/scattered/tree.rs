@@ -3,40 +3,45 @@
 
 use crate::numeric::wide;
 
-/// Upper bound on the points of one leaf.
+/// Upper bound on the number of points of one leaf of the k-d tree. Raising it makes the tree smaller and compares more
+/// points.
 const LEAF: usize = 16;
-/// Upper bound on the nodes that wait on the stack: enough for repeated halves of `u32::MAX` points.
+/// Upper bound on the number of tree nodes that wait on the search stack: enough for repeated halves of `u32::MAX`
+/// points.
 const DEPTH: usize = 64;
 
-/// Points in `D` dimensions, split at medians along their widest extent and numbered from leaf to leaf. Equal input
-/// gives an equal tree.
+/// K-d tree of points in `D` dimensions, split at medians along the widest extent and numbered from leaf to leaf. Equal
+/// input gives an equal tree.
 #[derive(Clone, Debug)]
 pub(super) struct Tree<const D: usize> {
-    /// Coordinates, one column each, with [`LEAF`] places of padding.
+    /// Coordinates of the points, one column for each dimension, with padding for [`LEAF`] points.
     columns: [Vec<f64>; D],
-    /// Nodes in preorder.
+    /// Nodes of the k-d tree, each before the nodes of its left and then of its right half.
     nodes: Vec<Node<D>>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Node<const D: usize> {
-    /// Corners of the box around the points.
+    /// Lower corner of the bounding box of the points in this node of the k-d tree: their smallest coordinate in each
+    /// dimension.
     low: [f64; D],
+    /// Upper corner of the bounding box of the points in this node of the k-d tree: their largest coordinate in each
+    /// dimension.
     high: [f64; D],
-    /// Index of the right child; 0 for a leaf.
+    /// Index of the right child node; 0 for a leaf.
     right: u32,
     first: u32,
     count: u32,
 }
 
-/// A point found: its squared distance and its number.
+/// A point found by a search: its squared distance and its number in the tree.
 pub(super) type Found = (f64, u32);
 
-/// A point before insertion: its coordinates and its number in the input.
+/// A point before insertion in the tree: its coordinates and its number in the input.
 type Given<const D: usize> = ([f64; D], u32);
 
 impl<const D: usize> Tree<D> {
-    /// Creates the tree of these points. Also returns the input number of each point of the tree.
+    /// Creates a k-d tree. Also returns the input number of each point of the tree.
     pub(super) fn new(points: impl Iterator<Item = [f64; D]>) -> (Self, Vec<u32>) {
         let mut points: Vec<Given<D>> = points.zip(0..).collect();
         let mut nodes = Vec::with_capacity(points.len() / LEAF * 4 + 1);
@@ -50,18 +55,18 @@ impl<const D: usize> Tree<D> {
         self.columns[0].len() - LEAF
     }
 
-    /// Returns coordinate `k` of all points.
+    /// Returns coordinate `k` of all points of the tree.
     pub(super) fn column(&self, k: usize) -> &[f64] {
         &self.columns[k][..self.len()]
     }
 
-    /// Returns the coordinates of a point.
+    /// Returns the coordinates of one point of the k-d tree; points are numbered from leaf to leaf.
     pub(super) fn point(&self, item: u32) -> [f64; D] {
         std::array::from_fn(|k| self.columns[k][item as usize])
     }
 
-    /// Adds to `found` all points that `wanted` accepts within distance √`square` of `centre`. Point numbers start at
-    /// `first`.
+    /// Adds to `found` all points that `wanted` accepts within distance √`square` of `centre`. Points in `found` are
+    /// numbered from `first`.
     pub(super) fn within(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -72,8 +77,8 @@ impl<const D: usize> Tree<D> {
         self.search((centre, first), square, wanted, found, |_, square| square);
     }
 
-    /// Keeps in `found` the `count` points nearest to `centre`, of those already there and those that `wanted`
-    /// accepts. Point numbers start at `first`; the lower number wins ties. The farthest comes first, the others are
+    /// Keeps in `found` the `count` points nearest to `centre`, of those already there and those that `wanted` accepts.
+    /// Points are numbered from `first`; the lower number wins ties. The farthest point comes first, the others are
     /// unordered.
     pub(super) fn nearest(
         &self,
@@ -96,8 +101,8 @@ impl<const D: usize> Tree<D> {
         keep(found, count);
     }
 
-    /// Adds to `found` the points within a squared distance `limit`, nearer leaves first. After each leaf, `lower`
-    /// returns the new limit.
+    /// Adds to `found` the points within a squared distance `limit` of `centre`, nearer leaves first. After each leaf,
+    /// `lower` returns the new limit.
     fn search(
         &self,
         (centre, first): (&[f64; D], u32),
@@ -134,7 +139,7 @@ impl<const D: usize> Tree<D> {
         );
     }
 
-    /// Adds to `found` the points of a leaf within a squared distance `limit`.
+    /// Adds to `found` the points of one leaf within a squared distance `limit` of `centre`.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn look(
@@ -167,7 +172,7 @@ impl<const D: usize> Tree<D> {
 }
 
 impl<const D: usize> Node<D> {
-    /// Returns the squared distance to the box.
+    /// Returns the squared distance from a point to the bounding box of the node.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn distance(&self, centre: &[f64; D]) -> f64 {
@@ -182,7 +187,8 @@ impl<const D: usize> Node<D> {
     }
 }
 
-/// Keeps the nearest `count` points, the farthest of them first. Returns its squared distance.
+/// Keeps the nearest `count` found points, the farthest of them first. Returns the squared distance of the farthest
+/// one.
 fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
     let Some(last) = count.min(found.len()).checked_sub(1) else {
         found.clear();
@@ -194,7 +200,8 @@ fn keep(found: &mut Vec<Found>, count: usize) -> f64 {
     found[0].0
 }
 
-/// Sort key of a point: by distance, then by number. Squares are not negative, so their bits sort like the numbers.
+/// Returns the sort key of a found point: by distance, then by number. Squared distances are not negative, so their
+/// bits sort like the numbers.
 #[inline]
 pub(super) fn nearness(found: &Found) -> (u64, u32) {
     (found.0.to_bits(), found.1)

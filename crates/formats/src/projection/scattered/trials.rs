@@ -9,33 +9,42 @@ use crate::domain::vector::Vector;
 use crate::domain::{Domain, TriangleMesh};
 use rayon::prelude::*;
 
-/// Competing numbers of neighbours.
+/// Numbers of neighbours of a local fit that compete in predicting withheld samples.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
-/// Number of neighbours that estimates how noise is shared between bands.
+/// Number of neighbours of the fits from which the correlation of noise between bands is estimated.
 const FEW: usize = 27;
-/// Largest ratio of errors at which more neighbours count as better: they take more time.
+/// Largest ratio of prediction errors at which a larger number of neighbours counts as better, since it takes more
+/// time. Raising it chooses more neighbours.
 const BETTER: f64 = 0.98;
-/// Relative error that is only rounding of values. More neighbours would average it down and win for no reason.
+/// Relative prediction error of withheld samples below which only rounding of values is left. Numbers of neighbours
+/// with a smaller error count as equally good, and the largest of them is chosen.
 const ROUNDING: f64 = f32::EPSILON as f64;
-/// Approximate number of samples that determine the choice.
+/// Approximate number of withheld samples that are predicted to choose settings of the local fits, such as the number
+/// of neighbours. Raising it is slower.
 const JUDGES: usize = 400;
-/// Fraction of the largest value below which values count as 0 in the choice.
+/// Fraction of the largest value that is added to each value in relative prediction errors, so that faint values count
+/// less.
 const FAINT: f64 = 1e-3;
-/// Factor, and absolute margin, by which a mirror image may predict worse than the own side and still count as
-/// symmetric.
+/// Factor by which mirror images in the plane of incidence may predict samples worse than the samples of their own side
+/// do for data to count as symmetric. Raising it accepts less symmetric data.
 const AS_WELL: f64 = 1.1;
+/// Absolute margin of the relative error by which mirror images in the plane of incidence may predict worse than
+/// samples of the own side. Within it data count as symmetric.
 const NEARLY: f64 = 1e-3;
-/// Level of the triangles at whose centroids the surroundings are tested, and the fraction of the best share of
-/// surrounded places that suffices.
+/// Subdivision level of the triangles at whose centroids it is tested whether neighbours lie on all sides.
 const AROUND_LEVEL: u8 = 2;
+/// Least share of outgoing directions that have neighbouring samples on all sides, as a fraction of the share with 96
+/// neighbours. Fewer neighbours are chosen for a local fit only if they reach it. Raising it chooses more neighbours.
 const MOST: f64 = 0.9;
-/// Ratio of errors at which larger numbers of neighbours are no longer tried.
+/// Ratio of the prediction error with some number of neighbours to the least error with fewer, above which still larger
+/// numbers are not tried. Raising it tries more numbers.
 const WORSE: f64 = 1.5;
-/// One of this many squared errors, the largest, is ignored.
+/// Reciprocal of the fraction of prediction errors of withheld samples, the largest ones, that are ignored as possible
+/// outliers: 5 %. Raising it ignores fewer errors.
 const TRIMMED: usize = 20;
 
-/// Predicts the value in a direction; `withheld` leaves out the withheld samples. Returns `None` if it is far from
-/// any.
+/// Predicts the value in a pair of directions from nearby samples. `withheld` leaves out the samples withheld for
+/// validation. Returns `None` if the pair is far from all samples.
 pub(super) fn predict(
     fitted: &Fitted<'_>,
     wi: Vector,
@@ -54,7 +63,8 @@ pub(super) fn predict(
     (support.nearest < support.reach).then_some(support)
 }
 
-/// Returns pairs of predicted and measured values of the trials, in every band.
+/// Returns pairs of predicted and measured values of withheld samples, in every band. `image` returns the outgoing
+/// direction at which a sample is predicted: its own, or its mirror image in the plane of incidence.
 fn predictions(
     clouds: &[Cloud],
     like: Fitted<'_>,
@@ -71,8 +81,10 @@ fn predictions(
     trials.par_iter().map_init(Scratch::default, predicted).collect()
 }
 
-/// Returns the root mean square of relative errors, in which faint values count less. Uses only trials that `beside`
-/// also predicts.
+/// Returns the root mean square of the relative errors of `predictions`, pairs of predicted and measured values,
+/// without the largest errors. Values below about 1/1000 of the largest one count less.
+///
+/// Uses only samples that were predicted also in `beside`, the predictions with which these are compared.
 fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
     let both = predictions.iter().zip(beside).filter(|(a, b)| !a.is_empty() && !b.is_empty());
     let pairs: Vec<&(f64, f64)> =
@@ -90,7 +102,7 @@ fn score(predictions: &[Vec<(f64, f64)>], beside: &[Vec<(f64, f64)>]) -> f64 {
 }
 
 /// Returns the fraction of the variance of values about their prediction that is independent between bands. It is 0 if
-/// the noise is common to a row, or if there is one band.
+/// the noise is common to all bands of a sample, or if there is one band.
 pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
     if like.rows.width == 1 {
         return 0.0;
@@ -106,7 +118,7 @@ pub(super) fn own_noise(clouds: &[Cloud], like: Fitted<'_>) -> f64 {
     if own.is_finite() { own.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Returns the number of neighbours that predicts withheld samples best.
+/// Returns the number of neighbours of a local fit that predicts withheld samples best.
 pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> usize {
     let trials = trials(clouds, JUDGES);
     let (mut best, mut least) = (NEIGHBOURS[0], f64::INFINITY);
@@ -125,7 +137,7 @@ pub(super) fn neighbours(clouds: &[Cloud], like: Fitted<'_>, domain: Domain) -> 
     NEIGHBOURS.into_iter().find(|&n| n >= best && around(n) >= MOST * most).unwrap_or(best)
 }
 
-/// Returns the fraction of places with neighbours on all sides.
+/// Returns the fraction of outgoing directions that have neighbouring samples on all sides.
 fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     let Some(mesh) = TriangleMesh::new(domain, AROUND_LEVEL) else { return 0.0 };
     let first = fitted.cloud.rows.iter().zip(&fitted.cloud.wi).min_by_key(|(row, _)| **row);
@@ -138,8 +150,8 @@ fn surrounded(fitted: Fitted<'_>, domain: Domain) -> f64 {
     found.iter().filter(|found| **found).count() as f64 / found.len() as f64
 }
 
-/// Returns true if the mirror image in the plane of incidence predicts withheld samples as well as their own side
-/// does.
+/// Returns true if mirror images in the plane of incidence predict withheld samples as well as the samples of their own
+/// side do.
 pub(super) fn is_symmetric(clouds: &[Cloud], like: Fitted<'_>) -> bool {
     let trials = trials(clouds, JUDGES);
     let own = predictions(clouds, like, &trials, |wo| wo);

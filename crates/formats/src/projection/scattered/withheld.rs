@@ -3,7 +3,7 @@
 use super::cloud::Cloud;
 use crate::domain::vector::Vector;
 
-/// A sample to predict: its cloud and its point there.
+/// A sample withheld from fits, to be predicted by them: the number of its group, and its index there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trial {
     pub(super) cloud: usize,
@@ -11,14 +11,15 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// Returns the row of the sample in its cloud, and its directions.
+    /// Returns the index of this withheld sample in the table of measured values, and its incoming and outgoing
+    /// direction.
     pub(super) fn of(self, cloud: &Cloud) -> (u32, Vector, Vector) {
         let point = self.point as usize;
         (cloud.rows[point], cloud.wi[point], cloud.wo[point])
     }
 }
 
-/// Returns `count` of the withheld samples, evenly spread.
+/// Returns about `count` of the samples withheld for validation, evenly spread.
 pub(super) fn trials(clouds: &[Cloud], count: usize) -> Vec<Trial> {
     let all: Vec<Trial> = clouds
         .iter()

@@ -15,8 +15,8 @@ use crate::domain::{
 use crate::formats::{Acquisition, Contradictions, Modelled, Samples, StatedGrid};
 use crate::notes::ProjectionNote;
 
-/// Returns true if the measurement stays on the grid of its file. Fails if the request demands that and it is
-/// impossible.
+/// Returns true if the measurement keeps the grid of directions of its file. Fails if the request demands the grid and
+/// it cannot be kept.
 pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
     let wanted = request.domain()?;
     let is_named = request.domain.is_some();
@@ -32,7 +32,8 @@ pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool
     }
 }
 
-/// Puts `samples` of `acquisition` on their own axes, if [`is_wanted`] allows it.
+/// Converts the samples of a file to a tensor on the file's own grid of directions, without resampling them to
+/// triangles. Fails for samples without a grid.
 pub(super) fn project(
     acquisition: &Acquisition,
     samples: &Samples,
@@ -101,7 +102,7 @@ pub(super) fn project(
     Ok(Projected { measurement, coverage, filled: Vec::new(), numbers, scattered: None, lobe: None })
 }
 
-/// Returns the numbers times their factor.
+/// Returns the numbers of the file times their common factor.
 fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
     if factor == 1.0 {
         return Ok(numbers.clone());
@@ -110,7 +111,8 @@ fn scaled(numbers: &Tensor, factor: f64) -> Result<Tensor, ProjectionError> {
     Ok(Tensor::new(numbers.axes().to_vec(), values)?)
 }
 
-/// Returns the rows on the side of the surface that belongs to the quantity, and a note if rows were left out.
+/// Returns the samples whose outgoing polar angles lie on the side of the surface that the quantity describes, and a
+/// note if others were left out.
 fn within(quantity: Quantity, tensor: Tensor) -> Result<(Tensor, Option<Note>), ProjectionError> {
     let (domain, low, high) = match quantity {
         Quantity::Brdf => (Domain::Hemisphere, 0.0, 90.0),

@@ -11,13 +11,13 @@ fn on_grid() -> AxesRequest {
     AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() }
 }
 
-/// A laterally symmetric lamp of type B, 3 × 2 numbers, times 0.1 and 0.7.
+/// Test data: a laterally symmetric lamp (photometry type B), 3 × 2 numbers, with the multipliers 0.1 and 0.7.
 fn lamp() -> Acquisition {
     let text = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 0.1 3 2 2 2 0 0 0 0.7 1 0\n-30 0 30\n0 20\n1 2 3 4 5 6\n";
     read(text.as_bytes(), &Interpretation::default()).unwrap()
 }
 
-/// An array with a manifest of angles, its values counting from 1.
+/// Test data: an array with a manifest of angles, whose values count up from 1.
 fn array(quantity: Quantity, axes: &Value, shape: &[usize]) -> Acquisition {
     let values: Vec<f32> = (1..=shape.iter().product()).map(|i: usize| i as f32).collect();
     let unit = quantity.default_unit().name();
@@ -26,7 +26,7 @@ fn array(quantity: Quantity, axes: &Value, shape: &[usize]) -> Acquisition {
     read(&write_npy(shape, &values), &how).unwrap()
 }
 
-/// An isotropic BRDF with three wavelengths whose circle closes.
+/// Test data: an isotropic BRDF with three wavelengths, whose azimuths form a closed circle.
 fn paint() -> Acquisition {
     let axes = json!([{"name": "theta_i", "values": [0, 30]}, {"name": "theta_o", "values": [0, 40, 80], "covers": [0, 90]},
         {"name": "phi_o", "values": [0, 90, 180, 270, 360]}, "lambda:400:100:3"]);

@@ -7,20 +7,21 @@ use super::kind::ChartKind;
 use crate::domain::vector::Vector;
 use crate::numeric::wide;
 
-/// Number of cubic splines that are nonzero at a position.
+/// Number of cubic B-splines that are nonzero at a position; they are consecutive.
 pub(super) const RUN: usize = 4;
-/// Upper bound on the runs of nonzero columns in a row.
+/// Upper bound on the runs of four consecutive nonzero basis functions of a direction pair.
 const MOST_RUNS: usize = 16;
-/// Rows computed side by side.
+/// Number of direction pairs whose basis functions are computed side by side.
 pub(super) const LANES: usize = 8;
 
-/// One number for each row.
+/// One number for each of several direction pairs that are computed side by side.
 type Lanes = [f64; LANES];
 
-/// Nonzero columns of one row, in ascending order: a constant, then runs of four columns.
+/// Nonzero basis functions of a scattering model for one direction pair, in ascending order: a constant, then runs of
+/// four.
 #[derive(Clone, Copy)]
 pub(super) struct Entries {
-    /// Column of the constant 1.
+    /// Number of the basis function that is the constant 1; `None` without one.
     constant: Option<usize>,
     length: usize,
     columns: [u32; MOST_RUNS],
@@ -46,13 +47,15 @@ impl Entries {
         self.columns.iter().map(|&column| column as usize).zip(&self.values).take(self.length)
     }
 
-    /// Adds one set of splines, starting at column `first`.
+    /// Appends to the list of nonzero basis functions the four cubic B-splines of one coordinate; `first` is the index
+    /// of the coordinate's first spline.
     #[inline]
     fn single(&mut self, first: usize, (at, values): Place) {
         self.push(first + at as usize, values);
     }
 
-    /// Adds products of splines of x and of y; `ny` is the number of splines of y.
+    /// Appends to the list of nonzero basis functions the 4 × 4 products of cubic B-splines in x and y; `ny` is the
+    /// number of splines in y, `first` the index of the first product.
     #[inline]
     fn products(&mut self, first: usize, ny: usize, (ax, vx): Place, (ay, vy): Place) {
         for (i, a) in vx.into_iter().enumerate() {
@@ -60,7 +63,8 @@ impl Entries {
         }
     }
 
-    /// Adds the products of the row's values to the lower triangle of a matrix with `n` columns.
+    /// Adds the products of all nonzero basis functions of a direction pair to the lower triangle of an `n` × `n` Gram
+    /// matrix.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(super) fn add_products(&self, n: usize, matrix: &mut [f64]) {
@@ -85,7 +89,7 @@ impl Entries {
         }
     }
 
-    /// Adds value · `x` to the sum of every column.
+    /// Adds value · `x` to the sum of every basis function that is nonzero for the direction pair.
     #[inline]
     pub(super) fn add(&self, x: f64, sums: &mut [f64]) {
         if let Some(constant) = self.constant {
@@ -97,8 +101,8 @@ impl Entries {
     }
 }
 
-/// Σ value · coefficient for rows of one block, each in the order of its columns. `coefficients` are by column, for up
-/// to [`RUN`] vectors.
+/// Evaluates a scattering model, Σ value · coefficient, for direction pairs of one block, each in the order of its
+/// basis functions. `coefficients` are by basis function, for up to [`RUN`] spectral vectors.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[f64; RUN]; LANES] {
@@ -158,18 +162,18 @@ fn splines(count: usize, x: &Lanes) -> [Place; LANES] {
     std::array::from_fn(|lane| (span[lane] as u32, std::array::from_fn(|k| values[k][lane])))
 }
 
-/// Layout of the columns of a model.
+/// Basis functions of a scattering model: their coordinates and their number.
 pub(super) struct Columns {
     pub(super) kind: ChartKind,
-    /// Number of blocks that have a constant of their own.
+    /// Number of incoming directions for each of which the model has a constant of its own.
     pub(super) constants: usize,
 }
 
-/// Position of a row: its block, its incoming and its outgoing direction.
+/// Direction pair: number of the incoming direction (block), incoming direction, outgoing direction.
 pub(super) type Row = (usize, Vector, Vector);
 
 impl Columns {
-    /// Number of columns.
+    /// Number of basis functions of the scattering model.
     pub(super) fn count(&self) -> usize {
         self.constants
             + match self.kind {
@@ -179,7 +183,8 @@ impl Columns {
             }
     }
 
-    /// Computes the nonzero columns of rows.
+    /// Evaluates the nonzero basis functions of the scattering model at several pairs of incoming and outgoing
+    /// direction.
     pub(super) fn fill(&self, rows: &[Row; LANES], entries: &mut [Entries; LANES]) {
         for ((block, _, _), entries) in rows.iter().zip(&mut *entries) {
             entries.length = 0;

@@ -1,14 +1,14 @@
 //! Kinds of scattering models, by their coordinates.
 
-/// Coordinates of a scattering model.
+/// Coordinates in which a scattering model is smooth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ChartKind {
-    /// Half-vector coordinates of an isotropic surface.
+    /// Half-vector coordinates of an isotropic surface, without its tangent frame.
     Isotropic = 1,
-    /// Half-vector coordinates with the tangent frame.
+    /// Half-vector coordinates relative to the surface's tangent frame, for anisotropic surfaces.
     Anisotropic = 2,
-    /// Scattering angle.
+    /// Scattering angle between incoming and outgoing direction, for phase functions.
     Zonal = 3,
 }
 

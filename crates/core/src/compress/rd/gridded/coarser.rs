@@ -8,11 +8,11 @@ use super::planes::Weights;
 use crate::codec::{Class, CodecError, Reader, Writer};
 use crate::domain::{Axis, AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError};
 
-/// Axes and samples of a level.
+/// Axes and samples of a measurement at a coarser resolution level.
 type Coarse = (Vec<Axis>, Vec<f32>);
 
-/// Decodes the samples and axes of level `level`, counted from the coarsest. `coded` is a grid chunk of `length` bytes,
-/// or a prefix that contains the level.
+/// Decodes samples and axes of a coarser grid of angles, number `level` counted from the coarsest. `coded` is a grid
+/// chunk of `length` bytes, or a prefix that contains the level.
 pub(crate) fn decode_level(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -32,8 +32,8 @@ pub(crate) fn decode_level(
     samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
 }
 
-/// Inserts an index of levels, with unknown errors, in front of the chunk's stream; `None` if no level is worth
-/// stating.
+/// Inserts an index of coarser grids, with unknown errors, in front of the coded stream of a grid chunk. `None` if no
+/// coarser grid is worth an entry.
 pub(crate) fn with_levels(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -70,13 +70,14 @@ pub(crate) fn with_levels(
     Ok((!levels.is_empty()).then(|| chunk_of(chunks.1, head, &levels, stream)))
 }
 
-/// Reads the levels of a grid chunk, and the offset of the stream from which their bytes are counted.
+/// Reads the index of coarser grids in a grid chunk. Also returns the offset of the coded stream, from which their
+/// bytes are counted.
 pub(crate) fn levels_of(mut r: Reader<'_>, end: usize) -> Result<(Vec<GridLevel>, usize), CodecError> {
     let levels = super::decode::Flags::read(&mut r)?.levels(&mut r, end)?;
     Ok((levels, r.offset()))
 }
 
-/// Returns the chunk with `errors` as the stated errors of its levels.
+/// Returns the grid chunk with `errors` as the stated errors of its coarser grids, coarse first.
 pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
     let mut r = Reader::new(coded, 0);
     let flags = super::decode::Flags::read(&mut r)?;
@@ -89,7 +90,7 @@ pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, Codec
     Ok(if levels.is_empty() { coded.to_vec() } else { chunk_of(coded, head, &levels, stream) })
 }
 
-/// Writes a chunk that starts like `coded`, with levels in front of its stream.
+/// Writes a grid chunk that starts like `coded`, with an index of coarser grids in front of the coded stream.
 fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> Vec<u8> {
     let mut w = Writer::default();
     w.u8(coded[0] | super::decode::LEVELS);
@@ -99,7 +100,7 @@ fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> V
     w.into_bytes()
 }
 
-/// Converts decoded nodes to the axes and samples of a level.
+/// Converts decoded means over blocks of directions to the axes and samples of a coarser grid.
 fn samples(
     opened: &Opened<'_>,
     axes: &[Axis],
@@ -141,7 +142,7 @@ fn samples(
     Ok((axes, samples))
 }
 
-/// Returns the axes of a tensor with its lines replaced by coarser ones.
+/// Returns the axes of a tensor with its axes of angles replaced by coarser ones.
 fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGridError> {
     let mut axes = axes.to_vec();
     let mut rest = lines;
@@ -168,7 +169,7 @@ fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGri
     Ok(axes)
 }
 
-/// Returns the grid with coarser lines, covering the same range.
+/// Returns a grid of directions with coarser polar angles and azimuths that covers the same range of angles.
 fn coarse_grid(
     grid: &DirectionGrid,
     polar: &Nodes,

@@ -14,25 +14,26 @@ use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// Decoded content in front of the pyramids of a grid chunk.
+/// Decoded content of a grid chunk in front of the pyramids of means.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
-    /// Upper bound on the logarithms of negative samples.
+    /// Upper bound on the logarithms of negative samples' magnitudes.
     pub(super) negative_bound: Option<f32>,
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
     pub(super) order: Vec<u8>,
-    /// Model with its coefficients.
+    /// Scattering model of the grid with its decoded coefficients.
     model: Option<(GridModel, Vec<f64>)>,
-    /// Coarser levels, coarse first.
+    /// Coarser grids of angles that a part of the file suffices to decode, coarsest first.
     pub(super) levels: Vec<GridLevel>,
-    /// Position after the opening, for a chunk of one stream.
+    /// Entropy decoder placed where the coded details of a grid chunk begin, for a chunk of a single byte stream.
     pub(super) decoder: Decoder<'a>,
     pub(super) streams: Option<Streams<'a>>,
 }
 
 impl<'a> Opened<'a> {
-    /// Opens a chunk of `length` bytes; for a level, a prefix that contains it suffices.
+    /// Decodes the start of a grid chunk of `length` bytes. For a coarser grid, a prefix of the chunk that contains it
+    /// suffices.
     pub(super) fn new(
         axes: &[Axis],
         (step, is_linear): (f32, bool),
@@ -104,7 +105,7 @@ impl<'a> Opened<'a> {
         })
     }
 
-    /// Planes of the model, for all units; `None` without a model.
+    /// Evaluates the scattering model for all incoming directions; `None` without a model.
     pub(super) fn model(&self) -> Option<Vec<f32>> {
         let (model, coefficients) = self.model.as_ref()?;
         Some(model.all(coefficients, self.vectors(), self.planes.streams()))
@@ -155,7 +156,8 @@ fn add(planes: &mut [f32], model: &[f32]) {
     planes.iter_mut().zip(model).for_each(|(x, m)| *x += m);
 }
 
-/// Decodes the values of one incoming entry, bit for bit as [`decode`] does: `[outgoing, length]`.
+/// Decodes the values of one incoming direction from a grid chunk, bit for bit as [`decode`] does: `[outgoing,
+/// wavelength]`.
 pub(crate) fn decode_block(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -186,30 +188,30 @@ pub(crate) fn decode_block(
     Ok(values)
 }
 
-/// Reads the largest logarithm of a negative sample; `None` if the chunk states none.
+/// Reads the largest logarithm of a negative sample's magnitude from a grid chunk; `None` if the chunk states none.
 pub(crate) fn negative_bound(coded: &[u8]) -> Result<Option<f32>, CodecError> {
     let mut r = Reader::new(coded, 0);
     let flags = Flags::read(&mut r)?;
     if flags.has_negative { r.f32("bound of the logarithms of negative samples").map(Some) } else { Ok(None) }
 }
 
-/// Returns true if incoming entries are decoded independently.
+/// Returns true if each incoming direction of a grid chunk can be decoded alone.
 pub(crate) fn is_random(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.random)
 }
 
-/// Returns true if a chunk states coarser levels.
+/// Returns true if a grid chunk lists coarser grids.
 pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.has_levels)
 }
 
-/// Flag of a grid chunk with coarser levels.
+/// Bit in the first byte of a grid chunk that is set if the chunk lists coarser grids.
 pub(super) const LEVELS: u8 = 8;
 
-/// Flag of a grid chunk in which negative samples count like positive ones.
+/// Bit in the first byte of a grid chunk that is set if negative samples are approximated as exactly as positive ones.
 pub(super) const WEIGHS_NEGATIVE: u8 = 64;
 
-/// First byte of a grid chunk.
+/// Content of the first byte of a grid chunk: the options with which it was coded.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(super) struct Flags {
@@ -239,8 +241,8 @@ impl Flags {
         })
     }
 
-    /// Reads the fields between the flags and the stream, and returns the levels. `end` is the offset of the chunk's
-    /// end.
+    /// Reads the fields between the first byte of a grid chunk and the coded stream, and returns the coarser grids.
+    /// `end` is the offset of the chunk's end.
     pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
         if self.has_negative {
             r.f32("bound of the logarithms of negative samples")?;

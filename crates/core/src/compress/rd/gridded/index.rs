@@ -10,31 +10,36 @@
 use super::super::super::stated::{read_error, rounded_up, write_error};
 use crate::codec::{CodecError, Reader, Writer};
 
-/// Upper bound on the number of levels; every level leaves out a different number of halvings.
+/// Upper bound on the number of coarser grids in a grid chunk; each merges neighbouring angles a different number of
+/// times.
 const MOST: usize = 96;
-/// Smallest size, in bytes of the stream, of a level worth stating. Raising it saves about six bytes for each level in
-/// small files.
+/// Smallest number of coded bytes with which a coarser grid is worth an entry in the index. Raising it saves about six
+/// bytes for each entry in small files.
 const LEAST: usize = 512;
-/// Smallest size of a level relative to the level before, in per cent. Raising it states fewer levels.
+/// Smallest ratio of the bytes of a coarser grid to those of the next coarser one in the index, in per cent. Raising it
+/// lists fewer grids.
 const APART: usize = 115;
 
-/// Coarser level of a grid chunk.
+/// Coarser grid of angles that can be decoded from the first bytes of a grid chunk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GridLevel {
-    /// Bytes needed, from the start of the stream.
+    /// Bytes needed to decode the coarser grid, counted from the start of the coded stream.
     pub(crate) end: usize,
-    /// Number of finest halvings left out.
+    /// Number of halvings (merges of neighbouring angles along one axis) that separate the coarser grid from the full
+    /// one.
     pub(crate) left_out: usize,
-    /// er(L2) at the samples of the file, `f64::MAX` if unknown.
+    /// Relative RMS error er(L2) of evaluating the coarser grid at the samples of the file, `f64::MAX` if unknown.
     pub(crate) er_l2: f64,
 }
 
-/// Returns true if a level of `end` bytes is worth stating after one of `before` bytes, in a stream of `stream` bytes.
+/// Returns true if a coarser grid of angles, decoded from the first `end` bytes of a stream of `stream` bytes, is worth
+/// listing. It must need enough bytes, clearly more than the next coarser grid listed (`before`), and clearly fewer
+/// than the whole.
 pub(super) fn is_stated(end: usize, before: usize, stream: usize) -> bool {
     end >= LEAST && 100 * end >= APART * before && 100 * stream >= APART * end
 }
 
-/// Writes levels, coarse first, at least one.
+/// Writes the index of coarser grids, at least one, coarse first.
 pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
     w.varint(levels.len() as u64);
     let mut before = 0;
@@ -46,7 +51,7 @@ pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
     }
 }
 
-/// Reads the levels of a chunk that ends at offset `end`; the stream follows them directly.
+/// Reads the index of coarser grids in a chunk that ends at offset `end`; the coded stream follows the index directly.
 pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
     let count = r.size(MOST, "number of levels")?;
     if count == 0 {

@@ -20,32 +20,33 @@ use crate::domain::{Axis, AzimuthExtent, DirectionGrid, Frame};
 use std::ops::Range;
 use std::slice;
 
-/// Line axis of a tensor.
+/// Axis of polar angles or azimuths as the file states it.
 #[derive(Clone, Debug)]
 struct Stated {
     positions: Vec<f64>,
-    /// Circumference in degrees of azimuths that go round without a seam.
+    /// Full turn in degrees if the azimuths form a circle, so that the last neighbours the first; `None` otherwise.
     period: Option<f64>,
-    /// True if the last azimuth repeats the first.
+    /// True if the last azimuth is the first plus 360°, so that both are one direction.
     is_closed: bool,
-    /// True for a pole at the first and at the last angle; only for polar angles with azimuths behind them.
+    /// True for a pole at the first and at the last polar angle, respectively; false without azimuths.
     poles: [bool; 2],
 }
 
-/// Tensor as the coder sees it: `[blocks, lines…, row]`.
+/// Layout of a tensor whose last directions are a grid of angles: `[blocks, polar angles and azimuths…, wavelengths]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     blocks: usize,
     lines: Vec<Stated>,
-    /// Number of lines of the incoming axis.
+    /// Number of angle axes (polar angles, azimuths) of the incoming directions, 0 to 2.
     incoming: usize,
-    /// Frames of the incoming and of the outgoing angles, each with the azimuth of a grid that has no line of azimuths.
+    /// Coordinate frames of the incoming and the outgoing angles, each with the fixed azimuth of a grid that has only
+    /// one.
     frames: [(Frame, f64); 2],
     length: usize,
 }
 
 impl Shape {
-    /// Returns the shape of a tensor; `None` if the last axis of directions is not a grid.
+    /// Returns the layout of a tensor as axes of angles; `None` if the last axis of directions is not a grid of angles.
     pub(crate) fn of(axes: &[Axis]) -> Option<Self> {
         let at = axes.iter().rposition(|axis| matches!(axis, Axis::Triangles(_) | Axis::Grid(_)))?;
         let Axis::Grid(outgoing) = &axes[at] else { return None };
@@ -78,17 +79,17 @@ impl Shape {
         })
     }
 
-    /// Number of samples in a row.
+    /// Number of samples for each pair of directions, usually the number of wavelengths.
     pub(crate) fn length(&self) -> usize {
         self.length
     }
 
-    /// Entries of rows in coding order; colours are coded green, blue, red.
+    /// Order in which wavelengths or colour channels are coded; three channels as green, blue, red.
     pub(crate) fn lanes(&self) -> Vec<usize> {
         if self.length == 3 { vec![1, 2, 0] } else { (0..self.length).collect() }
     }
 
-    /// Layout for coding classes: rows of azimuths.
+    /// Layout for coding the samples' classes (positive, negative, zero, masked): rows of azimuths.
     pub(crate) fn class_grid(&self) -> ClassGrid {
         let outgoing = &self.lines[self.incoming..];
         let length = |line: usize| outgoing.get(line).map_or(1, |line| line.positions.len());
@@ -96,17 +97,17 @@ impl Shape {
         ClassGrid { incoming: self.incoming_entries(), polar, azimuths, lanes: self.lanes() }
     }
 
-    /// Number of entries of the axes in front of the outgoing one.
+    /// Number of incoming directions: entries of all axes in front of the outgoing directions.
     pub(crate) fn incoming_entries(&self) -> usize {
         self.blocks * self.lines[..self.incoming].iter().map(|line| line.positions.len()).product::<usize>()
     }
 
-    /// Returns true if the axes in front of the outgoing one have a single entry.
+    /// Returns true if the axes in front of the outgoing directions have a single entry together.
     pub(crate) fn is_single(&self) -> bool {
         self.incoming_entries() == 1
     }
 
-    /// Kinds of model that the directions allow.
+    /// Kinds of scattering model that the incoming and outgoing angles allow.
     pub(crate) fn models(&self) -> &'static [ChartKind] {
         match (self.blocks, self.incoming) {
             (1, 1) => &[ChartKind::Isotropic],
@@ -115,13 +116,13 @@ impl Shape {
         }
     }
 
-    /// Number of rows of the tensor.
+    /// Number of spectra in the tensor, one for each pair of an incoming and an outgoing direction.
     pub(crate) fn rows(&self) -> usize {
         self.blocks * self.lines.iter().map(|line| line.positions.len()).product::<usize>()
     }
 }
 
-/// Frame of a grid, and its azimuth if it has only one.
+/// Coordinate frame of a grid of angles, and its first azimuth in degrees, 0 without azimuths.
 fn frame_of(grid: &DirectionGrid) -> (Frame, f64) {
     let azimuth = grid.azimuths().and_then(|azimuths| azimuths.angles.first());
     (grid.frame(), azimuth.copied().unwrap_or(0.0))
@@ -144,25 +145,26 @@ fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
     lines
 }
 
-/// Line without repeated entries.
+/// Angle axis without entries whose samples repeat those of another entry.
 #[derive(Clone, Debug, PartialEq)]
 struct Kept {
-    /// Kept entry that each stated entry equals.
+    /// For each entry of the axis in the measurement, index of the entry with equal samples among those left after
+    /// repeated entries are dropped.
     source: Vec<u32>,
     positions: Vec<f64>,
     period: Option<f64>,
-    /// Kept entries that are poles with equal samples at all azimuths.
+    /// Indices of poles at which all azimuths have equal samples, counted among the polar angles that repeat no other.
     poles: Vec<u32>,
 }
 
-/// Planes of a tensor without its repeated slices.
+/// Layout of a tensor on grids of angles after its repeated slices are dropped.
 #[derive(Clone, Debug)]
 pub(crate) struct Lattice {
     shape: Shape,
     kept: Vec<Kept>,
 }
 
-/// Slices of one line, for comparison.
+/// Slices of a tensor, one for each entry of one angle axis, for comparison with each other.
 struct Slices<'a> {
     same: &'a dyn Fn(usize, usize) -> bool,
     before: usize,
@@ -180,8 +182,8 @@ impl Slices<'_> {
 }
 
 impl Lattice {
-    /// Codes which slices of a tensor of this shape repeat. `same` tells an encoder which samples are equal; a decoder
-    /// passes `None`.
+    /// Encodes or decodes which slices of a tensor of this layout repeat others. `same` tells an encoder which samples
+    /// are equal; a decoder passes `None`.
     pub(crate) fn code<C: BitCoder>(coder: &mut C, shape: Shape, same: Option<&dyn Fn(usize, usize) -> bool>) -> Self {
         let lengths: Vec<usize> = shape.lines.iter().map(|line| line.positions.len()).collect();
         let slices = |axis: usize| {
@@ -238,7 +240,8 @@ impl Lattice {
         Self { shape, kept }
     }
 
-    /// Grid that is coded: all lines, or those of the outgoing axis if incoming entries are coded independently.
+    /// Grid of angles that one pyramid codes: all angle axes, or only the outgoing ones if incoming directions are
+    /// coded independently.
     pub(crate) fn grid(&self, random: bool) -> Grid {
         let lines: Vec<Line> = self.kept[self.first(random)..]
             .iter()
@@ -251,12 +254,14 @@ impl Lattice {
         if random { self.shape.incoming } else { 0 }
     }
 
-    /// Number of tensors that are coded one after another, or as streams of their own.
+    /// Number of slices in which a tensor on grids of angles is coded: one for each entry of the axes before the angles
+    /// or, if incoming directions are coded independently (`random`), one for each distinct incoming direction of each
+    /// such entry.
     pub(crate) fn units(&self, random: bool) -> usize {
         self.shape.blocks * self.kept[..self.first(random)].iter().map(|kept| kept.positions.len()).product::<usize>()
     }
 
-    /// Unit that codes an incoming entry, if these are coded independently.
+    /// Number of the byte stream that codes an incoming direction, if incoming directions are coded independently.
     pub(crate) fn unit_of(&self, entry: usize) -> usize {
         let incoming = 0..self.shape.incoming;
         let units: usize = self.kept[incoming.clone()].iter().map(|kept| kept.positions.len()).product();
@@ -264,17 +269,19 @@ impl Lattice {
         entry / rows.len() * units + rows[entry % rows.len()] as usize
     }
 
-    /// Returns true if an incoming pole has copies among the incoming entries.
+    /// Returns true if several incoming directions are copies of one because they lie at a pole.
     pub(crate) fn has_incoming_poles(&self) -> bool {
         self.kept[..self.shape.incoming].iter().any(|kept| !kept.poles.is_empty())
     }
 
-    /// Number of leaves of all units.
+    /// Number of distinct pairs of directions to be coded: the pairs of one slice (entry of the index axes in front),
+    /// times the number of slices.
     pub(crate) fn leaves(&self) -> usize {
         self.shape.blocks * self.kept.iter().map(|kept| kept.positions.len()).product::<usize>()
     }
 
-    /// Leaf that each row of some lines equals, counted within one entry of the lines before.
+    /// For each direction (or direction pair) on the angle axes numbered `lines`, row-major index of the one with equal
+    /// samples among those left after repeated angles are dropped.
     fn rows_of(&self, lines: Range<usize>) -> Vec<u32> {
         let mut rows = vec![0_u32];
         for axis in lines.clone() {
@@ -290,8 +297,8 @@ impl Lattice {
         rows
     }
 
-    /// Directions of the kept incoming entries, and of the leaves of one; `None` without incoming directions, or with
-    /// other axes in front.
+    /// Incoming and outgoing directions that are left after repeated ones are dropped. `None` without incoming
+    /// directions, or with other axes in front.
     pub(super) fn directions(&self) -> Option<[Vec<Vector>; 2]> {
         let (incoming, outgoing) = self.kept.split_at(self.shape.incoming);
         let of = |(frame, only): (Frame, f64), lines: &[Kept]| -> Option<Vec<Vector>> {
@@ -305,19 +312,20 @@ impl Lattice {
         Some([of(from, incoming)?, of(to, outgoing)?])
     }
 
-    /// Leaf of the unit that each outgoing row of one incoming entry equals, if units are coded independently.
+    /// For each outgoing direction of the measurement, row-major index of the one with equal samples among those left
+    /// after repeated angles are dropped.
     pub(crate) fn outgoing_rows(&self) -> Vec<u32> {
         self.rows_of(self.shape.incoming..self.kept.len())
     }
 
-    /// Leaf that each row of the tensor equals.
+    /// For each direction pair of the tensor, number of the distinct direction pair whose samples it repeats.
     pub(crate) fn rows(&self) -> Vec<u32> {
         let rows = self.rows_of(0..self.kept.len());
         let leaves = (self.leaves() / self.shape.blocks) as u32;
         (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * leaves + row)).collect()
     }
 
-    /// First row that equals each leaf.
+    /// For each distinct direction pair, number of the first direction pair of the tensor that has its samples.
     pub(crate) fn first_rows(&self, rows: &[u32]) -> Vec<u32> {
         let mut first = vec![u32::MAX; self.leaves()];
         for (row, &leaf) in rows.iter().enumerate().rev() {
@@ -334,15 +342,16 @@ impl Lattice {
         first
     }
 
-    /// Lines of a level; `left_out` lists the axis, out of four, of each finest halving that the level leaves out.
+    /// Angle axes of a coarser grid, made by merging neighbouring angles in pairs along one axis after another.
+    /// `left_out` lists the axis of each merge: 3 is the last axis of angles, 2 the one before it, down to 0.
     pub(super) fn coarse_lines(&self, left_out: &[u8]) -> Vec<Nodes> {
         let lines = self.kept.len();
         let halvings = |axis: usize| left_out.iter().filter(|&&halved| usize::from(halved) == axis).count() as u32;
         (0..lines).map(|line| self.nodes(line, halvings(AXES - lines + line))).collect()
     }
 
-    /// Line after `halvings` halvings: every node lies at the mean of the stated entries that it merges, without a
-    /// closing one. Without a halving all stated entries remain.
+    /// Angle axis after `halvings` merges of neighbouring entries. Every merged entry lies at the mean of the stated
+    /// angles in it; an azimuth of 360° that repeats 0° does not count. Without a halving all stated entries remain.
     fn nodes(&self, line: usize, halvings: u32) -> Nodes {
         let (stated, kept) = (&self.shape.lines[line], &self.kept[line]);
         if halvings == 0 {
@@ -361,7 +370,7 @@ impl Lattice {
         Nodes { count, positions, entries: (0..count as u32).collect(), halvings }
     }
 
-    /// Node of each row of a level.
+    /// For each direction pair of a coarser grid, number of the decoded mean that it takes.
     pub(super) fn coarse_rows(&self, lines: &[Nodes]) -> Vec<u32> {
         let mut rows = vec![0_u32];
         for (axis, line) in lines.iter().enumerate() {
@@ -379,7 +388,8 @@ impl Lattice {
         (0..self.shape.blocks as u32).flat_map(|block| rows.iter().map(move |&row| block * nodes + row)).collect()
     }
 
-    /// Node of a level that contains each leaf.
+    /// For each distinct direction pair, number of the node (merged direction pairs) of a coarser grid that contains
+    /// it.
     pub(super) fn nodes_of_leaves(&self, lines: &[Nodes]) -> Vec<u32> {
         let mut nodes: Vec<u32> = (0..self.shape.blocks as u32).collect();
         for (line, kept) in lines.iter().zip(&self.kept) {
@@ -393,13 +403,13 @@ impl Lattice {
         nodes
     }
 
-    /// Shape of the tensor.
+    /// Layout of the tensor with all angles of the measurement, including those whose samples repeat those of others.
     pub(crate) fn shape(&self) -> &Shape {
         &self.shape
     }
 }
 
-/// Returns true if all azimuths of polar entry `entry`, out of `of`, are equal.
+/// Returns true if at polar angle number `entry`, out of `of`, all azimuths have equal samples.
 fn is_constant(azimuths: &Slices<'_>, (entry, of): (usize, usize)) -> bool {
     (0..azimuths.before).filter(|outer| outer % of == entry).all(|outer| {
         let first = outer * azimuths.length * azimuths.behind;

@@ -5,19 +5,19 @@ use super::planes::Planes;
 use crate::codec::{BitCoder, CodecError, Reader};
 use std::ops::Range;
 
-/// Bit position and mask of the model's kind in the first byte of a grid chunk.
+/// Position and mask, in the first byte of a grid chunk, of the bits that hold the kind of scattering model.
 const AT: u8 = 4;
 const KINDS: u8 = 3;
 
-/// Model of the planes of a grid.
+/// Scattering model of the samples on grids of incoming and outgoing angles.
 pub(super) struct GridModel {
     chart: Chart,
-    /// Number of incoming entries, and of leaves of each.
+    /// Number of incoming directions, and number of outgoing directions for each.
     shape: [usize; 2],
 }
 
 impl GridModel {
-    /// Builds the model; `None` if the grid lacks the directions that it needs.
+    /// Builds the scattering model; `None` if the grid lacks the directions that it needs.
     pub(super) fn new(kind: ChartKind, planes: &Planes) -> Option<Self> {
         let [incoming, outgoing] = planes.lattice().directions()?;
         (kind != ChartKind::Zonal).then_some(())?;
@@ -25,17 +25,18 @@ impl GridModel {
         Some(Self { chart: Chart::new(kind, incoming, outgoing, GRID_ROWS), shape })
     }
 
-    /// Prepares the model for fitting to the leaves `live`, those with a weight in every plane.
+    /// Prepares the scattering model for fitting to the direction pairs that `live` marks, those with a nonzero weight
+    /// in every spectral channel.
     pub(super) fn prepared(self, live: Vec<bool>) -> Self {
         Self { chart: self.chart.prepared(Some(live)), ..self }
     }
 
-    /// Bits of the model's kind in the first byte of a grid chunk.
+    /// Returns the kind of scattering model as bits of the first byte of a grid chunk.
     pub(super) fn form(model: Option<&Self>) -> u8 {
         model.map_or(0, |model| (model.chart.kind() as u8) << AT)
     }
 
-    /// Reads the model's kind from the first byte of a grid chunk.
+    /// Reads the kind of scattering model from the first byte of a grid chunk.
     pub(super) fn kind_of(form: u8, r: &Reader<'_>) -> Result<Option<ChartKind>, CodecError> {
         match form >> AT & KINDS {
             0 => Ok(None),
@@ -46,8 +47,9 @@ impl GridModel {
         }
     }
 
-    /// Codes the model at `step` and returns its coefficients. `planes`, those of all units, are given to an encoder
-    /// only.
+    /// Encodes or decodes the coefficients of the scattering model, quantised with `step`, and returns them. Only an
+    /// encoder passes `planes`: the values of all samples, to which it fits the model, and the number of byte streams
+    /// that code them.
     pub(super) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -60,18 +62,22 @@ impl GridModel {
         self.chart.code(coder, step, vectors, planes.as_deref(), kept)
     }
 
-    /// Planes of the model for all units, in the layout of one stream or of a stream for each incoming entry.
+    /// Evaluates the scattering model for all incoming directions, in the layout of one byte stream or of a byte stream
+    /// for each of them.
     pub(super) fn all(&self, coefficients: &[f64], vectors: usize, streams: usize) -> Vec<f32> {
         let planes = self.entries(coefficients, vectors, 0..self.shape[0]);
         self.turned_back(planes, (vectors, streams > 1))
     }
 
-    /// Planes of the model `[entries, vectors, leaves]` for some incoming entries.
+    /// Evaluates the scattering model for the incoming directions numbered `entries`. Returns values `[incoming,
+    /// channel, outgoing]` with `vectors` channels, each a wavelength or a spectral coefficient.
     pub(super) fn entries(&self, coefficients: &[f64], vectors: usize, entries: Range<usize>) -> Vec<f32> {
         self.chart.evaluate(coefficients.to_vec(), vectors, entries)
     }
 
-    /// Converts `[vectors, incoming, leaves]` of one stream to `[incoming, vectors, leaves]`.
+    /// Reorders the values of all samples from `[channel, incoming, outgoing]` to `[incoming, channel, outgoing]` for
+    /// the scattering model. They already have this order if each incoming direction is coded as a byte stream of its
+    /// own (`is_turned`).
     fn turned(&self, planes: &[f32], (vectors, is_turned): (usize, bool)) -> Vec<f32> {
         if is_turned { planes.to_vec() } else { exchanged(planes, [vectors, self.shape[0], self.shape[1]]) }
     }
@@ -81,7 +87,7 @@ impl GridModel {
     }
 }
 
-/// Converts `[a, b, length]` to `[b, a, length]`.
+/// Exchanges the first two axes of an array, from `[a, b, length]` to `[b, a, length]`.
 fn exchanged(values: &[f32], [a, b, length]: [usize; 3]) -> Vec<f32> {
     let row = |at: usize| &values[at * length..][..length];
     (0..b).flat_map(|j| (0..a).flat_map(move |i| row(i * b + j))).copied().collect()

@@ -1,13 +1,14 @@
 //! Nodes of one line of a level: its entries after some halvings are left out.
 
-/// Line of a level.
+/// Axis of polar angles or azimuths of a coarser grid.
 pub(super) struct Nodes {
-    /// Number of decoded nodes.
+    /// Number of decoded values along this axis of a coarser grid; each is a mean over merged neighbouring angles.
     pub(super) count: usize,
-    /// Angles of the entries of the axis.
+    /// Angles of the entries of the coarser axis, in degrees.
     pub(super) positions: Vec<f64>,
-    /// Node of each entry of the axis.
+    /// Index of the decoded value (mean over merged neighbouring angles) that each entry of this axis of a coarser grid
+    /// takes.
     pub(super) entries: Vec<u32>,
-    /// Number of halvings left out; with 0 all stated entries remain.
+    /// Number of merges of neighbouring angles that made the coarser axis; with 0 all stated angles remain.
     pub(super) halvings: u32,
 }

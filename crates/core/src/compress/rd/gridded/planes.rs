@@ -9,35 +9,42 @@ use crate::codec::{BitCoder, Class};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Weights of the leaves of all units.
+/// Weights of directions in means over neighbours: 1 if the sample there counts, 0 if not (masked, zero, usually
+/// negative).
 pub(super) struct Weights {
-    /// `[units, leaves]`, or `[units, planes, leaves]`.
+    /// Weight of each direction in means over neighbouring directions, as `[slice, direction]`, or `[slice, channel,
+    /// direction]` if weights differ between wavelengths. A slice is the whole tensor or a part averaged on its own,
+    /// for example an incoming direction.
     pub(super) values: Vec<f32>,
     by_plane: bool,
-    /// True if one set of weights serves all units.
+    /// True if directions have the same weights, in means over neighbouring directions, in every slice of the tensor
+    /// (for example each incoming direction). Only one set of weights is then stored.
     are_alike: bool,
 }
 
-/// Lattice as planes `[units, vectors, leaves]`.
+/// Layout of a tensor on grids of angles as `[slice, channel, direction]`: independently coded slices, spectral
+/// coefficients, distinct directions.
 pub(super) struct Planes {
     lattice: Lattice,
     grid: Grid,
-    /// Number of leaves of a unit.
+    /// Number of distinct directions in one independently coded slice.
     unit: usize,
-    /// True if every incoming entry is a stream of its own.
+    /// True if every incoming direction is coded as a byte stream of its own.
     random: bool,
-    /// True if vectors are those of a basis, not entries of rows.
+    /// True if the coded channels are coefficients of a spectral basis, false if they are single wavelengths or
+    /// colours.
     klt: bool,
-    /// True if negative samples count like positive ones.
+    /// True if negative samples are approximated as exactly as positive ones.
     weighs_negative: bool,
-    /// Leaf that each row of the tensor equals.
+    /// For each direction pair of the tensor, number of the distinct direction pair whose samples it repeats.
     rows: Vec<u32>,
-    /// First row that equals each leaf.
+    /// For each distinct direction pair, number of the first direction pair of the tensor that has its samples.
     first: Vec<u32>,
 }
 
 impl Planes {
-    /// Codes which slices of a tensor repeat. `same` tells an encoder which samples are equal; a decoder passes `None`.
+    /// Encodes or decodes which slices of a tensor repeat others. `same` tells an encoder which samples are equal; a
+    /// decoder passes `None`.
     pub(super) fn code<C: BitCoder>(
         coder: &mut C,
         shape: Shape,
@@ -60,44 +67,46 @@ impl Planes {
         &self.grid
     }
 
-    /// Number of tensors that have planes of their own.
+    /// Number of slices in which the tensor is coded: one for each incoming direction if these are independent, else
+    /// one for each entry of the axes before all directions.
     pub(super) fn units(&self) -> usize {
         self.lattice.units(self.random)
     }
 
-    /// Number of pyramids that are coded independently.
+    /// Number of byte streams that are coded independently: one for each distinct incoming direction, or one in all.
     pub(super) fn streams(&self) -> usize {
         if self.random { self.units() } else { 1 }
     }
 
-    /// Number of leaves of one unit.
+    /// Number of distinct directions in one coded slice.
     pub(super) fn unit(&self) -> usize {
         self.unit
     }
 
-    /// Number of leaves of all units.
+    /// Number of distinct directions in all coded slices together.
     pub(super) fn leaves(&self) -> usize {
         self.first.len()
     }
 
-    /// Number of rows of the tensor.
+    /// Number of spectra in the tensor, one for each direction pair.
     pub(super) fn rows(&self) -> usize {
         self.rows.len()
     }
 
-    /// Number of samples in a row.
+    /// Number of samples in a spectrum.
     pub(super) fn length(&self) -> usize {
         self.lattice.shape().length()
     }
 
-    /// Selects the rows of the leaves from the rows of the tensor.
+    /// Drops repeated spectra: from the spectra of all pairs of incoming and outgoing direction in a tensor, returns
+    /// one for each distinct pair.
     pub(super) fn leaves_of(&self, values: &[f32]) -> Vec<f32> {
         let n = self.length();
         self.first.iter().flat_map(|&row| &values[row as usize * n..][..n]).copied().collect()
     }
 
-    /// Rows for the principal component analysis: leaves with a live sample, subsampled to at most about `most`
-    /// samples.
+    /// Collects spectra for the principal component analysis, thinned out to about `most` samples: those with a
+    /// positive sample. If negative samples are approximated as exactly as positive ones, one of these suffices too.
     pub(super) fn spectra(&self, classes: Option<&[Class]>, leaves: &[f32], most: usize) -> Vec<f32> {
         let n = self.length();
         let stride = leaves.len().div_ceil(most) | 1;
@@ -115,12 +124,12 @@ impl Planes {
         if found.is_empty() { leaves[..n].to_vec() } else { found }
     }
 
-    /// Converts coefficients `[leaves, vectors]` to planes.
+    /// Rearranges spectral coefficients from `[direction, channel]` to `[slice, channel, direction]`.
     pub(super) fn of_coefficients<'a>(&self, coefficients: &'a [f32], vectors: usize) -> Cow<'a, [f32]> {
         transposed(coefficients, self.unit, vectors)
     }
 
-    /// Converts the entries of rows `[leaves, length]` to planes.
+    /// Rearranges the samples of spectra from `[direction, wavelength]` to one channel for each wavelength or colour.
     pub(super) fn of_lanes<'a>(&self, leaves: &'a [f32]) -> Cow<'a, [f32]> {
         let n = self.length();
         if n != 3 {
@@ -134,8 +143,11 @@ impl Planes {
         class == Class::Positive || self.weighs_negative && class == Class::Negative
     }
 
-    /// Weights of leaves: 1 where a sample is positive (or negative, if these count), else 0. Copies within a pole also
-    /// have 0. A leaf of weight 0 takes the predicted value.
+    /// Computes the weight of each direction in means over neighbouring directions: 1 if its sample (with principal
+    /// components, any sample of its spectrum) is positive, or if it is negative and approximated as exactly; else 0.
+    ///
+    /// Copies of a direction at a pole have weight 0. Directions of weight 0 decode to values predicted from
+    /// neighbours.
     pub(super) fn weights(&self, classes: Option<&[Class]>) -> Weights {
         let n = self.length();
         let live = |class: &Class| self.weighs(*class);
@@ -162,7 +174,7 @@ impl Planes {
         Weights { values, by_plane, are_alike }
     }
 
-    /// Marks the leaves with a nonzero weight in every plane.
+    /// Marks the directions whose samples count in means over neighbouring directions in every spectral channel.
     pub(super) fn live_leaves(&self, weights: &Weights) -> Vec<bool> {
         let lanes = if weights.by_plane { self.length() } else { 1 };
         let of_unit = |unit: usize| {
@@ -173,7 +185,7 @@ impl Planes {
         (0..self.units()).flat_map(of_unit).collect()
     }
 
-    /// Means of the planes of one stream over the leaves that each node of a level merges, as a pyramid computes them:
+    /// Computes the means of all channels over the directions that each node of a coarser grid merges. They are
     /// weighted, or unweighted if all weights are 0.
     pub(super) fn means(&self, planes: &[f32], weights: &Weights, lines: &[Nodes]) -> Vec<f32> {
         let nodes = self.lattice.nodes_of_leaves(lines);
@@ -194,8 +206,8 @@ impl Planes {
         planes.chunks_exact(self.unit).enumerate().flat_map(mean_of).collect()
     }
 
-    /// Fraction of positive minus fraction of negative samples among the measured ones, for each node of a level and
-    /// entry of a row. NaN if none is measured. Copies within a pole are left out.
+    /// Computes the fraction of positive minus that of negative samples among the measured ones, for each node of a
+    /// coarser grid and each wavelength. NaN if none is measured. Copies of a direction at a pole are left out.
     pub(super) fn shares(&self, classes: &[Class], lines: &[Nodes]) -> Vec<f32> {
         let n = self.length();
         let nodes = self.lattice.nodes_of_leaves(lines);
@@ -219,25 +231,28 @@ impl Planes {
         sums.into_iter().map(|(sum, measured)| (sum as f64 / measured as f64) as f32).collect()
     }
 
-    /// Builds the pyramids of all streams, only one if all streams are alike.
+    /// Builds the coders of sample values as means over ever larger blocks of directions (pyramids), one for each byte
+    /// stream of the file. If samples weigh alike in the means of all streams, a single coder serves them.
     pub(super) fn pyramids(&self, order: &[u8], weights: &Weights) -> Vec<PairPyramid> {
         let streams = if weights.are_alike { 1 } else { self.streams() };
         (0..streams).into_par_iter().map(|k| self.pyramid(order, weights, k)).collect()
     }
 
-    /// Builds the pyramid of one stream.
+    /// Builds the coder of sample values as means over ever larger blocks of directions (a pyramid), for one of the
+    /// byte streams of the file. Each stream holds one incoming direction, or a single one holds all.
     pub(super) fn pyramid(&self, order: &[u8], weights: &Weights, stream: usize) -> PairPyramid {
         let (stream, streams) = if weights.are_alike { (0, 1) } else { (stream, self.streams()) };
         let length = weights.values.len() / streams;
         PairPyramid::new(&self.grid, order, &weights.values[stream * length..][..length], weights.by_plane)
     }
 
-    /// Converts planes of all units to the values of all samples.
+    /// Converts the decoded channels of all slices to the values of all samples of the tensor.
     pub(super) fn synthesise(&self, basis: Option<&Basis>, planes: &[f32], values: &mut [f32]) {
         self.synthesise_rows(basis, (planes, self.unit), &self.rows, values);
     }
 
-    /// Converts planes to the values of `rows`. Each row names the node that it equals, in units of `unit` nodes.
+    /// Converts decoded channels to the values of some spectra. Entry i of `rows` is the number of the grid node that
+    /// spectrum i takes; a channel has `unit` nodes.
     pub(super) fn synthesise_rows(
         &self,
         basis: Option<&Basis>,

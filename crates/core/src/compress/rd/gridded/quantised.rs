@@ -3,16 +3,17 @@
 use super::super::lines::Quantiser;
 use crate::codec::Class;
 
-/// Unit of values that are not logarithms, in steps.
+/// Scale, in quantiser steps, that the predictor assumes for values coded as samples rather than as logarithms: limits
+/// on its predictions are multiples of it. Logarithms have the scale 1 (a factor of e).
 const LINEAR_UNIT: f64 = 32.0;
 
-/// Quantiser for a header's step.
+/// Builds the quantiser of a grid chunk from the step in the header.
 pub(super) fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
     let step = f64::from(step);
     Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns, dead_zone: 0.0 }
 }
 
-/// Limits the logarithms of negative samples to at most `bound`.
+/// Limits the logarithms of negative samples' magnitudes to at most `bound`.
 pub(super) fn bound_negative(bound: Option<f32>, classes: Option<&[Class]>, values: &mut [f32]) {
     if let (Some(bound), Some(classes)) = (bound, classes) {
         for (value, _) in values.iter_mut().zip(classes).filter(|(_, class)| **class == Class::Negative) {

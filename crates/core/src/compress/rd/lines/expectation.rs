@@ -1,46 +1,53 @@
 //! Expected squared errors of predictions with few known neighbours: running means, overall and by brightness.
 
-/// Rate of the running mean. Raising it adapts faster, with more noise.
+/// Rate at which the running mean of squared prediction errors follows new ones. Raising it adapts faster, with more
+/// noise.
 const RATE: f64 = 0.02;
-/// Initial value of the running mean, in squared units of values.
+/// Initial value of the running mean of squared prediction errors, in squared units of values (natural logarithms).
 const START: f64 = 0.02;
-/// Weight of the running mean relative to one detail of the same brightness. Raising it trusts brightness less.
+/// Weight of the mean of all recent squared prediction errors in an expected error; one earlier error at about the same
+/// local mean (brightness) of the values has the weight 1. Raising it trusts brightness less.
 const WEIGHT: f64 = 4.0;
-/// Factor on the running sums of a brightness bin whenever another detail of that bin is coded. Raising it lengthens
-/// the memory.
+/// Factor on the sum of squared prediction errors at about the same local mean (brightness) whenever another value with
+/// this mean is coded. Raising it lengthens the memory.
 const DECAY: f64 = 0.98;
-/// Number of brightness bins, each half a unit wide.
+/// Number of bins of the local mean (brightness) of values, each half a natural logarithm wide, in which squared
+/// prediction errors are averaged separately.
 const BINS: usize = 64;
 
-/// Squared errors of the predictions so far.
+/// Statistics of the squared prediction errors so far: a running mean overall, and sums by brightness.
 #[derive(Clone, Debug)]
 pub(super) struct Expectation {
     running: f64,
     bins: [(f64, f64); BINS],
-    /// Bins to a step.
+    /// Number of bins of the local mean (brightness) that one quantiser step spans, mostly a fraction of a bin.
     per_step: f64,
 }
 
 impl Expectation {
-    /// Initial state. `unit` is the unit of values in steps: one natural logarithm if values are logarithms.
+    /// Builds the initial statistics of prediction errors. `unit` is one natural logarithm in quantiser steps (or a
+    /// fixed number of steps if values are no logarithms).
     pub(super) fn new(unit: f64) -> Self {
         Self { running: START * unit * unit, bins: [(0.0, 0.0); BINS], per_step: 2.0 / unit }
     }
 
-    /// Bin of a mean given in steps.
+    /// Index of the bin of brightness into which a local mean of values, given in quantiser steps, falls. Prediction
+    /// errors are averaged by bin.
     #[inline]
     pub(super) fn bin_of(&self, mean: f64) -> usize {
         ((mean * self.per_step).floor() + 32.0).clamp(0.0, (BINS - 1) as f64) as usize
     }
 
-    /// Expected squared error at means of a bin.
+    /// Expected squared prediction error, in squared quantiser steps, of the difference of two neighbours whose mean
+    /// falls into brightness bin number `bin`.
     #[inline]
     pub(super) fn of(&self, bin: usize) -> f64 {
         let (sum, weight) = self.bins[bin];
         (self.running * WEIGHT + sum) / (WEIGHT + weight)
     }
 
-    /// Adds the squared error of a prediction.
+    /// Adds the squared error of a prediction to the running mean and to the sums of the bin of brightness (local mean)
+    /// `bin`.
     #[inline]
     pub(super) fn learn(&mut self, bin: usize, error: f64) {
         self.running += (error - self.running) * RATE;

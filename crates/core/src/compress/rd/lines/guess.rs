@@ -7,25 +7,30 @@
 use super::grid::Line;
 use crate::numeric::dense;
 
-/// Denominator of coefficients: they are multiples of 2⁻¹⁶, so that the last digits of their computation do not matter.
+/// Denominator of prediction filter coefficients: they are multiples of 2⁻¹⁶, so that the last digits of their
+/// computation do not matter.
 const UNITS: f64 = 65_536.0;
-/// Upper bound on the sum of coefficient magnitudes; larger ones are rejected as unstable. On even lines the sum is
-/// 0.78.
+/// Upper bound on the summed coefficient magnitudes of a filter that predicts the difference of two neighbouring means
+/// from means around them. A filter beyond it is rejected as unstable. For evenly spaced angles the sum is 0.78.
 const LARGEST_SUM: f64 = 1.5;
-/// Factor of one-sided differences, which are less reliable.
+/// Factor on prediction filters at the end of an axis, with a neighbour on one side only, because they are less
+/// reliable.
 const ONE_SIDED: f64 = 0.8;
 
-/// Coefficients of P₊ − P, P₋ − P, P₊₊ − P and P₋₋ − P.
+/// Coefficients of a prediction filter, for the means of the next, previous, next but one and previous but one node,
+/// each less the node's own.
 pub(super) type Coefficients = [f64; 4];
 
-/// Coefficients of each node of the line after `halvings` halvings; `wraps` if the last node is next to the first.
+/// Computes the prediction filter of each node of an axis after `halvings` merges of neighbours; `wraps` if the last
+/// node is next to the first.
 pub(super) fn coefficients(line: &Line, halvings: usize, wraps: bool) -> Vec<Coefficients> {
     let span = 1_usize << halvings;
     let nodes = line.positions.len().div_ceil(span);
     (0..nodes).map(|node| of_node(line, span, (node, nodes), wraps)).collect()
 }
 
-/// Entries of the node `by` nodes away, and their shift around the circle; `None` beyond an open end.
+/// Positions (angles) of the axis entries merged into the node that lies `by` nodes away from `node`, and the multiple
+/// of 360° to add to them where a circle was passed around. `None` beyond the end of an axis that is no circle.
 fn entries(line: &Line, span: usize, node: usize, nodes: usize, by: isize, wraps: bool) -> Option<(&[f64], f64)> {
     let at = node as isize + by;
     let turns = at.div_euclid(nodes as isize);

@@ -5,35 +5,42 @@ use super::guess::{Coefficients, coefficients};
 use super::neighbours::Places;
 use super::pairs::sums;
 
-/// One halving: `children` become `parents`.
+/// One halving of a grid: merges neighbouring nodes along one axis in pairs, `children` to `parents`.
 pub(super) struct Halving {
     pub(super) axis: usize,
     pub(super) children: [usize; AXES],
     pub(super) parents: Places,
-    /// Filters of each node of the halved axis.
+    /// Prediction filter of each node of the halved axis.
     pub(super) guess: Vec<Coefficients>,
 }
 
-/// Weights of the samples of planes, and of all means over them.
+/// Weights of the samples of one channel (spectral coefficient over all directions), and of all means over them.
 struct Weights {
-    /// Weights after each halving, from the finest to the root.
+    /// Weights that grid nodes have in means over merged nodes: one set after each merge of neighbours in pairs, from
+    /// the full grid to a single node. A merged node weighs as much as its two parts together.
     levels: Vec<Vec<f32>>,
 }
 
-/// All halvings of a grid, and the weights of planes on it.
+/// All halvings of a grid (merges of neighbouring nodes along one axis), from the full one to a single node, and the
+/// weights of the nodes.
 pub(super) struct Halvings {
-    /// Halvings, finest first.
+    /// Merges of neighbouring nodes in pairs, one axis at a time, in order from the full grid of angles to a single
+    /// node.
     steps: Vec<Halving>,
-    /// Weights of each tensor, or of each plane; the last set serves all that follow.
+    /// Weights of the grid nodes in means over merged nodes: one set for each coded slice of the tensor, or for each
+    /// spectral channel of each slice. Slices or channels beyond the last set share it.
     weights: Vec<Weights>,
-    /// True if the planes of one tensor have weights of their own.
+    /// True if each spectral channel has its own weights of directions, with which means are formed; false if all
+    /// channels share them.
     by_plane: bool,
 }
 
 impl Halvings {
-    /// Computes the halvings of a grid in the given order; missing halvings are added, superfluous ones skipped.
-    /// `weights` are those of all leaves, one set for each tensor or (`by_plane`) plane; the last serves all that
-    /// follow.
+    /// Computes the halvings of a grid, merges of neighbours in pairs along one axis each. `order` lists these axes;
+    /// superfluous entries are skipped, and merges added until one node is left.
+    ///
+    /// `weights` holds one set of weights of all grid nodes for each slice of the tensor or (`by_plane`) each spectral
+    /// channel; the last set serves all later ones.
     pub(super) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let mut children = grid.lengths();
         let leaves = children.iter().product::<usize>();
@@ -65,12 +72,14 @@ impl Halvings {
         Self { steps: halvings, weights: levels, by_plane }
     }
 
-    /// All halvings, finest first.
+    /// Returns all merges of neighbouring grid nodes in pairs, one axis at a time, in order from the full grid to a
+    /// single node.
     pub(super) fn all(&self) -> &[Halving] {
         &self.steps
     }
 
-    /// Weights of a plane after `level` halvings; there are `vectors` planes to a tensor.
+    /// Returns the weights that the nodes of a spectral channel have in means, after `level` merges of neighbours in
+    /// pairs. `plane` counts the channels of all slices of the tensor, `vectors` of them in each.
     pub(super) fn weights_of(&self, (plane, vectors): (usize, usize), level: usize) -> &[f32] {
         let set = if self.by_plane { plane } else { plane / vectors.max(1) };
         &self.weights[set.min(self.weights.len() - 1)].levels[level]

@@ -2,16 +2,17 @@
 
 use super::grid::AXES;
 
-/// Offset of a missing node: added to other offsets it lies beyond every array.
+/// Offset of a missing neighbour: added to other offsets it lies beyond every array.
 const NOWHERE: u32 = 1 << 29;
-/// Largest distance along an axis.
+/// Largest distance of a neighbour along an axis, in nodes.
 const REACH: usize = 2;
 const DISTANCES: usize = 2 * REACH + 1;
 
-/// Distance in nodes along each axis.
+/// Distance of a neighbour in nodes along each axis of a grid.
 pub(super) type Distance = [i8; AXES];
 
-/// Builds a distance from its components along axes.
+/// Returns the distance from a grid node to a neighbour, in nodes along each axis. `parts` lists pairs of an axis and a
+/// number of nodes along it; along the other axes the distance is 0.
 pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
     let mut distance = [0; AXES];
     for &(axis, by) in parts {
@@ -20,16 +21,17 @@ pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
     distance
 }
 
-/// Nodes of a product of lines, row-major.
+/// Nodes of a grid in row-major order, with tables for finding their neighbours.
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) lengths: [usize; AXES],
-    /// Offsets of the node at a distance along an axis: `[axis][distance][coordinate]`.
+    /// Part that each axis contributes to the array index of a neighbour, `[axis][distance][coordinate]`: for a node at
+    /// this coordinate, the neighbour −2 … 2 nodes away along the axis.
     tables: [[Vec<u32>; DISTANCES]; AXES],
 }
 
 impl Places {
-    /// Nodes of lines of these lengths; where an axis `wraps`, its last node is next to its first.
+    /// Builds the nodes of a grid with these axis lengths; where an axis `wraps`, its last node is next to its first.
     pub(super) fn new(lengths: [usize; AXES], wraps: [bool; AXES]) -> Self {
         let tables = std::array::from_fn(|axis| {
             let n = lengths[axis] as isize;
@@ -45,17 +47,17 @@ impl Places {
         Self { lengths, tables }
     }
 
-    /// Number of nodes, which is also the offset of the place for missing nodes.
+    /// Number of grid nodes, which is also the index of the array place for missing neighbours.
     pub(super) fn count(&self) -> usize {
         self.lengths.iter().product()
     }
 
-    /// Number of rows along the last axis.
+    /// Number of rows of grid nodes, each parallel to the last axis: the product of the lengths of all other axes.
     pub(super) fn rows(&self) -> usize {
         self.lengths[..AXES - 1].iter().product()
     }
 
-    /// Coordinates of a row on all axes but the last.
+    /// Coordinates of a row of grid nodes on all axes but the last.
     pub(super) fn coordinates(&self, row: usize) -> [usize; AXES - 1] {
         let mut rest = row;
         let mut coordinates = [0; AXES - 1];
@@ -66,13 +68,15 @@ impl Places {
         coordinates
     }
 
-    /// Nodes at a distance from the nodes of a row.
+    /// Neighbours at a given distance from each node of a row of grid nodes. The row runs along the last axis;
+    /// `coordinates` are its place on the other axes.
     pub(super) fn along(&self, coordinates: [usize; AXES - 1], distance: Distance) -> Along {
         let first = (0..AXES - 1).map(|axis| self.tables[axis][index(distance[axis])][coordinates[axis]]).sum();
         Along { first, last: index(distance[AXES - 1]) as u32 }
     }
 
-    /// Offsets at each distance along the last axis, for each coordinate on it.
+    /// Part that the last axis contributes to array indices: for each coordinate on it, the offsets of the neighbours
+    /// −2 … 2 nodes away.
     pub(super) fn last_axis(&self) -> Vec<[u32; DISTANCES]> {
         let tables = &self.tables[AXES - 1];
         (0..self.lengths[AXES - 1]).map(|x| std::array::from_fn(|d| tables[d][x])).collect()
@@ -83,7 +87,7 @@ fn index(distance: i8) -> usize {
     (isize::from(distance) + REACH as isize) as usize
 }
 
-/// Nodes at one distance from the nodes of a row.
+/// Neighbours of the nodes of one grid row, each at the same offset (in nodes along each axis) from its node.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Along {
     first: u32,
@@ -91,7 +95,9 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// Index of the node with these offsets along the last axis; `nowhere` if it does not exist.
+    /// Array index of the neighbour of one node of a grid row. `offsets` are the parts that the last axis contributes
+    /// to the indices of neighbours −2 … 2 nodes away along it. A missing neighbour has the index `nowhere`, the last
+    /// of the array.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(super) fn at(self, offsets: &[u32; DISTANCES], nowhere: usize) -> usize {

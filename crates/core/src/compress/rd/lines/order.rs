@@ -4,9 +4,10 @@ use super::grid::{AXES, Grid};
 use super::pairs::{halve, sums};
 use crate::codec::BitCoder;
 
-/// Finds the order of halvings whose details cost least, from the finest, and the estimated bits of all details. Each
-/// step takes the axis whose details are predicted best from the original means. `planes` are `[planes, leaves]`;
-/// `weights` are those of all leaves, one set for each `run` of planes.
+/// Finds the order in which to halve the axes of a grid so that coding costs least, finest first. Also estimates the
+/// bits of all details (differences of merged neighbours). Each step takes the axis whose details are predicted best
+/// from the original means. `planes` are `[channel, node]`; `weights` holds one set of weights of all nodes for each
+/// `run` of channels.
 pub(crate) fn order_of_halvings(
     grid: &Grid,
     planes: &[f32],
@@ -51,8 +52,11 @@ pub(crate) fn order_of_halvings(
     }
 }
 
-/// Sum of log₂(1 + |δ − prediction|·√W / step) over details (parent, δ, W). The prediction is (m₊ − m₋) / 4,
-/// extrapolated linearly at the ends.
+/// Estimates the bits for coding the differences δ of merged neighbours as Σ log₂(1 + |δ − prediction|·√W / q), with W
+/// the weight of the difference and q the quantiser step.
+///
+/// An entry of `details` is (merged node, δ, W). The prediction is a quarter of the next minus the previous node's
+/// mean; beyond an end of the axis, means are extrapolated linearly.
 fn cost(
     details: &[(usize, f64, f64)],
     means: &[f64],
@@ -88,7 +92,8 @@ fn cost(
     bits + libm::log2(product)
 }
 
-/// Codes an order of halvings down to one entry on all axes; any bytes decode to some order.
+/// Encodes or decodes the order in which the axes of a grid are halved down to one entry each; any bytes decode to some
+/// order.
 pub(crate) fn code_order<C: BitCoder>(coder: &mut C, grid: &Grid, order: &[u8]) -> Vec<u8> {
     let mut lengths = grid.lengths();
     let mut coded = Vec::new();

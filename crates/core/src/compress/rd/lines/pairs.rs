@@ -2,12 +2,13 @@
 
 use super::grid::AXES;
 
-/// Number of entries before the axis, of the axis, and behind it.
+/// Number of entries of the axes before `axis`, of this axis, and of the axes behind it.
 fn around(children: [usize; AXES], axis: usize) -> (usize, usize, usize) {
     (children[..axis].iter().product(), children[axis], children[axis + 1..].iter().product())
 }
 
-/// Calls `each(parent, first child, second child)` for all parents; the last of an odd number has no second child.
+/// Calls `each(parent, first child, second child)` for all pairs of neighbours along an axis; the last of an odd number
+/// has no second child.
 fn for_each_pair(children: [usize; AXES], axis: usize, mut each: impl FnMut(usize, usize, Option<usize>)) {
     let (before, length, behind) = around(children, axis);
     let mut parent = 0;
@@ -22,7 +23,7 @@ fn for_each_pair(children: [usize; AXES], axis: usize, mut each: impl FnMut(usiz
     }
 }
 
-/// Sums of weights over pairs along an axis.
+/// Sums the weights of each pair of neighbours along an axis.
 pub(super) fn sums(weights: &[f32], children: [usize; AXES], axis: usize) -> Vec<f32> {
     let mut sums = vec![0.0; weights.len() / children[axis] * children[axis].div_ceil(2)];
     for_each_pair(children, axis, |parent, first, second| {
@@ -31,8 +32,8 @@ pub(super) fn sums(weights: &[f32], children: [usize; AXES], axis: usize) -> Vec
     sums
 }
 
-/// Replaces values by weighted means over pairs along an axis; calls `detail(parent, δ, W)` if both entries have
-/// weight.
+/// Replaces values by weighted means over pairs of neighbours along an axis. Calls `detail(parent, δ, W)` if both have
+/// weight, with their difference δ and W = w₀·w₁ / (w₀ + w₁).
 pub(super) fn halve(
     values: &mut Vec<f64>,
     weights: &[f32],

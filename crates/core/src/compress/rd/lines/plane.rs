@@ -9,80 +9,90 @@ use crate::codec::{BitCoder, DEPTHS, Expected, ResidualCoder};
 use crate::numeric::recursive::Recursive;
 use crate::numeric::wide;
 
-/// Number of plane classes, each with its own least squares and expected errors; all later planes share the last class.
+/// Number of groups of spectral channels, each with a least-squares predictor and error statistics of its own. The
+/// first channels have a group each; all later ones share the last.
 pub(super) const PLANE_CLASSES: usize = 4;
-/// Upper bound on quantised magnitudes.
+/// Upper bound on the magnitude of a quantised prediction residual.
 const LARGEST: f64 = (1 << 30) as f64;
-/// Upper bound on the number of features, padding included.
+/// Upper bound on the number of features from which least squares predict a detail, padding included.
 const FEATURES: usize = 40;
-/// Weight of the expected error relative to errors of neighbours. Raising it trusts neighbours less.
+/// Weight of the mean error of earlier predictions in the estimate of a node's squared prediction error; the error at
+/// an adjacent node has weight 1. Raising it trusts neighbours less.
 const PRIOR: f64 = 0.5;
-/// Factor on the prior error of fixed prediction relative to that of least squares. Raising it favours least squares.
+/// Ratio of the squared error expected of fixed prediction filters to that of least-squares prediction, as long as
+/// neither's error is known at neighbouring nodes. Raising it favours least squares.
 const FIXED: f64 = 0.6;
-/// Lower bound on every expected squared error, in squared steps.
+/// Lower bound on the expected squared error of a prediction, in squared quantiser steps.
 const FLOOR: f64 = 0.0125;
-/// Variance of the quantisation error, in squared steps.
+/// Variance of the quantisation error of a detail, in squared quantiser steps.
 const QUANTISATION: f64 = 1.0 / 12.0;
-/// Smallest ridge parameter of least squares, in squared units.
+/// Smallest ridge (regularisation) parameter of the least-squares prediction, in squared natural logarithms.
 const RIDGE: f64 = 1e-9;
-/// Upper bound on a detail that least squares may predict, in units.
+/// Upper bound on the magnitude of a detail that least squares may predict, in natural logarithms.
 const LARGEST_PREDICTION: f64 = 6.0;
-/// Weight of the error inherited from a node's parent, and its factor of decay for each level.
+/// Weight of the error passed on from the parent in the estimate of a node's squared prediction error (an adjacent
+/// node's error has weight 1), and factor by which this error decays from each level to the next.
 const INHERITED: (f32, f32) = (0.5, 0.8);
-/// Upper bound on the ratio of two expected errors.
+/// Limit to which the ratio of expected squared errors, of least-squares prediction to fixed prediction filters, is
+/// clamped before it serves to blend both predictions.
 const LARGEST_RATIO: f64 = 1e9;
-/// Upper bound on a stored squared error.
+/// Upper bound on a stored squared prediction error.
 const LARGEST_ERROR: f64 = 1e30;
 
-/// Nearest integer to a number of steps, clamped.
+/// Rounds a value in quantiser steps to the nearest integer, clamped to the largest magnitude.
 #[inline]
 pub(super) fn integer_of(steps: f64) -> i32 {
     steps.round().clamp(-LARGEST, LARGEST) as i32
 }
 
-/// Places of a halving, for all planes.
+/// Geometry of one halving of a grid (neighbours, prediction filters), common to all spectral channels.
 pub(super) struct Halved<'a> {
     halving: &'a Halving,
     template: &'a Template,
     depth: usize,
-    /// Offsets of the neighbours along the last axis, for each coordinate on it.
+    /// For each coordinate on the last axis, array offsets of the neighbours −2 … 2 nodes away along it.
     offsets: Vec<[u32; 5]>,
 }
 
-/// Predictors trained by earlier details of a plane.
+/// Predictors of details (differences of merged neighbours), trained by the details decoded before.
 pub(super) struct Learned<'a> {
     pub(super) expectation: &'a mut Expectation,
     pub(super) system: &'a mut Recursive,
-    /// Unit of values, in steps.
+    /// Number of quantiser steps in one natural logarithm; if samples are coded instead of logarithms, a fixed number
+    /// of steps that serves as their scale.
     pub(super) unit: f64,
-    /// True if least squares predict in addition to the fixed filters.
+    /// True if adaptive least squares predict details in addition to the fixed filters.
     pub(super) learns: bool,
 }
 
-/// State of one plane, in steps; arrays by node have one extra entry for missing nodes.
+/// State of one spectral channel, in quantiser steps, while each grid node is split in two along one axis. Arrays by
+/// node have one extra element, for missing neighbours.
 pub(super) struct PlaneOf<'a> {
-    /// Number of the class of planes that share contexts.
+    /// Class number of the spectral channel; channels of a class share predictors and coding contexts.
     pub(super) class: usize,
     pub(super) means: &'a mut [f32],
-    /// Weights of the children.
+    /// Weights of the child nodes in the mean of each pair, which is the value of their parent.
     pub(super) weights: &'a [f32],
-    /// Details of the source, in its own unit; `None` in a decoder.
+    /// Original details (differences of merged neighbours) that an encoder codes, unquantised; `None` in a decoder.
     pub(super) wanted: Option<&'a [f32]>,
-    /// Steps to that unit.
+    /// Number of quantiser steps to one unit of the original values.
     pub(super) per_step: f64,
-    /// Extra width of the zero bin, in steps: wanted residuals within 0.5 + this become 0.
+    /// Extra width of the quantiser's zero bin, in steps: prediction residuals within 0.5 + this become 0.
     pub(super) dead_zone: f64,
-    /// Squared error at the parent of each node, negative if there is none.
+    /// Squared prediction error passed on from the parent of each node, in squared quantiser steps; negative if no
+    /// error is known there. `None` at the coarsest level.
     pub(super) inherited: Option<&'a [f32]>,
-    /// Details of this plane and the two before; 0 where none is decoded.
+    /// Decoded details of this spectral channel and the two channels before it, by node; 0 where none is decoded.
     pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
-    /// Squared errors of fixed prediction, least squares and their blend at each node, and 1 where these are known.
+    /// Squared errors, at each grid node, of prediction by fixed filters, by least squares and by the blend of both, in
+    /// squared quantiser steps; then 1 if these errors are known, else 0.
     pub(super) errors: &'a mut [[f32; 4]],
     pub(super) children: &'a mut [f32],
     pub(super) errors_of_children: &'a mut [f32],
 }
 
-/// Neighbour places along one row.
+/// Neighbours of one row of grid nodes, grouped by their use in predicting the difference of the two children of a
+/// node.
 #[derive(Default)]
 struct Row {
     differences: [Along; 4],
@@ -106,14 +116,16 @@ impl Row {
     }
 }
 
-/// Predictions of one detail.
+/// Predictions of one detail (difference of two child nodes) and their expected errors.
 struct Predicted {
     fixed: f64,
     learned: f64,
     blend: f64,
-    /// Expected squared error of the blend.
+    /// Expected squared error, in squared quantiser steps, of the blend of both predictions (by fixed filters and by
+    /// least squares).
     variance: f64,
-    /// Mean squared error of the blend nearby.
+    /// Mean squared error, in squared quantiser steps, that the blends of fixed-filter and least-squares prediction had
+    /// at neighbouring nodes.
     near: f64,
 }
 
@@ -122,7 +134,8 @@ impl<'a> Halved<'a> {
         Self { halving, template, depth: depth.min(DEPTHS - 1), offsets: halving.parents.last_axis() }
     }
 
-    /// Codes the details of a plane and computes its children; returns the number of nonzero residuals.
+    /// Encodes or decodes the details of a spectral channel for one halving, and computes the child nodes; returns the
+    /// number of nonzero residuals.
     pub(super) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -228,7 +241,7 @@ impl<'a> Halved<'a> {
         kept
     }
 
-    /// Computes the features of a node.
+    /// Computes the features (differences and details of neighbours) from which the detail of a node is predicted.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn features(&self, row: &Row, plane: &PlaneOf<'_>, x: usize, nowhere: usize) -> [f64; FEATURES] {
@@ -263,7 +276,7 @@ impl<'a> Halved<'a> {
         features
     }
 
-    /// Weighted sums of the errors around a node, and the sum of the weights.
+    /// Weighted sums of the squared prediction errors at the neighbours of a node, followed by the sum of the weights.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn errors_around(&self, row: &Row, errors: &[[f32; 4]], x: usize, inherited: f32) -> [f32; 4] {
@@ -287,7 +300,8 @@ impl<'a> Halved<'a> {
     }
 }
 
-/// First child of the first node of a row.
+/// Index, in the finer grid, of the first of the nodes that merge along `axis` into the first node of a row of the
+/// coarser grid. `coordinates` are the row's place on all axes but the last.
 fn first_child(coordinates: [usize; AXES - 1], axis: usize, children: &[usize; AXES]) -> usize {
     let mut first = 0;
     for b in 0..AXES - 1 {
@@ -296,7 +310,8 @@ fn first_child(coordinates: [usize; AXES - 1], axis: usize, children: &[usize; A
     first * children[AXES - 1]
 }
 
-/// Blends fixed prediction and least squares by the inverse fourth powers of their expected squared errors.
+/// Predicts a detail by fixed filters and by least squares, blended by the inverse fourth powers of their expected
+/// squared errors.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn predict(

@@ -9,34 +9,39 @@ use super::template::Template;
 use crate::codec::{BitCoder, ResidualCoder, code_number};
 use crate::numeric::recursive::Recursive;
 
-/// Weight of earlier examples when an axis is halved again. Raising it lengthens the memory of least squares.
+/// Factor on the weight of earlier training examples of the least-squares predictor whenever grid nodes are split once
+/// more along the same axis. Raising it lengthens the memory.
 const FADING: f64 = 0.3;
 
-/// Step, unit and predictors of the planes.
+/// Quantiser step, scale of values and choice of predictors with which spectral channels are coded.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quantiser {
-    /// Step of orthonormal coefficients, in the unit of the planes.
+    /// Quantiser step of orthonormal coefficients, in the unit of the values.
     pub(crate) step: f64,
-    /// Unit of values: 1 natural logarithm if they are logarithms.
+    /// Unit of the values in which limits of the predictor, such as the largest prediction, are given: 1 for natural
+    /// logarithms, a fixed number of quantiser steps for samples.
     pub(crate) unit: f64,
-    /// True if least squares predict in addition to the fixed filters. They gain on large noisy arrays, and lose on
-    /// small smooth ones.
+    /// True if adaptive least squares predict details in addition to the fixed filters. They gain on large noisy
+    /// arrays, and lose on small smooth ones.
     pub(crate) learns: bool,
-    /// Extra width of the zero bin in an encoder, in steps: residuals within 0.5 + this become 0. In smooth functions
-    /// most details are 0, and an isolated ±1 costs more bits than its error is worth.
+    /// Extra width of an encoder's zero bin, in quantiser steps: prediction residuals within 0.5 + this become 0. In
+    /// smooth functions most details are 0, and an isolated ±1 costs more bits than its error is worth.
     pub(crate) dead_zone: f64,
 }
 
-/// Pyramid of planes `[planes, leaves]` on a grid.
+/// Coder of spectral channels `[channel, node]` on a grid of directions, as means over ever larger blocks of
+/// directions.
 pub(crate) struct PairPyramid {
     halvings: Halvings,
     templates: [Template; AXES],
 }
 
 impl PairPyramid {
-    /// Builds the pyramid of planes on a grid, halved in the given order; missing halvings are added, superfluous ones
-    /// skipped. `weights` are those of all leaves, one set for each tensor or (`by_plane`) plane; the last serves all
-    /// that follow.
+    /// Builds the coder of spectral channels on a grid of angles. `order` lists the axes along which neighbours merge
+    /// in pairs, finest first; superfluous entries are skipped, and merges added until one node is left.
+    ///
+    /// `weights` holds one set of weights of all grid nodes for each slice of the tensor or (`by_plane`) each spectral
+    /// channel; the last set serves all later ones.
     pub(crate) fn new(grid: &Grid, order: &[u8], weights: &[f32], by_plane: bool) -> Self {
         let long: [bool; AXES] = grid.lengths().map(|n| n > 1);
         let templates = std::array::from_fn(|axis| Template::new(axis, long));
@@ -48,14 +53,17 @@ impl PairPyramid {
         &self.halvings
     }
 
-    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may have any value.
+    /// Computes, before quantisation, the means over ever larger blocks of values `[slice, channel, node]` and the
+    /// differences (details) of the nodes merged. Values of weight 0 may be any number.
     pub(crate) fn source(&self, planes: &[f32], vectors: usize) -> Source {
         Source::new(&self.halvings, planes, vectors)
     }
 
-    /// Codes `planes` planes, `vectors` for each tensor; `source` is given to an encoder only. Returns the decoded
-    /// planes and the number of nonzero integers. The finest `left_out` halvings are not coded: the planes then hold
-    /// the means of their blocks.
+    /// Encodes or decodes the values of `planes` spectral channels, `vectors` of them in each slice of the tensor.
+    /// Returns the decoded values and the number of nonzero integers.
+    ///
+    /// Only an encoder passes `source`. The last `left_out` divisions of merged grid nodes are not coded: values are
+    /// then means over blocks of angles.
     pub(crate) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -126,13 +134,13 @@ impl PairPyramid {
         (values, kept)
     }
 
-    /// Depth class of a level, a context of the residual coder.
+    /// Class of the size of merged blocks after `level` halvings, a context of the residual coder.
     fn depth(&self, level: usize) -> usize {
         let axes = self.templates.iter().filter(|template| template.is_long()).count();
         level / axes.max(1)
     }
 
-    /// Codes the means over all leaves, in steps.
+    /// Encodes or decodes the mean of each spectral channel over the whole grid, and returns it in quantiser steps.
     fn code_roots<C: BitCoder>(
         &self,
         coder: &mut C,

@@ -3,15 +3,15 @@
 use super::halvings::Halvings;
 use super::pairs::halve;
 
-/// Means and details of planes.
+/// Original means and details (differences of merged neighbours) of spectral channels, which an encoder quantises.
 pub(crate) struct Source {
     roots: Vec<f64>,
-    /// Details of each halving, from the finest: `[plane, parent]`.
+    /// Details (differences of merged neighbours) of each halving of the grid, finest first: `[channel, node]`.
     details: Vec<Vec<f32>>,
 }
 
 impl Source {
-    /// Analyses planes `[tensors, vectors, leaves]`; samples without weight may have any value.
+    /// Computes the means and details of values `[slice, channel, node]`; samples without weight may have any value.
     pub(super) fn new(halvings: &Halvings, planes: &[f32], vectors: usize) -> Self {
         let leaves = halvings.all().first().map_or(1, |halving| halving.children.iter().product());
         let count = planes.len() / leaves;
@@ -32,12 +32,12 @@ impl Source {
         Self { roots, details }
     }
 
-    /// Mean of a plane.
+    /// Original mean of a spectral channel over the whole grid.
     pub(super) fn root(&self, plane: usize) -> f64 {
         self.roots[plane]
     }
 
-    /// Details of a plane at a halving.
+    /// Original details (differences of merged neighbours) of a spectral channel at one halving of the grid.
     pub(super) fn details(&self, level: usize, plane: usize, parents: usize) -> &[f32] {
         &self.details[level][plane * parents..][..parents]
     }

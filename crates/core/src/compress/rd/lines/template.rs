@@ -3,26 +3,32 @@
 use super::grid::AXES;
 use super::neighbours::{Distance, distance};
 
-/// Number of earlier planes whose details are features.
+/// Number of earlier spectral channels whose details serve to predict those of a channel. Raising it slows coding.
 pub(super) const BEFORE: usize = 2;
 
-/// Neighbours of a node when one axis is halved; axes with one entry contribute none.
+/// Relative positions of the neighbours that predict the detail of a node when one axis is halved; axes with one entry
+/// contribute none.
 pub(super) struct Template {
-    /// Neighbours whose difference from the node's mean is a feature.
+    /// Neighbours of a grid node whose means, less the mean of the node, are inputs for predicting the node's detail,
+    /// the difference of its two halves.
     pub(super) differences: [Distance; 4],
-    /// Pairs of neighbours whose difference is a feature.
+    /// Pairs of neighbours of a grid node whose difference of means is an input for predicting the node's detail, the
+    /// difference of its two halves.
     pub(super) slopes: Vec<[Distance; 2]>,
-    /// Neighbours whose detail in this plane is a feature.
+    /// Neighbours of a grid node whose details (differences of two halves) in the same spectral channel are inputs for
+    /// predicting the detail of the node.
     pub(super) details: Vec<Distance>,
-    /// Neighbours whose details in earlier planes are features.
+    /// Neighbours of a grid node, itself included, whose details (differences of two halves) in earlier spectral
+    /// channels are inputs for predicting the detail of the node.
     pub(super) others: [Distance; 3],
-    /// Neighbours whose prediction errors are averaged to predict the spread of a node's, with their weights.
+    /// Neighbours whose prediction errors are averaged to estimate that of a node, with their weights.
     pub(super) errors: Vec<(Distance, f32)>,
     is_long: bool,
 }
 
 impl Template {
-    /// Builds the template for halving `axis`; `long` axes have more than one entry.
+    /// Lists the relative positions of the neighbours from which the difference of two grid nodes, merged along `axis`,
+    /// is predicted. `long` marks the grid axes with more than one entry, along which neighbours exist.
     pub(super) fn new(axis: usize, long: [bool; AXES]) -> Self {
         let across: Vec<usize> = (0..AXES).filter(|&b| b != axis && long[b]).collect();
         let (mut slopes, mut details) = (Vec::new(), vec![distance(&[(axis, -1)])]);
@@ -65,12 +71,12 @@ impl Template {
         }
     }
 
-    /// Number of features, including those of earlier planes.
+    /// Number of features from which a detail is predicted, including details of earlier spectral channels.
     pub(super) fn features(&self) -> usize {
         self.differences.len() + self.slopes.len() + self.details.len() + BEFORE * self.others.len()
     }
 
-    /// Returns true if the axis has more than one entry.
+    /// Returns true if the grid axis along which nodes merge in pairs has more than one entry.
     pub(super) fn is_long(&self) -> bool {
         self.is_long
     }

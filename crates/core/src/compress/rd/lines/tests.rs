@@ -6,7 +6,7 @@ use crate::numeric::drawn::{any_list, list, number};
 use arbtest::arbitrary::{Result, Unstructured};
 use arbtest::arbtest;
 
-/// Encodes planes in the order of halvings found for them; returns the bytes and the decoded values.
+/// Encodes spectral channels on a grid, halved in the best order of axes; returns the bytes and the decoded values.
 fn encoded(grid: &Grid, planes: &[f32], weights: &[f32], step: f64) -> (Vec<u8>, Vec<f32>) {
     let count = planes.len() / grid.lengths().iter().product::<usize>();
     let mut encoder = Encoder::default();
@@ -42,7 +42,7 @@ fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|x| x.to_bits()).collect()
 }
 
-/// A smooth lobe over 24 polar and 36 azimuth angles.
+/// Test function: a smooth lobe over 24 polar angles and 36 azimuths.
 fn lobe() -> (Grid, Vec<f32>) {
     let value = |k: usize| {
         let (i, j) = ((k / 36) as f64, (k % 36) as f64);

@@ -14,9 +14,11 @@ use crate::domain::Axis;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Decodes the logarithms of a basis chunk and of a pyramid chunk after its level index, without details below level
-/// `finest`. Also returns the number of bytes of the latter that were needed. With `finish` the values become
-/// magnitudes.
+/// Decodes the logarithms of samples on triangles from two chunks: the spectral basis, and the values coded from coarse
+/// to fine (without the table of levels at its start). Also returns how many bytes of the second chunk were needed.
+///
+/// Only details that divide triangles up to level `finest`, the number of divisions of the base triangles, are decoded;
+/// finer ones are 0. With `finish`, logarithms are converted to magnitudes.
 pub(crate) fn decode(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -32,7 +34,7 @@ pub(crate) fn decode(
     Ok(Levels::of(opened, classes, step)?.decode(finest, finish))
 }
 
-/// Decodes all blocks of a pyramid with independent blocks.
+/// Decodes all blocks of a pyramid chunk in which each block is a byte stream of its own.
 fn decode_random(
     mut opened: Opened<'_>,
     classes: Option<&[Class]>,
@@ -59,22 +61,23 @@ fn decode_random(
     Ok(opened.synthesise(&decoded, finish))
 }
 
-/// Pyramid of one stream, with everything decoded that its levels share.
+/// Pyramid chunk of a single stream, with everything decoded that its resolution levels share.
 pub(crate) struct Levels<'a> {
     opened: Opened<'a>,
     step: f32,
-    /// Coefficients of the model.
+    /// Decoded coefficients of the scattering model.
     coefficients: Vec<f64>,
-    /// Planes of the model, cached for several levels.
+    /// Values of the scattering model, cached for decoding several resolution levels.
     model: Option<Vec<f32>>,
     pyramid: Option<Pyramid>,
-    /// Decoder at the start of the pyramid; `start` is the number of bytes in front of its stream.
+    /// Entropy decoder, placed where the coded details of the triangles begin.
     decoder: Decoder<'a>,
+    /// Number of bytes of the chunk in front of the entropy-coded stream.
     start: usize,
 }
 
 impl<'a> Levels<'a> {
-    /// Opens a pyramid for decoding several levels.
+    /// Opens a pyramid chunk for decoding several resolution levels.
     pub(crate) fn new(
         axes: &[Axis],
         classes: Option<&[Class]>,
@@ -99,7 +102,8 @@ impl<'a> Levels<'a> {
         Ok(Self { opened, step, coefficients, model: None, pyramid, decoder, start })
     }
 
-    /// Like [`decode`], for an opened pyramid.
+    /// Decodes the logarithms of samples on triangles up to a resolution level: `finest` divisions of the base
+    /// triangles; finer details are 0. Also returns the number of bytes of the chunk that were needed.
     pub(crate) fn decode(&self, finest: usize, finish: Option<Values>) -> (Vec<f32>, usize) {
         let opened = &self.opened;
         let (fineness, all) = ((self.step, opened.vectors()), 0..opened.representatives.len());
@@ -117,8 +121,8 @@ impl<'a> Levels<'a> {
     }
 }
 
-/// Decodes the logarithms of one block, bit for bit as [`decode`] does: `[leaves, length]`. Only the basis and the
-/// model are decoded besides.
+/// Decodes the logarithms of one block (incoming direction), bit for bit as [`decode`] does: `[triangle, wavelength]`.
+/// Besides the block only the basis and the scattering model are decoded.
 pub(crate) fn decode_block(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -154,14 +158,14 @@ pub(crate) fn decode_block(
     Ok(logs)
 }
 
-/// Returns true if every block of a pyramid is decoded independently.
+/// Returns true if every block (incoming direction) of a pyramid chunk is a byte stream of its own.
 pub(crate) fn is_random(axes: &[Axis], coded: &[u8]) -> Result<bool, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
     Ok(Opening::read(&shape, &mut Reader::new(coded, 0))?.random)
 }
 
-/// Number of the representative of each block.
+/// For each block (incoming direction) of a tensor, number of the coded block that represents it by symmetry.
 pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError> {
     let no_triangles = || CodecError::Malformed { at: 0, reason: "a pyramid without a triangle axis".to_owned() };
     let shape = Shape::of(axes).ok_or_else(no_triangles)?;
@@ -170,7 +174,8 @@ pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError
     Ok(by_block.into_iter().map(|(k, _)| k).collect())
 }
 
-/// Decoded content in front of the pyramid.
+/// Decoded start of a chunk that codes samples on triangles from coarse to fine: spectral basis, symmetries and kind of
+/// scattering model. The reader `r` stands behind it, at the coded values.
 struct Opened<'a> {
     shape: Shape,
     opening: Opening,
@@ -206,23 +211,25 @@ impl<'a> Opened<'a> {
         self.basis.as_ref().map_or(1, Basis::rank)
     }
 
-    /// Reads the streams of a pyramid with independent blocks.
+    /// Reads the byte streams of a pyramid chunk in which each block (incoming direction) is a stream of its own.
     fn streams(&mut self) -> Result<Streams<'a>, CodecError> {
         let blocks = if self.opening.alone { 0 } else { self.representatives.len() };
         Streams::read(&mut self.r, self.chart.is_some(), blocks)
     }
 
-    /// Planes of the model for some representatives; `None` without a model.
+    /// Evaluates the scattering model for some coded blocks (incoming directions); `None` without a model.
     fn model(&self, coefficients: &[f64], representatives: Range<usize>) -> Option<Vec<f32>> {
         self.chart.as_ref().map(|chart| chart.evaluate(coefficients.to_vec(), self.vectors(), representatives))
     }
 
-    /// Zero planes, for a chunk without a pyramid.
+    /// Returns zeros as the values of all coded blocks (incoming directions), for a chunk in which the scattering model
+    /// leaves no details.
     fn no_details(&self) -> Vec<f32> {
         vec![0.0; self.representatives.len() * self.vectors() * self.shape.leaves()]
     }
 
-    /// Synthesises all logarithms, or with `finish` all magnitudes.
+    /// Expands the decoded values of the coded blocks (incoming directions) to all logarithms of the tensor, or with
+    /// `finish` to all magnitudes.
     fn synthesise(&self, planes: &[f32], finish: Option<Values>) -> Vec<f32> {
         let mut logs = vec![0.0; self.shape.rows() * self.shape.length()];
         let basis = self.basis.as_ref();
@@ -230,12 +237,12 @@ impl<'a> Opened<'a> {
         logs
     }
 
-    /// Decodes the coefficients of the model.
+    /// Decodes the coefficients of the scattering model.
     fn coefficients(&self, decoder: &mut Decoder<'_>, step: f32) -> Vec<f64> {
         self.chart.as_ref().map_or_else(Vec::new, |chart| chart.code(decoder, step, self.vectors(), None, &mut 0))
     }
 
-    /// Builds the pyramids of some representatives.
+    /// Builds the pyramids of means over triangles for some coded blocks (incoming directions).
     fn pyramid(&self, classes: Option<&[Class]>, representatives: Range<usize>) -> Pyramid {
         let (group, all) = (&self.opening.group, &self.representatives);
         let live = live_leaves(&self.shape, group, all, representatives.clone(), classes);

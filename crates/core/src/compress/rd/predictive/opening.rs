@@ -6,7 +6,7 @@ use super::super::symmetry::Group;
 use crate::codec::{CodecError, Reader};
 use crate::domain::Symmetry;
 
-/// Decoded first number of a pyramid.
+/// Content of the first number of a pyramid chunk: scattering model, symmetry group and layout of the streams.
 pub(super) struct Opening {
     pub(super) model: Option<ChartKind>,
     pub(super) alone: bool,
@@ -32,7 +32,7 @@ impl Opening {
     }
 }
 
-/// Encodes the generators of a symmetry group as one number, whose digits are their places in the list of all
+/// Encodes the generators of a symmetry group as one number, whose digits are the generators' places in the list of all
 /// symmetries; 0 without any.
 pub(super) fn number_of(shape: &Shape, generators: &[Symmetry]) -> u64 {
     let known = Symmetry::of(shape.mesh().domain());

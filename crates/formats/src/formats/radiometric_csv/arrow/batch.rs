@@ -9,14 +9,15 @@ use super::schema::{Column, Element, Kind};
 use crate::domain::limits::MAX_SAMPLES;
 use crate::formats::text::{Brief, snippet};
 
-/// Step in degrees to which angles in float32 are rounded: 30.1 is stored as 30.100000381.
+/// Step in degrees to which angles stored as float32 are rounded, because 30.1 is stored as 30.100000381. Raising it
+/// loses digits of exact angles.
 const FLOAT32_DEGREES: f64 = 1e-4;
-/// Step in radians to which angles in float32 are rounded.
+/// Step in radians to which angles stored as float32 are rounded. Raising it loses digits of exact angles.
 const FLOAT32_RADIANS: f64 = 1e-6;
-/// Upper bound on the infinite numbers of a batch that are examined: more than a report lists.
+/// Upper bound on the infinite numbers of a record batch that are examined: more than a report lists.
 const MOST_INFINITE: usize = 100;
 
-/// Reason why a batch is refused.
+/// Reason why a record batch of an Arrow stream is rejected.
 pub(super) enum Refusal {
     Broken(String),
     Unsupported(String),
@@ -29,27 +30,27 @@ impl From<Broken> for Refusal {
     }
 }
 
-/// Reader of consecutive batches.
+/// Reader of the record batches of an Arrow stream, one after the other.
 pub(super) struct Batches<'a> {
     columns: &'a [Column],
-    /// Number of the first cell of each column.
+    /// Number of the first cell that each column provides in a row; a column of lists provides several cells.
     cells: &'a [usize],
     read: &'a Columns,
     cosine: bool,
-    /// Number of rows read so far.
+    /// Number of rows read from the batches so far.
     count: usize,
     pub(super) rows: Rows,
     pub(super) problems: Problems,
-    /// True if angles of float32 were rounded.
+    /// True if angles stored as float32 were rounded.
     pub(super) rounded: bool,
 }
 
-/// Numbers of one column in one batch.
+/// Numbers of one column in one record batch.
 #[derive(Clone, Copy)]
 struct Numbers<'a> {
     element: Element,
     bytes: &'a [u8],
-    /// Validity bits, one per number, lowest bit first; `None` if no number is missing.
+    /// Validity bits of the numbers, one bit each, lowest bit first; `None` if no number is missing.
     valid: Option<&'a [u8]>,
 }
 
@@ -59,7 +60,7 @@ impl Numbers<'_> {
         self.valid.is_none_or(|bits| bits.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1))
     }
 
-    /// Returns number `i`; `None` if it is missing.
+    /// Returns number `i` of the column; `None` if it is missing or NaN.
     #[inline]
     fn get(&self, i: usize) -> Option<f64> {
         let size = self.element.size();
@@ -68,7 +69,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Cursor over the nodes and buffers of a batch that are not consumed yet.
+/// Nodes and buffers (in Arrow's sense) of a record batch, with the position of the next unread ones.
 struct Parts<'a> {
     nodes: Vec<[usize; 2]>,
     buffers: Vec<&'a [u8]>,
@@ -77,7 +78,7 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Takes the numbers of the next column. They are plain, or in `rows` lists of `each` numbers.
+    /// Takes the numbers of the next column of a record batch. They are plain, or in `rows` lists of `each` numbers.
     fn numbers(&mut self, element: Element, rows: usize, each: Option<usize>) -> Result<Numbers<'a>, Refusal> {
         let outer = match each {
             None => None,
@@ -102,7 +103,7 @@ impl<'a> Parts<'a> {
         Ok(Numbers { element, bytes, valid: inner })
     }
 
-    /// Takes the validity bits of the next node, which must have `count` entries; `None` if no entry is missing.
+    /// Takes the validity bits of the next Arrow node, which must have `count` entries; `None` if no entry is missing.
     fn validity(&mut self, count: usize) -> Result<Option<&'a [u8]>, Refusal> {
         let [length, nulls] = self.nodes.get(self.node).copied().ok_or(Broken)?;
         let bits = self.buffers.get(self.buffer).copied().ok_or(Broken)?;
@@ -144,7 +145,7 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Reads the table `RecordBatch` (Arrow, `Message.fbs`) and its body.
+    /// Reads a record batch (the table `RecordBatch` in Arrow's `Message.fbs`) and its body.
     pub(super) fn batch(&mut self, batch: Table<'_>, body: &[u8]) -> Result<(), Refusal> {
         if batch.table(3)?.is_some() {
             return Err(Refusal::Unsupported(
@@ -201,8 +202,8 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Returns the nodes and buffers of a batch. Checks that their number matches the columns and that no two buffers
-    /// overlap.
+    /// Returns the nodes and buffers of a record batch. Refuses a batch whose numbers of them do not match the columns,
+    /// or with overlapping buffers.
     fn parts<'b>(&self, batch: Table<'_>, body: &'b [u8]) -> Result<Parts<'b>, Refusal> {
         let (nodes, buffers) = (batch.list(1, 16)?, batch.list(2, 16)?);
         let expected = self.columns.iter().fold((0, 0), |(nodes, buffers), column| {
@@ -248,7 +249,8 @@ impl<'a> Batches<'a> {
         self.problems.add(0, 0, || format!("row {row}, column {}: found {found}, expected {expected}", snippet(name)));
     }
 
-    /// Reads the column of angle `k` for the directions from number `first_row` on.
+    /// Reads the column of angle `k` (in the order of the angles of a row) into the directions from number `first_row`
+    /// on.
     fn angles(&mut self, k: usize, name: &str, numbers: Numbers<'_>, first_row: usize) {
         let Some(angle) = self.read.angles[k] else { return };
         let unit = if angle.radians { FLOAT32_RADIANS } else { FLOAT32_DEGREES };
@@ -283,7 +285,7 @@ impl<'a> Batches<'a> {
         lambdas
     }
 
-    /// Appends lists of float32 that already have the layout of rows; `count` numbers in total.
+    /// Appends the values of a column of float32 lists that already have the layout of rows; `count` numbers in total.
     fn whole_rows(&mut self, name: &str, numbers: Numbers<'_>, count: usize) {
         let (stored, _) = numbers.bytes.as_chunks::<4>();
         let mut infinite = false;
@@ -302,7 +304,7 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Copies the numbers of a column into their cells of every row, from value `base` on.
+    /// Copies the numbers of a column into their cells of every row; the rows begin at value number `base`.
     fn values(&mut self, name: &str, cells: &[Cell], numbers: Numbers<'_>, base: usize) {
         let width = self.read.width();
         for row in 0..(self.rows.values.len() - base) / width {
@@ -323,7 +325,7 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Assigns wavelengths and directions to the values from `base` on; the directions start at `first_row`.
+    /// Assigns wavelengths and directions to the values from number `base` on; the directions start at `first_row`.
     fn file(&mut self, base: usize, first_row: usize, lambdas: &[u32]) {
         let width = self.read.width();
         let rows = &mut self.rows;
@@ -372,7 +374,7 @@ impl<'a> Batches<'a> {
     }
 }
 
-/// Returns true if the column holds all values of every row in stored order and format.
+/// Returns true if a column of lists holds all values of every row in stored order and as float32.
 fn is_whole_row(cells: &[Cell], numbers: Numbers<'_>, width: usize) -> bool {
     let in_order = cells.len() == width && cells.iter().enumerate().all(|(i, cell)| *cell == Cell::Value(i));
     in_order && numbers.element == Element::F32 && numbers.valid.is_none()

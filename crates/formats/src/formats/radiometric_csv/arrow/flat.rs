@@ -3,7 +3,7 @@
 //! A table starts with the distance to its vtable, which holds the position of each field (0 = absent). References are
 //! distances from their own position (the internals of flatbuffers). All numbers are little-endian.
 
-/// Error for an offset outside the buffer or a text that is not UTF-8.
+/// Error of a flatbuffer: an offset leads outside the buffer, or a text is not UTF-8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Broken;
 
@@ -15,7 +15,7 @@ fn whole(bytes: &[u8], at: usize) -> Result<u32, Broken> {
     chunk(bytes, at).map(u32::from_le_bytes)
 }
 
-/// Returns the offset that the reference at `at` points to.
+/// Returns the byte offset that the flatbuffer reference at byte `at` points to.
 fn follow(bytes: &[u8], at: usize) -> Result<usize, Broken> {
     at.checked_add(whole(bytes, at)? as usize).filter(|&to| to < bytes.len()).ok_or(Broken)
 }
@@ -29,7 +29,7 @@ pub(super) struct Table<'a> {
 }
 
 impl<'a> Table<'a> {
-    /// Returns the root table of a buffer.
+    /// Returns the root table of a flatbuffer.
     pub(super) fn root(bytes: &'a [u8]) -> Result<Self, Broken> {
         Self::new(bytes, follow(bytes, 0)?)
     }
@@ -45,7 +45,7 @@ impl<'a> Table<'a> {
         Ok(Self { bytes, at, vtable })
     }
 
-    /// Returns the offset of a field, or `None` if it is absent.
+    /// Returns the byte offset of field number `slot` in a flatbuffer table; `None` if it is absent.
     fn field(self, slot: usize) -> Result<Option<usize>, Broken> {
         let entry = 4 + 2 * slot;
         let size = usize::from(chunk(self.bytes, self.vtable).map(u16::from_le_bytes)?);
@@ -60,32 +60,32 @@ impl<'a> Table<'a> {
         self.field(slot)?.map_or(Ok([0; N]), |at| chunk(self.bytes, at))
     }
 
-    /// Returns a one-byte field, 0 if it is absent.
+    /// Returns a one-byte field of a flatbuffer table by its number `slot`; 0 if it is absent.
     pub(super) fn byte(self, slot: usize) -> Result<u8, Broken> {
         self.scalar(slot).map(u8::from_le_bytes)
     }
 
-    /// Returns a two-byte field, 0 if it is absent.
+    /// Returns a two-byte field of a flatbuffer table by its number `slot`; 0 if it is absent.
     pub(super) fn short(self, slot: usize) -> Result<i16, Broken> {
         self.scalar(slot).map(i16::from_le_bytes)
     }
 
-    /// Returns a four-byte field, 0 if it is absent.
+    /// Returns a four-byte field of a flatbuffer table by its number `slot`; 0 if it is absent.
     pub(super) fn int(self, slot: usize) -> Result<i32, Broken> {
         self.scalar(slot).map(i32::from_le_bytes)
     }
 
-    /// Returns an eight-byte field, 0 if it is absent.
+    /// Returns an eight-byte field of a flatbuffer table by its number `slot`; 0 if it is absent.
     pub(super) fn long(self, slot: usize) -> Result<i64, Broken> {
         self.scalar(slot).map(i64::from_le_bytes)
     }
 
-    /// Returns a table field, if present.
+    /// Returns the flatbuffer table to which field number `slot` of another one refers; `None` if the field is absent.
     pub(super) fn table(self, slot: usize) -> Result<Option<Self>, Broken> {
         self.field(slot)?.map(|at| Self::new(self.bytes, follow(self.bytes, at)?)).transpose()
     }
 
-    /// Returns a text field, if present.
+    /// Returns a text field of a flatbuffer table by its number `slot`; `None` if it is absent.
     pub(super) fn text(self, slot: usize) -> Result<Option<&'a str>, Broken> {
         let Some(at) = self.field(slot)? else { return Ok(None) };
         let at = follow(self.bytes, at)?;
@@ -95,7 +95,8 @@ impl<'a> Table<'a> {
         std::str::from_utf8(text).map(Some).map_err(|_| Broken)
     }
 
-    /// Returns a list field with items of `size` bytes each; empty if it is absent.
+    /// Returns a list field of a flatbuffer table by its number `slot`, with items of `size` bytes each; empty if it is
+    /// absent.
     pub(super) fn list(self, slot: usize, size: usize) -> Result<List<'a>, Broken> {
         let Some(at) = self.field(slot)? else { return Ok(List { bytes: self.bytes, start: 0, len: 0, size }) };
         let at = follow(self.bytes, at)?;
@@ -108,13 +109,13 @@ impl<'a> Table<'a> {
         Ok(List { bytes: self.bytes, start, len, size })
     }
 
-    /// Returns a field that is a list of tables.
+    /// Returns the list of flatbuffer tables in field number `slot` of another one; empty if the field is absent.
     pub(super) fn tables(self, slot: usize) -> Result<List<'a>, Broken> {
         self.list(slot, 4)
     }
 }
 
-/// List that is known to lie within its buffer.
+/// List in a flatbuffer that is known to lie within its buffer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct List<'a> {
     bytes: &'a [u8],
@@ -124,12 +125,12 @@ pub(super) struct List<'a> {
 }
 
 impl<'a> List<'a> {
-    /// Returns the number of items.
+    /// Returns the number of items in the flatbuffer list.
     pub(super) fn len(&self) -> usize {
         self.len
     }
 
-    /// Returns the table that item `i` refers to.
+    /// Returns the flatbuffer table that item `i` of the list refers to.
     pub(super) fn table(&self, i: usize) -> Result<Table<'a>, Broken> {
         if i >= self.len {
             return Err(Broken);
@@ -137,7 +138,7 @@ impl<'a> List<'a> {
         Table::new(self.bytes, follow(self.bytes, self.start + i * self.size)?)
     }
 
-    /// Returns item `i` as two numbers of eight bytes.
+    /// Returns item `i` of a flatbuffer list whose items are pairs of 64-bit integers.
     pub(super) fn pair(&self, i: usize) -> Result<[i64; 2], Broken> {
         if i >= self.len {
             return Err(Broken);
@@ -153,7 +154,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Arbitrary bytes are a table or broken; no read is out of bounds and no arithmetic overflows.
+        /// Property of the reader: arbitrary bytes are a flatbuffer table or an error; no read is out of bounds and no
+        /// arithmetic overflows.
         #[test]
         fn every_offset_is_checked(bytes in proptest::collection::vec(prop_oneof![Just(0_u8), Just(4), Just(255), any::<u8>()], 0..80)) {
             let Ok(root) = Table::root(&bytes) else { return Ok(()) };

@@ -48,13 +48,13 @@ pub(in crate::formats) const READER: Reader = Reader {
     read,
 };
 
-/// Marker before each message, and signature of a file.
+/// Marker of four bytes before each message of an Arrow stream, and the signature of an Arrow file.
 const CONTINUES: &[u8] = b"\xff\xff\xff\xff";
 const FILE: &[u8] = b"ARROW1\0\0";
-/// Upper bound on the metadata of one message in bytes; the largest schema that is read is smaller.
+/// Upper bound on the metadata of one Arrow message in bytes; the largest schema that is read is smaller.
 const MAX_METADATA: usize = 1 << 24;
 
-/// Types of message headers, as numbered in the union `MessageHeader`.
+/// Types of Arrow messages, as numbered in the union `MessageHeader` of Arrow's `Message.fbs`.
 const SCHEMA: u8 = 1;
 const DICTIONARY: u8 = 2;
 const BATCH: u8 = 3;
@@ -145,8 +145,8 @@ fn decimal_wavelengths(values: &mut [f64]) {
     }
 }
 
-/// Returns the columns in the form of a text file's row of names, with one name per list entry, and the number of the
-/// first name of each column.
+/// Returns the columns of an Arrow schema as if they were named in a text file: a column of lists gets one name for
+/// each list entry. Also returns, for each column of the schema, the index of its first name in the list of all names.
 fn columns(
     schema: &Schema,
     header: &Header,
@@ -183,7 +183,7 @@ fn columns(
     Ok((read, cells))
 }
 
-/// Returns a name for each entry of a list.
+/// Returns a column name for each entry of the lists in a column, for example `v550` for a value at 550 nm.
 fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -> Result<Vec<String>, FormatError> {
     if !matches!(letter, "v" | "s") {
         return Ok((0..length).map(|i| format!("{letter}{i} of {}", column.name)).collect());
@@ -212,23 +212,24 @@ fn spelled_out(column: &Column, letter: &str, length: usize, fields: &[Field]) -
     if listed.len() == length { Ok(listed) } else { Err(needs(format!("but {} wavelengths are stated", listed.len()))) }
 }
 
-/// Reader of the messages of a stream.
+/// Reader of the messages of an Arrow stream.
 struct Messages<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-/// One message.
+/// One message of an Arrow stream.
 struct Message<'a> {
     kind: u8,
-    /// Byte offset of its start.
+    /// Byte offset in the Arrow stream at which the message starts.
     at: usize,
     header: Table<'a>,
     body: &'a [u8],
 }
 
 impl<'a> Messages<'a> {
-    /// Returns the next message; `None` at the end-of-stream marker.
+    /// Returns the next message (schema, dictionary or batch of rows) of an Arrow IPC stream; `None` at the marker that
+    /// ends the stream.
     fn next(&mut self) -> Result<Option<Message<'a>>, FormatError> {
         let at = self.at;
         let Some(rest) = self.bytes.get(at..).filter(|rest| !rest.is_empty()) else {

@@ -4,7 +4,7 @@ use super::super::header::Field;
 use super::flat::{Broken, Table};
 use crate::domain::limits::MAX_ENTRIES;
 
-/// A number type of a column.
+/// Number type of a column in an Arrow stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Element {
     F32,
@@ -14,7 +14,7 @@ pub(super) enum Element {
 }
 
 impl Element {
-    /// Returns the size of one number in bytes.
+    /// Returns the size of one number of the column in bytes.
     pub(super) fn size(self) -> usize {
         match self {
             Self::F32 => 4,
@@ -23,7 +23,7 @@ impl Element {
         }
     }
 
-    /// Returns the number stored in `bytes`, which have its size.
+    /// Returns the number stored in `bytes`, whose count must be the size of the number type.
     #[inline]
     pub(super) fn value(self, bytes: &[u8]) -> f64 {
         if let (Self::F64, Some(bytes)) = (self, bytes.first_chunk()) {
@@ -44,13 +44,13 @@ impl Element {
     }
 }
 
-/// Content of a column.
+/// Content of a column in an Arrow stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Numbers(Element),
-    /// Fixed-length list of this many numbers in each row.
+    /// Each row of the column holds a list of numbers, described by their type and their fixed count per row.
     Lists(Element, usize),
-    /// Not read; skipped by the number of its nodes and buffers in a batch.
+    /// The column is not read; it is skipped by the number of its nodes and buffers in a record batch.
     Other {
         nodes: usize,
         buffers: usize,
@@ -58,7 +58,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// Returns the numbers of nodes and buffers of the column in a batch.
+    /// Returns the number of Arrow nodes, and the number of buffers, that the column has in a record batch.
     pub(super) fn parts(self) -> (usize, usize) {
         match self {
             Self::Numbers(_) => (1, 2),
@@ -68,20 +68,20 @@ impl Kind {
     }
 }
 
-/// A column of the stream.
+/// Column of an Arrow stream with its name and content.
 #[derive(Clone, Debug)]
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) kind: Kind,
 }
 
-/// Contents of a schema.
+/// Contents of the schema of an Arrow stream.
 pub(super) struct Schema {
     pub(super) fields: Vec<Field>,
     pub(super) columns: Vec<Column>,
 }
 
-/// Reason why a schema is refused.
+/// Reason why the schema of an Arrow stream is rejected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     Malformed,
@@ -95,13 +95,14 @@ impl From<Broken> for Refusal {
     }
 }
 
-/// Upper bounds on the metadata keys that are read, and on the nesting depth of fields.
+/// Upper bounds on the number of metadata keys in a schema, and on the nesting depth of its fields. Raising them
+/// accepts larger schemas.
 const MAX_KEYS: usize = 1000;
 const MAX_DEPTH: usize = 8;
-/// Number of characters kept of a value.
+/// Upper bound on the characters that are kept of a metadata value.
 const MAX_TEXT: usize = 1 << 20;
 
-/// Reads the table `Schema` (Arrow, `Schema.fbs`).
+/// Reads the schema of an Arrow stream (the table `Schema` in Arrow's `Schema.fbs`).
 pub(super) fn read(schema: Table<'_>) -> Result<Schema, Refusal> {
     if schema.short(0)? != 0 {
         return Err(Refusal::Unsupported("big-endian numbers, expected little-endian".to_owned()));
@@ -187,7 +188,7 @@ fn kind(field: Table<'_>, name: &str, depth: usize, looked_at: &mut usize) -> Re
     }
 }
 
-/// Returns the number type of a field; `None` if it is not read.
+/// Returns the number type of a field in an Arrow schema; `None` if fields of its type are not read.
 fn element(field: Table<'_>) -> Result<Option<Element>, Broken> {
     if field.table(4)?.is_some() {
         return Ok(None);

@@ -5,7 +5,7 @@ use crate::formats::{AngleGrid, Samples, read as read_any};
 
 const WIDE: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/wide.arrows");
 const LONG: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/long.arrows");
-/// Forty scattered directions.
+/// Test stream with samples at forty scattered directions and their uncertainties.
 const UNCERTAIN: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/uncertain.arrows");
 const FILE_OF_LISTS: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/lists.arrow");
 
@@ -20,7 +20,8 @@ fn grid(acquisition: Acquisition) -> AngleGrid {
     }
 }
 
-/// Expected values in float32, as computed by the script that wrote the files.
+/// Returns the BRDF in sr⁻¹ of the test files at two polar angles in degrees (incoming, outgoing) and a wavelength in
+/// nm. The script that wrote the files used this formula, and rounded to float32.
 fn expected(theta_i: f64, theta_o: f64, lambda: f64) -> f32 {
     (0.1 + theta_i * 0.001 + theta_o * 0.002 + lambda * 1e-4) as f32
 }

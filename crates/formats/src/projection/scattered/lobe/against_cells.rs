@@ -7,17 +7,20 @@ use super::scan::Scan;
 use super::solve::{predicted, robust};
 use crate::projection::scattered::rows::Rows;
 
-/// Approximate number of predicted samples.
+/// Approximate number of samples predicted to decide whether a separate lobe is better than triangles alone.
 const JUDGES: usize = 800;
-/// Radius about the centre of the lobe that contains these samples, in half-widths.
+/// Radius about the centre of a narrow lobe, in half-widths of the lobe. The samples within decide, by how well they
+/// are predicted, whether the lobe is stored apart from the triangles. Raising it lets farther samples decide, too.
 const WITHIN: f64 = 4.0;
-/// Largest ratio, and least difference, of the robust costs with and without the lobe at which it is carried. Lowering
-/// the ratio or raising the difference carries fewer lobes.
+/// Largest ratio of the robust prediction costs with and without a separate lobe at which the lobe is kept. Lowering it
+/// keeps fewer lobes.
 const BETTER: f64 = 0.85;
+/// Least difference of the robust prediction costs without and with a separate lobe at which the lobe is kept. Raising
+/// it keeps fewer lobes.
 const LEAST_GAIN: f64 = 10.0;
 
-/// Returns true if a lobe with cells fitted to the rest (`left`) predicts the samples about it clearly better than
-/// cells alone.
+/// Returns true if a separate lobe, with triangles fitted to the remaining values `left`, predicts the samples about
+/// the lobe clearly better than triangles alone.
 pub(super) fn is_better(scan: &Scan<'_>, found: &Found, left: &Rows<'_>) -> bool {
     let prepared = found.shape.prepared();
     let within = (WITHIN * found.shape.width()).max(2.0 * found.spacing);

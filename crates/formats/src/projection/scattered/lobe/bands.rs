@@ -4,26 +4,27 @@ use super::choose::Found;
 use super::scan::Scan;
 use super::solve::{predicted, robust};
 
-/// Number of rounds of reweighting, in which outliers lose weight.
+/// Number of times that the spectral factors of a lobe and its background are fitted, each time with lower weights for
+/// outliers. Raising it is slower.
 const ROUNDS: usize = 12;
-/// Least factor of lobe and base.
+/// Least factor, relative to the mean over bands, of a lobe or of its background in one band.
 const LEAST: f64 = 1e-6;
-/// Least sum of squared lobe values, in units of the noise, for a colour of a band. Raising it leaves more bands
-/// without a colour of their own.
+/// Least sum of squared lobe values, in units of the noise variance, from which the lobe gets a fitted factor in a
+/// band. Raising it leaves more bands with the factor of a neighbour.
 const SEEN: f64 = 1.0;
 
-/// Factors of the bands of a scan.
+/// Spectral factors of a lobe and of the background beneath it.
 #[derive(Clone, Debug)]
 pub(super) struct Colours {
-    /// Value of the lobe in each band, relative to its grey value (mean over bands).
+    /// Value of the lobe in each band, relative to its mean over bands.
     pub(super) lobe: Vec<f64>,
-    /// Value of the base for each incidence and band, relative to its grey value.
+    /// Value of the background in each band, relative to its mean over bands, for each incoming direction.
     pub(super) bases: Vec<Vec<f64>>,
-    /// Number of bands without samples of the lobe.
+    /// Number of bands in which no sample shows the lobe.
     pub(super) unseen: usize,
 }
 
-/// Fits the colours of a lobe and of the base beneath it.
+/// Fits the spectral factors of a lobe of known shape and of the background beneath it.
 pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     let width = scan.rows.width;
     if width == 1 {
@@ -55,15 +56,17 @@ pub(super) fn colours(scan: &Scan<'_>, found: &Found) -> Colours {
     Colours { lobe, bases, unseen }
 }
 
-/// Factors of one band.
+/// Factors of lobe and background in one spectral band, relative to their means over bands.
 struct Fitted {
-    /// Factor of the lobe; `None` if no sample of the band shows it.
+    /// Factor of the lobe in one spectral band, relative to its mean over bands; `None` if no sample of the band shows
+    /// the lobe.
     lobe: Option<f64>,
-    /// Factor of the base under each incidence.
+    /// Factor of the background beneath the lobe in one spectral band, relative to its mean over bands, for each
+    /// incoming direction.
     bases: Vec<f64>,
 }
 
-/// Sums of weighted products over the samples of one incidence.
+/// Weighted sums of products of background, lobe and measured value over the samples of one incoming direction.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     base_base: f64,
@@ -73,8 +76,9 @@ struct Sums {
     lobe_value: f64,
 }
 
-/// Fits the factors of one band, that of the lobe and that of the base under each incidence, together by robust
-/// weighted least squares. The tail of a lobe reaches as far as the samples do, so neither is known without the other.
+/// Fits the factor of the lobe in one band, and that of the background under each incoming direction, together by
+/// robust weighted least squares. The tail of a lobe reaches as far as the samples do, so lobe and background cannot be
+/// fitted separately.
 fn fitted(scan: &Scan<'_>, groups: &[Vec<(u32, f64, f64)>], band: usize, noise: f64) -> Fitted {
     let (mut lobe, mut bases) = (1.0_f64, vec![1.0_f64; groups.len()]);
     let mut is_seen = true;
@@ -98,7 +102,9 @@ fn fitted(scan: &Scan<'_>, groups: &[Vec<(u32, f64, f64)>], band: usize, noise: 
     Fitted { lobe: is_seen.then_some(lobe), bases }
 }
 
-/// Sums over the samples of one incidence, weighted by their noise about base and lobe with these factors.
+/// Returns the weighted sums over the samples of one incoming direction from which least squares determine two factors
+/// of a band: that of the lobe and that of its background. Each weight is the inverse variance of a sample from its
+/// noise, lowered for outliers.
 fn sums(scan: &Scan<'_>, group: &[(u32, f64, f64)], band: usize, (colour, factor, noise): (f64, f64, f64)) -> Sums {
     let mut sums = Sums::default();
     for &(row, base, lobe) in group {

@@ -6,11 +6,12 @@ use crate::projection::scattered::plan::Plan;
 use crate::projection::scattered::rows::Rows;
 use rayon::prelude::*;
 
-/// Position of a sample: number of the cloud, and number of the point in it.
+/// Position of a sample in the search trees: number of the group of samples that are fitted together, and index in the
+/// k-d tree of this group.
 pub(super) type Point = (usize, u32);
 
-/// Returns the positions of `rows`, which must increase, in the clouds, each with its index in `rows`. The order is
-/// that of the clouds.
+/// Finds the samples `rows` (increasing indices) in the k-d trees of the groups of samples. Returns, in the order of
+/// the trees, the position of each in its tree and its index in `rows`.
 pub(super) fn points(plan: &Plan, rows: &[u32]) -> Vec<(Point, usize)> {
     let own = |(cloud, of): (usize, &crate::projection::scattered::cloud::Cloud)| {
         let found = of.rows[..of.own()].iter().zip(0..).filter_map(|(row, point)| {
@@ -22,8 +23,8 @@ pub(super) fn points(plan: &Plan, rows: &[u32]) -> Vec<(Point, usize)> {
     plan.clouds.iter().enumerate().flat_map(own).collect()
 }
 
-/// Predicts each point from its neighbours. Returns the means over the bands of `rows` of the prediction and of the
-/// sample.
+/// Predicts each sample from its neighbours. Returns, for each, the mean over bands of the prediction and of the
+/// measured sample.
 pub(super) fn predicted(plan: &Plan, rows: &Rows<'_>, points: &[Point]) -> Vec<Option<[f64; 2]>> {
     let of = |scratch: &mut Scratch, &(cloud, point): &Point| {
         let fitted = plan.fitted(rows, cloud);
@@ -38,7 +39,7 @@ fn grey(fitted: &Fitted<'_>, point: u32, scratch: &mut Scratch) -> Option<f64> {
     mean(&scratch.row)
 }
 
-/// Returns the mean of the bands that are not missing.
+/// Returns the mean over the bands of a sample that are not missing.
 fn mean(row: &[f32]) -> Option<f64> {
     let values = row.iter().map(|&value| f64::from(value)).filter(|value| !value.is_nan());
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));

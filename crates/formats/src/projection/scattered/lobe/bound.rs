@@ -6,10 +6,11 @@ use crate::domain::{Direction, Domain, Lobe, LobeUnder};
 use crate::projection::scattered::incidences::Incidence;
 use std::f64::consts::PI;
 
-/// Approximate albedo, found without the areas of samples, below which the exact one cannot exceed 1.
+/// Approximate albedo, computed without solid angles, below which the exact one cannot exceed 1. Raising it saves exact
+/// computations and may miss an excess.
 const SAFE: f64 = 0.7;
 
-/// Returns a factor of at most 1 for the lobe. With it, no albedo exceeds 1 unless it does without the lobe.
+/// Returns a factor of at most 1 by which to dim the lobe, so that the lobe lifts no directional albedo above 1.
 ///
 /// `left` are the values without the lobe, `[row, band]`.
 pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f32]) -> f64 {
@@ -43,7 +44,8 @@ pub(super) fn factor(scan: &Scan<'_>, lobe: &Lobe, colours: &Colours, left: &[f3
     least
 }
 
-/// Returns the largest approximate albedo of a band, from means of the values weighted by cosines. It needs no areas.
+/// Returns the largest approximate albedo of a band under one incoming direction, from means of the values weighted by
+/// cosines. It needs no solid angles.
 fn rough(scan: &Scan<'_>, incidence: &Incidence, under: &LobeUnder, colours: &Colours, left: &[f32]) -> f64 {
     let width = scan.rows.width;
     let (mut sums, mut cosines) = (vec![0.0; width], vec![1e-9; width]);
@@ -60,7 +62,9 @@ fn rough(scan: &Scan<'_>, incidence: &Incidence, under: &LobeUnder, colours: &Co
     bands.map(|((sum, total), colour)| PI * sum / total + light * colour).fold(0.0, f64::max)
 }
 
-/// Returns the factor by which light of these colours fits beside a base.
+/// Returns the factor of at most 1 by which a lobe must be dimmed so that the albedos of lobe and background add up to
+/// at most 1 in each spectral band. `light` times `colours` are the albedos of the lobe, `bases` those of the
+/// background.
 fn limited(light: f64, colours: &[f64], bases: &[f64]) -> f64 {
     let fits = |(&colour, &base): (&f64, &f64)| {
         let left = 1.0 - base;

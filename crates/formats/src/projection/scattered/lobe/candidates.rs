@@ -13,35 +13,47 @@ use crate::domain::vector::norm;
 use crate::projection::scattered::incidences::Incidence;
 use crate::projection::scattered::noise::OF_MEDIAN;
 
-/// Radius about the centre of the samples that must lie high, in sample spacings.
+/// Radius about a possible lobe centre within which samples brighter than their neighbours are sought, in sample
+/// spacings.
 const INNER: f64 = 2.0;
-/// Radius about the centre of the samples that the first fits use, in sample spacings.
+/// Radius about a possible lobe centre, in sample spacings, of the samples to which background and lobe are first
+/// fitted.
 const OUTER: f64 = 6.0;
-/// Approximate number of samples from all directions that estimate the noise.
+/// Approximate number of samples from all directions from which the noise is estimated.
 const JUDGES: usize = 300;
-/// Standard deviations, and difference of natural logarithms, by which a high sample exceeds its neighbours.
+/// Number of standard deviations by which a sample must exceed the prediction from its neighbours to indicate a lobe.
+/// Raising it finds fewer lobes.
 const HIGH: f64 = 4.0;
+/// Difference of natural logarithms by which a sample must exceed the prediction from its neighbours to indicate a
+/// lobe. Raising it finds fewer lobes.
 const LEAST: f64 = 0.05;
-/// Least number of high samples: neighbours hide one of three.
+/// Least number of samples brighter than their neighbours that indicates a lobe. It is small, because bright neighbours
+/// raise the prediction of a sample: of three samples in a lobe, one may not exceed it.
 const FEWEST: usize = 2;
-/// Least relative noise: below that of any instrument, and below the unevenness of a base.
+/// Least relative noise assumed for samples: below the noise of any instrument, and below the unevenness of a
+/// background.
 const LEAST_NOISE: f64 = 1e-3;
-/// Rounds of the fit of the base, and relative noise assumed in the first fit.
+/// Upper bound on the iterations that refine the background, fitted about a possible lobe centre, at the measured noise
+/// of the samples.
 const ROUNDS: usize = 10;
+/// Least relative noise of the samples assumed in a rough fit of the background about a possible lobe centre, which is
+/// then refined at the measured noise.
 const FIRST_NOISE: f64 = 0.02;
 
-/// A centre with high samples about it.
+/// A possible lobe centre, such as the mirror direction, about which samples are brighter than their neighbours.
 pub(super) struct Candidate {
     pub(super) near: Near,
-    /// Usual spacing of the samples there.
+    /// Usual spacing of the samples about the possible lobe centre, in radians.
     pub(super) spacing: f64,
-    /// Standard deviation of logarithms about the prediction of their neighbours.
+    /// Standard deviation of the samples' logarithms about the prediction from neighbours.
     pub(super) noise: f64,
-    /// Base of each incidence, fitted to the ring about the centre.
+    /// Coefficients of the background beneath the possible lobe, under each incoming direction. They are fitted to the
+    /// samples in a ring about the lobe centre.
     pub(super) bases: Vec<[f64; TERMS]>,
 }
 
-/// Returns the samples about `centre` if enough of them lie high there.
+/// Returns the samples about the possible lobe centre `centre` if enough of them are brighter than their neighbours
+/// predict; otherwise `None`.
 pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate> {
     let usual = scan.plan.spacing;
     let spacing = Near::new(scan, centre, 4.0 * usual).spacing(scan.plan.unfolded)?.clamp(0.1 * usual, 3.0 * usual);
@@ -54,8 +66,9 @@ pub(super) fn candidate(scan: &Scan<'_>, centre: LobeCentre) -> Option<Candidate
     Some(Candidate { near, spacing, noise, bases })
 }
 
-/// Returns the noise of samples about the prediction of their neighbours, if enough samples near the centre exceed it
-/// by more.
+/// Returns the relative noise of the samples: their usual deviation from the values that their neighbours predict.
+/// Returns `None` if too few samples about a likely centre of a lobe, such as the mirror direction, exceed their
+/// prediction by many times the noise.
 fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     // Excludes incidences whose mirror direction is as near as the direction back: they show the lobe about the
     // former.
@@ -83,8 +96,8 @@ fn noise_if_high(scan: &Scan<'_>, near: &Near, spacing: f64) -> Option<f64> {
     (high >= FEWEST).then_some(noise)
 }
 
-/// Returns the robust standard deviation of residuals from the median of their magnitudes. `used` is the number of
-/// fitted terms.
+/// Returns the robust standard deviation of residuals, computed from the median of their `magnitudes`. `used` is the
+/// number of fitted terms.
 pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     if magnitudes.is_empty() {
         return LEAST_NOISE;
@@ -95,7 +108,8 @@ pub(super) fn deviation(mut magnitudes: Vec<f64>, used: usize) -> f64 {
     (OF_MEDIAN * *median * (count as f64 / left as f64).sqrt()).max(LEAST_NOISE)
 }
 
-/// Returns the standard deviation of all samples about a base, with or without a lobe.
+/// Returns the robust standard deviation of the logarithms of all samples about the fitted background, with or without
+/// a lobe.
 pub(super) fn noise_of(near: &Near, bases: &[[f64; TERMS]], shape: Option<super::shape::Shape>) -> f64 {
     let prepared = shape.map(|shape| shape.prepared());
     let mut residuals = Vec::new();

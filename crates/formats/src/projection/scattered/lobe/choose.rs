@@ -9,45 +9,63 @@ use crate::domain::LobeCentre;
 use crate::domain::vector::norm;
 use rayon::prelude::*;
 
-/// Smallest half-width that fits start from, in sample spacings; factor between starts; number of widths; and tails.
+/// Smallest initial value of a lobe's half-width with which fits start, in sample spacings.
 const NARROWEST_START: f64 = 0.1;
+/// Ratio of neighbouring initial values of a lobe's half-width with which fits start.
 const WIDER: f64 = 1.6;
+/// Number of initial values of a lobe's half-width with which fits start. Raising it also tries wider lobes and is
+/// slower.
 const WIDTHS: usize = 7;
+/// Tail parameters of a lobe, from 0 (Gaussian) to 1/2 (GGX), from which fits start.
 const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
-/// Numbers of rounds after which starts compete, and how many of them continue.
+/// Rounds after which competing fits of a lobe are compared, each with the number of fits that continue.
 const ROUNDS: [(usize, usize); 3] = [(1, 8), (5, 2), (30, 1)];
-/// Factor and margin by which the first fit of a coordinate system may cost more than the best and still continue.
+/// Ratio to the least misfit up to which a coordinate system for the lobe (angles or half-vector slopes from the mirror
+/// direction) is tried further after the first lobe fit in each. Raising it makes more fits.
 const WORSE: f64 = 1.5;
+/// Misfit, in squared standard deviations, allowed beyond [`WORSE`] times the least one for a coordinate system of the
+/// lobe (angles or half-vector slopes from the mirror direction) to be tried further. Raising it makes more fits.
 const MUCH_WORSE: f64 = 100.0;
-/// Bounds of half-widths, in sample spacings.
+/// Lower bound on the half-width of a fitted lobe, in sample spacings.
 const NARROWEST: f64 = 0.04;
+/// Upper bound on the half-width of a fitted lobe, in sample spacings.
 const WIDEST: f64 = 4.0;
-/// Radius of the samples that a lobe is fitted to, in half-widths, and its upper bound as a chord.
+/// Distance from the centre of a lobe, in half-widths of the lobe, up to which samples take part in its fit.
 const REACH: f64 = 8.0;
+/// Upper bound on the distance from the centre of a lobe up to which samples take part in its fit, as a chord on the
+/// unit sphere.
 const FARTHEST: f64 = 0.7;
-/// Rounds of a fit without one fold of the samples, starting from the fit to all.
+/// Number of rounds of a cross-validation fit, which leaves out one fold of the samples and starts from the fit to all
+/// samples.
 const FOLD_ROUNDS: usize = 10;
-/// Least reduction of the robust cost of withheld samples by a lobe. Raising it finds fewer lobes.
+/// Least reduction of the robust cross-validation cost by a lobe for the lobe to be accepted. Raising it finds fewer
+/// lobes.
 const LEAST_GAIN: f64 = 15.0;
-/// Further reduction of the cost demanded of another centre or a second width.
+/// Reduction of the misfit of withheld samples, in squared standard deviations, from which a lobe in the other
+/// coordinate system (angles or half-vector slopes) is preferred. Raising it keeps the first choice more often.
+///
+/// Three times this reduction is demanded for a lobe with a second width across the first.
 const OTHER_GAIN: f64 = 3.0;
-/// Least share of the lobe in a sample that tests the form of the lobe, and least number of such samples. Misfits
-/// below the multiple `MISFIT` of the noise are ignored.
+/// Least share of the lobe in a sample's value from which the sample tests the fitted form of the lobe.
 const OF_LOBE: f64 = 0.2;
+/// Least number of samples in the lobe from which the misfit of its form is estimated.
 const ENOUGH_OF_LOBE: usize = 8;
+/// Multiple of the noise below which the misfit of a lobe's form is ignored. Raising it trusts the form more.
 const MISFIT: f64 = 1.5;
-/// Approximate number of samples of one incidence kept beyond the lobe, where they determine base and tail.
+/// Approximate number of samples of one incoming direction kept beyond the lobe, where they determine background and
+/// tail. Raising it is slower.
 const THIN: usize = 160;
-/// Radius within which all samples are kept, in sums of the half-width and the sample spacing.
+/// Radius about the centre within which all samples are kept for a fit, as a multiple of the sum of half-width and
+/// sample spacing.
 const ALL_WITHIN: f64 = 3.0;
-/// Least number of samples above the base.
+/// Least number of samples brighter than the background for a lobe to be accepted.
 const FEWEST: usize = 3;
-/// Predicted excess over the base, in natural logarithms, from which a sample belongs to the lobe. At least the
-/// fraction `MOST` of these must lie above the base.
+/// Predicted excess over the background, in natural logarithms, from which a sample belongs to the lobe.
 const SHARE: f64 = 0.1;
+/// Least fraction of the samples in the lobe that must be brighter than the background for the lobe to be accepted.
 const MOST: f64 = 0.7;
 
-/// A lobe that samples show.
+/// A lobe fitted to the samples of a scan, with the background beneath it.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) near: Near,
@@ -56,7 +74,8 @@ pub(super) struct Found {
     pub(super) shape: Shape,
     pub(super) bases: Vec<[f64; TERMS]>,
     pub(super) free: [bool; NUMBERS],
-    /// Reduction of the robust cost of withheld samples by the lobe.
+    /// Difference between the robust cross-validation costs without and with the lobe, in squared standard deviations;
+    /// positive if the lobe predicts withheld samples better.
     pub(super) gain: f64,
     pub(super) cost: f64,
 }
@@ -78,12 +97,13 @@ impl Found {
     }
 }
 
-/// Returns the bounds of the logarithm of a half-width.
+/// Returns the bounds of the logarithm of a lobe's half-width, in the units of its coordinates.
 fn bounds(centre: LobeCentre, spacing: f64) -> [f64; 2] {
     [NARROWEST, WIDEST].map(|width| libm::log(width * spacing / of_outgoing(centre)))
 }
 
-/// Returns which numbers are fitted: as many of the peak as there are incidences.
+/// Returns, for each parameter of a lobe, true if it is fitted and false if it is fixed. One to three parameters
+/// describe how the peak depends on the incoming polar angle: no more than there are such angles.
 fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
     let [low, high] = near.range();
     let joint = near.groups.iter().any(|group| group.iter().any(|sample| sample.terms[TERMS - 1] != 0.0));
@@ -94,7 +114,8 @@ fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
     [true, count > 1, count > 2, true, true, has_two_widths, has_two_widths]
 }
 
-/// Returns the best lobe about the centre of a candidate, over the coordinate systems there.
+/// Returns the best lobe about the centre of a candidate; `None` if it does not predict withheld samples much better
+/// than no lobe. About the mirror direction, coordinates in direction and in half-vector slope compete.
 pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     let centres: &[LobeCentre] = if candidate.near.centre == LobeCentre::Source {
         &[LobeCentre::Source]
@@ -142,7 +163,7 @@ pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     best.filter(|found| found.gain > LEAST_GAIN && is_seen(found))
 }
 
-/// Fits a lobe to the samples within the ring of the candidate, from several starts.
+/// Fits a lobe to the samples around the centre of the candidate, from several starting widths and tails.
 fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option<(Near, Fit)> {
     let near = Near::new(scan, centre, candidate.near.radius);
     if near.groups.len() != candidate.bases.len() {
@@ -173,7 +194,8 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
     fits.into_iter().next().map(|best| (near, best))
 }
 
-/// Returns a start with this width and tail. Its height is the median over the samples above the base.
+/// Returns the starting point of a lobe fit with this width and tail. The starting height is the median over the
+/// samples brighter than the background.
 fn start(
     near: &Near,
     bases: &[[f64; TERMS]],
@@ -199,7 +221,8 @@ fn start(
     Some(Fit { shape: Some(Shape { centre, numbers }), bases: bases.to_vec(), cost: f64::INFINITY })
 }
 
-/// Refits the lobe to the samples within `radius`: all of those within `all`, and a selection of the others.
+/// Refits the lobe to the samples within `radius` of its centre: to all samples within `all`, and to a selection of the
+/// others.
 fn widened(
     scan: &Scan<'_>,
     candidate: &Candidate,
@@ -243,14 +266,14 @@ fn widened(
     Some(Found { noise, ..found })
 }
 
-/// Repeats the fit, starting from its result.
+/// Repeats the fit of a lobe, starting from its previous result.
 pub(super) fn refitted(found: Found) -> Found {
     let fit = found.problem().fit(found.fit(), 40);
     Found { shape: fit.shape.unwrap_or(found.shape), bases: fit.bases, cost: fit.cost, ..found }
 }
 
-/// Raises the uncertainty of samples of the lobe by their misfit beyond the noise, if there is any. No real lobe has
-/// exactly the fitted form.
+/// Raises the uncertainty of samples in the lobe by the misfit of the lobe beyond the noise, if there is any. No real
+/// lobe has exactly the fitted form.
 fn doubted(mut found: Found) -> Found {
     let prepared = found.shape.prepared();
     let mut residuals = Vec::new();
@@ -278,7 +301,8 @@ fn doubted(mut found: Found) -> Found {
     refitted(found)
 }
 
-/// Returns the robust cost of all samples, each predicted by a fit without its fold, starting from `start`.
+/// Returns the robust cross-validation cost of a lobe: the misfit of all samples, each to a lobe fitted without the
+/// samples of its fold. Each of these fits starts from `start`.
 fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     let of = |fold: u32| {
         let problem = Problem { without: Some(fold), ..*problem };
@@ -288,7 +312,8 @@ fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     costs.iter().sum()
 }
 
-/// Returns true if enough samples lie above the base, including most of those that should.
+/// Returns true if enough samples are brighter than the background, including most of those for which the lobe predicts
+/// it.
 fn is_seen(found: &Found) -> bool {
     let prepared = found.shape.prepared();
     let (mut high, mut of_lobe) = (0, 0);
@@ -306,7 +331,8 @@ fn is_seen(found: &Found) -> bool {
     high >= FEWEST && high as f64 >= MOST * f64::from(of_lobe)
 }
 
-/// Returns the lobe with two widths if that predicts withheld samples clearly better.
+/// Returns the lobe with two different widths if it predicts withheld samples clearly better than the given lobe with
+/// one width.
 fn stretched(found: Found) -> Found {
     let mut best = found.clone();
     for eighth in 0..4 {
@@ -326,13 +352,13 @@ fn stretched(found: Found) -> Found {
     if two + 3.0 * OTHER_GAIN < one { best } else { found }
 }
 
-/// Returns the number of samples of all incidences within half maximum.
+/// Returns the number of samples, of all incoming directions, within half maximum of the lobe.
 pub(super) fn within_half(found: &Found) -> u64 {
     found.near.groups.iter().map(|group| count(found, group)).sum()
 }
 
-/// Returns the usual number of samples within half maximum under an incidence: the median, but no more than the sample
-/// spacing suggests.
+/// Returns the usual number of samples within half maximum of the lobe under one incoming direction: the median, but no
+/// more than the sample spacing suggests.
 pub(super) fn usually_within_half(found: &Found) -> f64 {
     let half = found.shape.width() / found.spacing;
     let even = std::f64::consts::PI * half * half;

@@ -5,7 +5,7 @@ use crate::formats::Scattered;
 
 pub(super) const BASE: f64 = 0.3 / std::f64::consts::PI;
 
-/// Independent random numbers, uniform between 0 and 1 (`SplitMix64`, Steele and others 2014).
+/// Generator of pseudo-random numbers, uniform between 0 and 1 (`SplitMix64`, Steele and others 2014).
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
@@ -16,13 +16,14 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Returns a normal deviate with standard deviation 1 (Box and Muller 1958).
+    /// Returns a normally distributed pseudo-random number with standard deviation 1 (Box and Muller 1958).
     pub(super) fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.even()).ln()).sqrt() * (std::f64::consts::TAU * self.even()).cos()
     }
 }
 
-/// Returns samples on a spiral, rotated from each elevation to the next.
+/// Test data: an isotropic scan with outgoing directions on a spiral, which is rotated from each incoming polar angle
+/// to the next.
 pub(super) fn spiral(
     truth: impl Fn(Direction, Direction) -> f64,
     elevations: &[f64],

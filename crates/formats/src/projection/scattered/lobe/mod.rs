@@ -41,24 +41,27 @@ use carried::RESOLVED;
 use choose::Found;
 use scan::Scan;
 
-/// Number of samples within half maximum under one incidence above which cells represent the lobe well enough.
+/// Usual number of samples within half maximum under one incoming direction above which triangles represent a lobe well
+/// enough. Raising it stores more lobes separately.
 const ENOUGH: f64 = 16.0;
-/// Number of samples of all incidences within half maximum from which no range of the light is given: they determine
-/// it.
+/// Number of samples within half maximum, over all incoming directions, that determine the albedo of a lobe. With fewer
+/// a range is given.
 const CERTAIN: u64 = 12;
-/// Least factor applied to a lobe that is too bright.
+/// Least factor by which a lobe that reflects too much light is dimmed.
 const DARKEST: f64 = 1e-3;
 
-/// A lobe, and the samples without it.
+/// A narrow lobe, and the values of the samples without it.
 pub(super) struct Split {
     pub(super) carried: CarriedLobe,
-    /// Values without the lobe, `[row, band]`.
+    /// Values of the samples minus the lobe, `[sample, band]`.
     pub(super) left: Vec<f32>,
-    /// Number of values that differ from their neighbours because of the lobe.
+    /// Number of sample values, over all bands, that the narrow lobe raises clearly above the background: by more than
+    /// 35 %.
     pub(super) values: u64,
 }
 
-/// Finds the lobe of a reflection that cells cannot represent; `None` if the samples show none.
+/// Finds a lobe of a BRDF that is too narrow for triangles, and separates it from the samples. Returns `None` if the
+/// samples show no such lobe.
 pub(super) fn split(
     plan: &Plan,
     rows: &Rows<'_>,
@@ -121,8 +124,8 @@ pub(super) fn split(
     Some(Split { carried, left, values })
 }
 
-/// Returns the lobe with a colour for each wavelength of the tensor, normalised to a mean of 1. Also returns the
-/// factor by which its grey value grew.
+/// Returns the lobe with a colour factor for each wavelength of the tensor, normalised to a mean of 1. Also returns the
+/// factor by which the lobe grew in exchange.
 fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, f64)> {
     let mut on_axis = vec![0.0_f32; channels.to()];
     channels.write(colours, &mut on_axis);
@@ -137,7 +140,7 @@ fn coloured(lobe: &Lobe, channels: &Channels, colours: &[f64]) -> Option<(Lobe, 
     Lobe::new(LobeParameters { peak, colours, ..lobe.parameters() }).ok().map(|lobe| (lobe, mean))
 }
 
-/// Returns the elevations of the incidences to which a lobe was fitted, in degrees.
+/// Returns the polar angles of the incoming directions to which a lobe was fitted, in degrees.
 fn elevations(scan: &Scan<'_>, found: &Found) -> Vec<f64> {
     let wi =
         |group: &Vec<near::Sample>| -> Option<Vector> { Some(scan.plan.directions[group.first()?.row as usize].0) };

@@ -6,51 +6,52 @@ use crate::domain::vector::{Vector, norm, sub};
 use crate::projection::scattered::cloud::slope;
 use crate::projection::scattered::relative::{ORIGINS, places};
 
-/// Number of terms of the logarithm of the base under one incidence. They are a quadratic in the place about the
-/// centre, and a slope in t if samples of many incidences are taken together.
+/// Number of terms of the background's logarithm under one incoming direction. They are a quadratic in the place about
+/// the lobe centre, and a slope in −ln cos θi if many incoming directions are fitted together.
 pub(super) const TERMS: usize = 7;
-/// Number of folds for cross-validation: each is predicted from the others.
+/// Number of folds for cross-validation: the samples of each fold are predicted from those of the other folds.
 pub(super) const FOLDS: u32 = 5;
-/// Least number of samples about the centre under an incidence; others are skipped.
+/// Least number of samples about the lobe centre under an incoming direction; directions with fewer are skipped.
 const FEWEST: usize = 8;
-/// Rank of the sample, by distance from the centre, whose distance gives the sample spacing.
+/// Rank of the sample, by distance from the lobe centre, whose distance gives the sample spacing.
 const DENSITY: usize = 12;
 
-/// A sample near the centre.
+/// A sample near the centre of a lobe, with the quantities that lobe fits need.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub(super) row: u32,
-    /// Natural logarithm of the grey value.
+    /// Natural logarithm of the sample's mean over bands.
     pub(super) log: f64,
-    /// Stated standard deviation of that logarithm; 0 if none is stated.
+    /// Stated standard deviation of the logarithm of the sample's mean over bands; 0 if none is stated.
     pub(super) stated: f64,
-    /// Chord to the centre.
+    /// Chord on the unit sphere from the sample to the lobe centre.
     pub(super) distance: f64,
-    /// Terms of the base.
+    /// Values, at the sample, of the functions whose weighted sum is the logarithm of the background beneath the lobe.
     pub(super) terms: [f64; TERMS],
-    /// Place in the plane of the lobe. About a direction only its distance from the origin matters.
+    /// Coordinates of the sample in the plane of the lobe: half-vector slopes, or the chord to the centre and 0.
     pub(super) place: [f64; 2],
-    /// t = −ln cos θi, minus its mean over all incidences.
+    /// −ln cos θi of the incoming polar angle θi, minus its mean over all incoming directions.
     pub(super) t: f64,
-    /// Cosines of the incoming and the outgoing polar angle.
+    /// Cosines of the incoming and the outgoing polar angle of the sample.
     pub(super) cosines: [f64; 2],
     pub(super) fold: u32,
 }
 
-/// Samples near one centre, by incidence.
+/// Samples near one lobe centre, grouped by incoming direction.
 #[derive(Clone, Debug)]
 pub(super) struct Near {
     pub(super) centre: LobeCentre,
-    /// Largest chord to the centre.
+    /// Largest chord on the unit sphere from a sample to the lobe centre.
     pub(super) radius: f64,
     pub(super) groups: Vec<Vec<Sample>>,
-    /// Mean of t over the incidences, subtracted from the t of the samples.
+    /// Mean of −ln cos θi over the incoming polar angles θi of the scan. Each sample holds the difference of its own
+    /// −ln cos θi from it.
     pub(super) mean_t: f64,
 }
 
 impl Near {
-    /// Collects the samples of `scan` within `radius` of `centre`. They are the same for the mirror direction and for
-    /// half vectors.
+    /// Collects the samples of a scan within the chord `radius` of a lobe centre. The mirror direction and half vectors
+    /// as centres yield equal samples.
     pub(super) fn new(scan: &Scan<'_>, centre: LobeCentre, radius: f64) -> Self {
         let mut groups: Vec<Vec<Sample>> = Vec::new();
         for incidence in scan.incidences {
@@ -77,7 +78,8 @@ impl Near {
         near
     }
 
-    /// Keeps all samples within `all` of the centre, and about `count` of the farther ones of each incidence.
+    /// Keeps all samples within the chord `all` of the lobe centre, and about `count` of the farther samples of each
+    /// incoming direction.
     pub(super) fn thinned(mut self, all: f64, count: usize) -> Self {
         for group in &mut self.groups {
             let far = group.iter().filter(|sample| sample.distance > all).count();
@@ -92,7 +94,7 @@ impl Near {
         self
     }
 
-    /// Assigns folds: consecutive samples, sorted by distance, are in different ones.
+    /// Assigns cross-validation folds: neighbours in the order of distance from the centre are in different folds.
     fn divide(&mut self) {
         let at = |&(i, k): &(usize, usize)| self.groups[i][k];
         let all = self.groups.iter().enumerate().flat_map(|(i, group)| (0..group.len()).map(move |k| (i, k)));
@@ -103,8 +105,8 @@ impl Near {
         }
     }
 
-    /// Returns the usual spacing of samples near the centre, in radians. Returns `None` if no incidence has enough
-    /// samples.
+    /// Returns the usual spacing of samples near the lobe centre, in radians. `is_half` is true if only one side of the
+    /// plane of incidence was measured. Returns `None` if no incoming direction has enough samples.
     pub(super) fn spacing(&self, is_half: bool) -> Option<f64> {
         let mut found: Vec<f64> = Vec::new();
         for group in &self.groups {
@@ -117,12 +119,12 @@ impl Near {
         found.get(found.len() / 2).map(|spacing| spacing * half)
     }
 
-    /// Yields all samples.
+    /// Yields the samples of all incoming directions.
     pub(super) fn all(&self) -> impl Iterator<Item = &Sample> {
         self.groups.iter().flatten()
     }
 
-    /// Returns the smallest and the largest t.
+    /// Returns the smallest and the largest −ln cos θi of the samples.
     pub(super) fn range(&self) -> [f64; 2] {
         let ts = self.all().map(|sample| sample.t + self.mean_t);
         let [low, high] = ts.fold([f64::INFINITY, 0.0], |[low, high], t| [t.min(low), t.max(high)]);
@@ -157,7 +159,7 @@ fn sample(scan: &Scan<'_>, centre: LobeCentre, row: u32, radius: f64) -> Option<
     })
 }
 
-/// Returns the offset of `wo` from the centre, along and across the plane of incidence.
+/// Returns the offset of the outgoing direction from the lobe centre, along and across the plane of incidence.
 fn beside(wi: Vector, wo: Vector, which: usize) -> [f64; 2] {
     let place = sub(places(crate::domain::Quantity::Brdf, (wi, wo))[which], ORIGINS[which]);
     [place[1], place[2]]

@@ -8,17 +8,17 @@ use crate::domain::vector::{Vector, add, cross, scale, unit};
 use crate::domain::{Axis, Direction, Quantity};
 use crate::formats::{Acquisition, Scattered};
 
-/// True BRDF as a function of wi and wo.
+/// Function that gives the true BRDF of test data for an incoming and an outgoing direction.
 type Truth = dyn Fn(Direction, Direction) -> f64;
 
-/// Pattern of a random scan over the outgoing directions.
+/// Pattern in which random test scans sample the outgoing directions.
 #[derive(Clone, Copy, Debug)]
 enum Way {
     Spiral,
     Random,
-    /// Denser about the mirror direction.
+    /// The samples are denser about the mirror direction.
     Adaptive,
-    /// One side of the plane of incidence only.
+    /// The samples cover one side of the plane of incidence only.
     Half,
 }
 
@@ -29,7 +29,8 @@ pub(super) struct Case {
     pub(super) what: String,
 }
 
-/// Returns a Gaussian lobe about the mirror direction over a base; `width` is its full width in degrees.
+/// Test BRDF: a Gaussian lobe about the mirror direction over a constant background; `width` is its full width at half
+/// maximum in degrees.
 fn gaussian(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     let width = width.to_radians();
     move |wi, wo| {
@@ -39,7 +40,8 @@ fn gaussian(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// Returns a GGX lobe over a base; `width` is about its full width at half maximum in degrees at normal incidence.
+/// Test BRDF: a GGX lobe over a constant background; `width` is about its full width at half maximum in degrees at
+/// normal incidence.
 pub(super) fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Direction) -> f64 {
     let square = (width.to_radians() / (4.0 * 0.6436)).powi(2);
     move |wi, wo| {
@@ -53,7 +55,7 @@ pub(super) fn microfacets(width: f64, albedo: f64) -> impl Fn(Direction, Directi
     }
 }
 
-/// Returns a gloss of this roughness over a base.
+/// Test BRDF: a wide glossy lobe of the given roughness over a constant background.
 fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     move |wi, wo| {
         let [[a, b, c], [x, y, z]] = [wi.xyz(), wo.xyz()];
@@ -63,13 +65,13 @@ fn gloss(roughness: f64) -> impl Fn(Direction, Direction) -> f64 {
     }
 }
 
-/// BRDF that rises toward grazing directions.
+/// Test BRDF that rises toward grazing directions, like velvet.
 fn velvet(wi: Direction, wo: Direction) -> f64 {
     let off = |d: Direction| (1.0 - d.cos_theta().powi(2)).powi(4);
     0.05 + 0.3 * off(wo) + 0.1 * off(wi) * off(wo)
 }
 
-/// Draws a scan from a seed, with this fraction of outliers ten times too high.
+/// Draws a random test scan from a seed. `outliers` is the fraction of samples that are made ten times too high.
 pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
     let mut random = Random(seed);
     loop {
@@ -130,7 +132,8 @@ pub(super) fn random_scan(seed: u64, has_lobe: bool, outliers: f64) -> Case {
     }
 }
 
-/// Integrates the light under an incidence, on a grid that is fine about the mirror direction.
+/// Integrates the true BRDF times cos θo under the incoming polar angle `theta` in degrees, on a grid that is fine
+/// about the mirror direction.
 pub(super) fn light(truth: &dyn Fn(Direction, Direction) -> f64, theta: f64) -> f64 {
     let wi = Direction::from_degrees(theta, 0.0);
     let [x, y, z] = wi.xyz();
@@ -155,7 +158,9 @@ pub(super) fn light(truth: &dyn Fn(Direction, Direction) -> f64, theta: f64) -> 
     sum
 }
 
-/// Returns the light of cells and lobe under each elevation; cells without a value count as the base.
+/// Returns the albedo that a projected scan has under each incoming polar angle: the integral of its values on
+/// triangles of outgoing directions, plus the light of the lobe stored beside them. Triangles without a value count as
+/// the background.
 pub(super) fn kept(projected: &Projected, elevations: &[f64]) -> Vec<f64> {
     let axes = projected.measurement.tensor.axes();
     let mesh = axes.iter().find_map(|axis| if let Axis::Triangles(mesh) = axis { Some(*mesh) } else { None }).unwrap();
@@ -229,7 +234,8 @@ fn random_figures() {
     );
 }
 
-/// Prints errors of the light without the base, relative to that of the lobe, for lobes of many widths.
+/// Prints by how much BRDFs with lobes of many widths reflect too much or too little light after projection onto
+/// triangles. The errors are relative to the light of the lobe without the background.
 #[test]
 #[ignore = "prints the figures of docs/accuracy.md and takes minutes; nothing is asserted"]
 fn width_figures() {
@@ -263,7 +269,8 @@ fn width_figures() {
     }
 }
 
-/// Prints results for single scans unlike the random ones.
+/// Prints by how many per cent BRDFs of unusual form reflect too much or too little light after projection onto
+/// triangles: a cusp, two lobes, a long tail, a flat top and others.
 #[test]
 #[ignore = "prints the figures of docs/accuracy.md and takes minutes; nothing is asserted"]
 fn odd_figures() {

@@ -5,32 +5,38 @@ use super::shape::{NUMBERS, Shape, WIDTH};
 use super::solve::{Fit, Problem};
 use crate::domain::{Direction, Lobe};
 
-/// Rise of the robust cost over the best fit that still agrees with the samples: two standard deviations. Raising it
-/// widens the range.
+/// Rise of the robust cost over that of the best fit up to which a lobe still agrees with the samples: two standard
+/// deviations. Raising it widens the range of possible albedos.
 const RISE: f64 = 4.0;
-/// First step of the logarithm of the width, doubled after each success; and upper bound on the steps.
+/// First step of the natural logarithm of a lobe's width in the search for all widths that agree with the samples. It
+/// doubles after each width that agrees. Raising it is faster and coarser.
 const STEP: f64 = 2e-3;
+/// Upper bound on the lobe widths tried on either side of the best one, to find all albedos that agree with the
+/// samples; tries after halved steps are not counted. Raising it takes longer.
 const STEPS: usize = 12;
-/// Upper bound on the halvings of the last step.
+/// Upper bound on how often the step to the next lobe width is halved once a width no longer agrees with the samples.
+/// Raising it finds the limit of the widths more exactly and takes longer.
 const HALVINGS: usize = 3;
-/// Rounds of each fit.
+/// Upper bound on the iterations of each lobe fit at a given width, in the search for all albedos of the lobe that
+/// agree with the samples. Raising it takes longer.
 const ROUNDS: usize = 12;
-/// Standard deviations of the light of lobes of one width that widen the range. `LEAST` is the least standard
-/// deviation: no real lobe has exactly the fitted form.
+/// Number of standard deviations by which the range of a lobe's possible albedos is widened. They are those of the
+/// albedo fitted at a fixed width of the lobe. Raising the number widens the range.
 const DEVIATIONS: f64 = 2.0;
+/// Least relative standard deviation assumed for the albedo of a lobe: no real lobe has exactly the fitted form.
 const LEAST: f64 = 0.01;
-/// Approximate number of incidences at which the light of each lobe is computed.
+/// Approximate number of incoming directions at which the albedo of each tried lobe is computed.
 const FEW: usize = 3;
-/// Step of the numerical derivatives of the light.
+/// Step of the numerical derivatives of a lobe's albedo by the fitted parameters.
 const SMALL: f64 = 1e-3;
 
-/// Returns the mean albedo of a lobe over incidences (elevations in degrees), for a colour of 1.
+/// Returns the mean albedo of a lobe over incoming polar angles in degrees, for a colour factor of 1.
 pub(super) fn light(lobe: &Lobe, incidences: &[f64]) -> f64 {
     let under = |theta: &f64| lobe.under(Direction::from_degrees(*theta, 0.0)).map_or(0.0, |under| under.light());
     incidences.iter().map(under).sum::<f64>() / incidences.len().max(1) as f64
 }
 
-/// Returns the smallest and the largest light of lobes that agree with the samples. `whole` is the light of the best
+/// Returns the smallest and the largest albedo of lobes that agree with the samples. `whole` is the albedo of the best
 /// lobe.
 pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
     // A few of the incidences show how the light changes.
@@ -78,7 +84,7 @@ pub(super) fn range(found: &Found, incidences: &[f64], whole: f64) -> [f64; 2] {
     [of_all * ends[0] / factor, (of_all * ends[1] * factor).min(1.0)]
 }
 
-/// Returns the standard deviation of the logarithm of the light of lobes of one width.
+/// Returns the standard deviation of the natural logarithm of a lobe's albedo, fitted at a fixed width of the lobe.
 fn deviation(problem: &Problem<'_>, best: &Fit, own: f64, of: &impl Fn(Shape) -> Option<f64>) -> f64 {
     let Some(shape) = best.shape else { return f64::INFINITY };
     let slope = |i: usize| {

@@ -7,15 +7,17 @@ use super::scan::Scan;
 use super::solve::predicted;
 use crate::domain::{Direction, Lobe};
 
-/// Least fraction of a value that is left if the base beneath the lobe is unknown.
+/// Least fraction of a sample's value that remains after subtracting a lobe, where the background beneath the lobe is
+/// unknown.
 const LEAST_LEFT: f64 = 0.5;
-/// Least fraction of the base that is left.
+/// Least fraction of the background that remains after subtracting a lobe.
 const LEAST_OF_BASE: f64 = 0.01;
-/// Difference of natural logarithms, caused by the lobe, from which a sample counts as differing from its neighbours.
+/// Rise of a value's natural logarithm by the lobe from which the value counts as raised clearly above the background:
+/// 35 %. Raising it counts fewer values.
 const OFF: f64 = 0.3;
 
-/// Returns the values without the lobe, `[row, band]`, and the number of values that differ from their neighbours
-/// because of it.
+/// Returns the values of the samples minus the lobe, `[sample, band]`, and the number of values that the lobe raises
+/// clearly above the background: by more than 35 %.
 ///
 /// If the lobe is brighter than the base beneath it, the difference from the sum of both is scaled by base / lobe.
 /// Relative noise then stays constant, and an error of the lobe does not grow.

@@ -4,13 +4,13 @@ use crate::projection::scattered::incidences::Incidence;
 use crate::projection::scattered::plan::Plan;
 use crate::projection::scattered::rows::{Kind, Rows};
 
-/// Samples of a scan.
+/// Samples of a scan, prepared for the search for narrow lobes.
 pub(super) struct Scan<'a> {
     pub(super) plan: &'a Plan,
     pub(super) rows: &'a Rows<'a>,
     pub(super) incidences: &'a [Incidence],
-    /// Natural logarithms of grey values (means over bands, those that no row lacks if there are any). NaN if the mean
-    /// is not positive or there is no value.
+    /// Natural logarithm of each sample's mean over bands (only over bands that no sample lacks, if there are any). NaN
+    /// if the mean is not positive or there is no value.
     pub(super) logs: Vec<f64>,
 }
 
@@ -34,15 +34,15 @@ impl<'a> Scan<'a> {
         Self { plan, rows, incidences, logs }
     }
 
-    /// Returns the stated standard deviation of the logarithm of a row's grey value; 0 if none is stated.
+    /// Returns the stated standard deviation of the logarithm of a sample's mean over bands; 0 if none is stated.
     pub(super) fn stated(&self, row: u32) -> f64 {
         let certainty = self.rows.certainty.get(row as usize).map_or(0.0, |certainty| certainty[1]);
         if certainty > 0.0 { 1.0 / (certainty * self.rows.width as f64).sqrt() } else { 0.0 }
     }
 }
 
-/// Returns the bands that all rows with values have. A grey value of these is the same mixture of lobe and base in
-/// every row, which that of other bands is not.
+/// Returns the bands in which no sample with values is missing. A mean over these bands mixes lobe and background in
+/// equal proportions in every sample.
 fn complete(rows: &Rows<'_>) -> Vec<usize> {
     let mut is_complete = vec![true; rows.width];
     for row in (0..rows.kinds.len()).filter(|&row| !matches!(rows.kinds[row], Kind::Missing)) {
@@ -51,7 +51,7 @@ fn complete(rows: &Rows<'_>) -> Vec<usize> {
     (0..rows.width).filter(|&band| is_complete[band]).collect()
 }
 
-/// Returns the geometric mean of each band over its positive values.
+/// Returns the geometric mean over samples of the positive values in each band.
 fn usual(rows: &Rows<'_>) -> Vec<f64> {
     let mut sums = vec![(0.0, 0.0_f64); rows.width];
     for row in 0..rows.kinds.len() as u32 {
@@ -62,7 +62,8 @@ fn usual(rows: &Rows<'_>) -> Vec<f64> {
     sums.into_iter().map(|(sum, count)| if count > 0.0 { libm::exp(sum / count) } else { 0.0 }).collect()
 }
 
-/// Returns the mean over bands of an incomplete row: missing bands follow the usual spectrum.
+/// Returns the mean over all bands of a sample that lacks some of them. The missing values are assumed to follow
+/// `usual`, the geometric mean spectrum of all samples.
 fn of_part(row: &[f32], usual: &[f64]) -> f64 {
     let (mut sum, mut part, mut whole) = (0.0, 0.0, 0.0);
     for (&value, &usual) in row.iter().zip(usual) {

@@ -4,44 +4,50 @@ use super::near::Sample;
 use crate::domain::{LobeCentre, LobeParameters, ROUGHNESS_OF_WIDTH, microfacets};
 use std::f64::consts::LN_2;
 
-/// Number of fitted numbers of a lobe.
+/// Number of fitted parameters of a lobe.
 pub(super) const NUMBERS: usize = 7;
-/// Indices of the numbers, after the three of the peak.
+/// Index, among the fitted parameters of a lobe, of the logarithm of its half-width.
 pub(super) const WIDTH: usize = 3;
+/// Index, among the fitted parameters of a lobe, of the one that sets how slowly the lobe falls off: 0 for a Gaussian,
+/// 1/2 for GGX.
 pub(super) const TAIL: usize = 4;
+/// Index, among the fitted parameters of a lobe, of the logarithm of a ratio: the half-width along the lobe's first
+/// axis over the geometric mean of both half-widths.
 pub(super) const STRETCH: usize = 5;
+/// Index, among the fitted parameters of a lobe, of the angle of the lobe's first axis.
 pub(super) const ANGLE: usize = 6;
-/// Least tail in a fit. Below twice this value a lobe is stored as a Gaussian.
+/// Least tail parameter in a fit; 0 is a Gaussian. Below twice this value a lobe is stored as a Gaussian.
 pub(super) const LEAST_TAIL: f64 = 1e-3;
 
-/// Fitted numbers of a lobe, in this order. First come p₀, p₁ and p₂ of the logarithm of its peak, in t minus its
-/// mean. The logarithm of the (geometric mean) half-width and the tail follow. Last are the logarithm of the first
-/// width over that mean, and the angle of its axis.
+/// Fitted parameters of a lobe, in this order. First come coefficients p₀, p₁ and p₂ of the logarithm of its peak, in t
+/// = −ln cos θi minus the mean of t. The logarithm of the (geometric mean) half-width and the tail follow. Last are the
+/// logarithm of the first width over the mean width, and the angle of its axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shape {
     pub(super) centre: LobeCentre,
     pub(super) numbers: [f64; NUMBERS],
 }
 
-/// Logarithm of a lobe, and its derivatives by the numbers.
+/// Logarithm of a lobe at a sample, and its derivatives by the fitted parameters.
 pub(super) struct Value {
     pub(super) log: f64,
     pub(super) slopes: [f64; NUMBERS],
 }
 
 impl Shape {
-    /// Returns the half-widths along both axes.
+    /// Returns the half-widths of the lobe along its two axes: in radians for a direction as centre, in slopes for half
+    /// vectors.
     pub(super) fn widths(&self) -> [f64; 2] {
         let [mean, stretch] = [WIDTH, STRETCH].map(|i| self.numbers[i]);
         [libm::exp(mean + stretch), libm::exp(mean - stretch)]
     }
 
-    /// Returns the (geometric mean) half-width in outgoing directions at normal incidence, in radians.
+    /// Returns the (geometric mean) half-width of the lobe in outgoing directions at normal incidence, in radians.
     pub(super) fn width(&self) -> f64 {
         libm::exp(self.numbers[WIDTH]) * of_outgoing(self.centre)
     }
 
-    /// Converts to the parameters of a `Lobe`, whose t is absolute, not relative to its mean.
+    /// Converts the fitted parameters to those of a `Lobe`, in which −ln cos θi is not relative to its mean.
     pub(super) fn parameters(&self, mean_t: f64, range: [f64; 2]) -> LobeParameters {
         let [p0, p1, p2, _, tail, stretch, angle] = self.numbers;
         let widths = self.widths();
@@ -56,7 +62,7 @@ impl Shape {
         }
     }
 
-    /// Precomputes everything that is independent of the sample.
+    /// Precomputes the factors of this lobe that are equal for all measured samples at which it is evaluated.
     pub(super) fn prepared(&self) -> Prepared {
         let tail = self.numbers[TAIL].max(LEAST_TAIL);
         let slope = libm::expm1(tail * LN_2);
@@ -74,26 +80,27 @@ impl Shape {
     }
 }
 
-/// Returns radians of outgoing directions at normal incidence per unit of a half-width.
+/// Returns the factor that converts a half-width, in the coordinates of a lobe, to an angle between outgoing directions
+/// at normal incidence, in radians. It is 2 for half-widths in half-vector slopes and 1 for half-widths in radians.
 pub(super) fn of_outgoing(centre: LobeCentre) -> f64 {
     if centre == LobeCentre::HalfVector { 2.0 } else { 1.0 }
 }
 
-/// A shape with precomputed factors.
+/// A lobe with precomputed factors, ready to be evaluated at samples.
 pub(super) struct Prepared {
     peak: [f64; 3],
-    /// Inverse half-widths.
+    /// Inverse half-widths along the two axes of the lobe.
     inverse: [f64; 2],
     turn: [f64; 2],
     tail: f64,
     slope: f64,
     slope_by_tail: f64,
-    /// Squared roughness; `None` without masking.
+    /// Squared roughness of the microfacet masking term; `None` for lobes without masking.
     square: Option<f64>,
 }
 
 impl Prepared {
-    /// Evaluates the lobe at a sample. The small derivative of the masking by the width is ignored.
+    /// Evaluates the lobe at a sample. The small derivative of the masking term by the width is ignored.
     #[inline]
     pub(super) fn at(&self, sample: &Sample) -> Value {
         let ([cos, sin], [x, y], t) = (self.turn, sample.place, sample.t);
@@ -119,7 +126,7 @@ impl Prepared {
         }
     }
 
-    /// Returns the logarithm of the masking term G.
+    /// Returns the logarithm of the microfacet masking term G at a sample.
     #[inline]
     fn masking(&self, sample: &Sample) -> f64 {
         self.square.map_or(0.0, |square| libm::log(microfacets(square, sample.cosines, sample.place)))

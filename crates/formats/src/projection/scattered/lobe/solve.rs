@@ -8,48 +8,55 @@ use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, Prepared, STRETCH, Shape, TAIL, W
 use crate::domain::LobeCentre;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 
-/// Upper bound on the rounds.
+/// Upper bound on the rounds of a background fit.
 const ROUNDS: usize = 40;
-/// A fit ends when a round lowers the cost by less than this fraction or this amount.
+/// Fraction of the cost below which its reduction by one round ends a fit. Raising it is faster and less accurate.
 const ENOUGH: f64 = 1e-5;
+/// Amount of the cost below which its reduction by one round ends a fit. Raising it is faster and less accurate.
 const LITTLE: f64 = 1e-2;
-/// Initial damping, and its factors after failed and successful steps.
+/// Initial damping of the Levenberg-Marquardt steps.
 const DAMPING: f64 = 1e-3;
+/// Factor of the Levenberg-Marquardt damping after a failed step.
 const HARDER: f64 = 8.0;
+/// Factor of the Levenberg-Marquardt damping after a successful step.
 const SOFTER: f64 = 0.2;
-/// Damping beyond which no step is expected to succeed.
+/// Levenberg-Marquardt damping beyond which a fit gives up, since no step is expected to succeed.
 const MOST_DAMPING: f64 = 1e8;
-/// Longest step of the logarithm of a width. Steps of the logarithm of a peak are limited to 1/0.3 of it.
+/// Largest change of the natural logarithm of a lobe's width in one iteration of a lobe fit. The logarithm of the
+/// lobe's peak may change 1/0.3 (3.3) times as much. Raising it risks steps that miss the best fit.
 const LONGEST: f64 = 0.7;
-/// Longest step of a term of a base.
+/// Largest change of a coefficient of the background's natural logarithm in one iteration of a fit of the background
+/// beneath a lobe. Raising it risks steps that miss the best fit.
 const LONGEST_OF_BASE: f64 = 3.0;
-/// Prior standard deviation of the terms of a base: changes of the logarithm over the radius. It decides if too few
-/// samples do.
+/// Prior standard deviation of the coefficients of the background: changes of its logarithm over the radius of the
+/// samples. It matters if samples are too few.
 const BASE_DEVIATION: f64 = 1.5;
-/// Priors of p₁ and p₂ as (mean, standard deviation): peaks rise with the angle of incidence.
+/// Priors (mean, standard deviation) of p₁ and p₂. The natural logarithm of a lobe's peak is p₀ + p₁t + p₂t², where t
+/// is −ln cos θi minus a constant. Peaks rise with the angle of incidence θi.
 const RISE: [(f64, f64); 2] = [(0.5, 1.0), (0.0, 0.5)];
-/// Prior of p₁ in half vectors as (mean, standard deviation): a lobe of constant light rises with 1/cos²θi there.
+/// Prior (mean, standard deviation) of p₁ for a lobe in half-vector slopes. The natural logarithm of its peak is p₀ +
+/// p₁t + p₂t², where t is −ln cos θi minus a constant. At a constant albedo its peak rises with 1/cos²θi: p₁ = 2.
 const RISE_OF_HALF_VECTORS: (f64, f64) = (2.0, 1.0);
-/// Prior standard deviation of the logarithm of the ratio of a width to the geometric mean of both.
+/// Prior standard deviation of the logarithm of the ratio of one width of a lobe to the geometric mean of both widths.
 const STRETCH_DEVIATION: f64 = 1.0;
 
-/// A fit problem: samples, noise, and free numbers.
+/// Least-squares problem of fitting a lobe and its background: samples, noise, and free parameters.
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) near: &'a Near,
-    /// Standard deviation of the logarithms of samples.
+    /// Standard deviation of the logarithms of the samples.
     pub(super) noise: f64,
-    /// Marks the free numbers of the lobe.
+    /// Marks of the lobe parameters that are fitted; the others are fixed.
     pub(super) free: [bool; NUMBERS],
-    /// Fold that is left out.
+    /// Cross-validation fold whose samples are left out; `None` to use all samples.
     pub(super) without: Option<u32>,
-    /// Chord to the centre below which samples are left out.
+    /// Radius about the lobe centre, as a chord on the unit sphere, within which samples are left out of the fit.
     pub(super) beyond: f64,
-    /// Bounds of the logarithm of the half-width.
+    /// Lower and upper bound of the logarithm of the lobe's half-width.
     pub(super) widths: [f64; 2],
 }
 
-/// A lobe, or none, and the base under each incidence.
+/// Result of a fit: a lobe, or none, and the coefficients of the background under each incoming direction.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub(super) shape: Option<Shape>,
@@ -57,7 +64,7 @@ pub(super) struct Fit {
     pub(super) cost: f64,
 }
 
-/// Normal equations of one incidence.
+/// Normal equations of the samples under one incoming direction.
 #[derive(Clone, Copy)]
 struct Block {
     lobe: [[f64; NUMBERS]; NUMBERS],
@@ -68,13 +75,14 @@ struct Block {
     cost: f64,
 }
 
-/// Equations of a lobe after elimination of the bases.
+/// Normal equations of the lobe parameters after elimination of the background coefficients.
 struct Reduced {
-    /// Factored matrix; rows and columns are scaled to a diagonal of 1.
+    /// Cholesky factor of the normal matrix; rows and columns are scaled to a diagonal of 1.
     matrix: [[f64; NUMBERS]; NUMBERS],
     right: [f64; NUMBERS],
     scales: [f64; NUMBERS],
-    /// Factored matrix and right-hand side of each base.
+    /// For each incoming direction, the Cholesky factor and right-hand side of the normal equations whose solution is
+    /// the background beneath the lobe.
     factored: Vec<([[f64; TERMS]; TERMS], [f64; TERMS])>,
 }
 
@@ -83,7 +91,7 @@ impl Problem<'_> {
         Some(sample.fold) != self.without && sample.distance >= self.beyond
     }
 
-    /// Fits the base without a lobe.
+    /// Fits the background alone, without a lobe.
     pub(super) fn base(&self) -> Fit {
         let medians = self.near.groups.iter().map(|group| {
             let mut logs: Vec<f64> =
@@ -97,7 +105,8 @@ impl Problem<'_> {
         self.fit(start, ROUNDS)
     }
 
-    /// Iterates from `start`, for `rounds` at most.
+    /// Fits the background, and the lobe if `start` has one, to the samples: by Levenberg-Marquardt iterations from the
+    /// guess `start`, at most `rounds` of them.
     pub(super) fn fit(&self, start: Fit, rounds: usize) -> Fit {
         let mut best = start;
         let mut blocks = self.blocks(&best);
@@ -122,7 +131,7 @@ impl Problem<'_> {
         best
     }
 
-    /// Returns the robust cost, including the priors.
+    /// Returns the robust cost of a fit, including the priors of its parameters.
     fn cost(&self, fit: &Fit, blocks: &[Block]) -> f64 {
         let samples: f64 = blocks.iter().map(|block| block.cost).sum();
         let bases: f64 = fit.bases.iter().flat_map(|base| &base[1..]).map(|b| (b / BASE_DEVIATION).powi(2)).sum();
@@ -133,7 +142,7 @@ impl Problem<'_> {
         samples + bases + lobe
     }
 
-    /// Returns the deviation of each number from its prior mean, and the inverse variance of the prior.
+    /// Returns, for each lobe parameter, its deviation from the prior mean and the inverse variance of the prior.
     fn expected(&self, shape: &Shape) -> [(f64, f64); NUMBERS] {
         let mut expected = [(0.0, 0.0); NUMBERS];
         let mut rise = RISE;
@@ -200,7 +209,8 @@ impl Problem<'_> {
         block
     }
 
-    /// Returns the standard deviation of a linear combination of the free numbers of a lobe.
+    /// Returns the standard deviation of a linear combination, with coefficients `factors`, of the free parameters of a
+    /// lobe.
     pub(super) fn deviation(&self, fit: &Fit, factors: [f64; NUMBERS]) -> f64 {
         let step = self.reduced(fit, &self.blocks(fit), 0.0);
         let held = std::array::from_fn(|i| if self.free[i] { factors[i] * step.scales[i] } else { 0.0 });
@@ -208,7 +218,7 @@ impl Problem<'_> {
         inner(&half, &half).sqrt()
     }
 
-    /// Returns the fit after a damped step.
+    /// Returns the fit after one damped Levenberg-Marquardt step.
     fn step(&self, from: &Fit, blocks: &[Block], damping: f64) -> Fit {
         let Reduced { matrix, right, scales, factored } = self.reduced(from, blocks, damping);
         let shape = from.shape.map(|shape| {
@@ -238,7 +248,7 @@ impl Problem<'_> {
         Fit { shape, bases: bases.collect(), cost: f64::INFINITY }
     }
 
-    /// Returns the damped equations of the lobe alone.
+    /// Returns the damped normal equations of the lobe parameters alone, with the background eliminated.
     fn reduced(&self, from: &Fit, blocks: &[Block], damping: f64) -> Reduced {
         let (mut matrix, mut right) = ([[0.0; NUMBERS]; NUMBERS], [0.0; NUMBERS]);
         let certainty = 1.0 / (BASE_DEVIATION * BASE_DEVIATION);
@@ -288,7 +298,7 @@ impl Problem<'_> {
         Reduced { matrix, right, scales, factored }
     }
 
-    /// Returns the robust cost of the samples of a fold, as `fit` predicts them.
+    /// Returns the robust cost of predicting the samples of a cross-validation fold by `fit`.
     pub(super) fn cost_of(&self, fit: &Fit, fold: u32) -> f64 {
         let prepared = fit.shape.map(|shape| shape.prepared());
         let mut cost = 0.0;
@@ -302,18 +312,18 @@ impl Problem<'_> {
     }
 }
 
-/// Prediction of a fit at a sample.
+/// Value that a fit of lobe and background predicts at a sample.
 pub(super) struct Predicted {
-    /// Logarithm of the sum of base and lobe.
+    /// Logarithm of the sum of background and lobe.
     pub(super) log: f64,
-    /// Logarithm of the base, the part of the surface's values without the lobe.
+    /// Logarithm of the background, which is the predicted value without the lobe.
     pub(super) base: f64,
-    /// Share of the lobe in that sum, 0 to 1.
+    /// Share of the lobe in the sum of background and lobe, 0 to 1.
     pub(super) share: f64,
     slopes: [f64; NUMBERS],
 }
 
-/// Evaluates the sum of base and lobe at a sample.
+/// Evaluates the sum of background and lobe at a sample.
 #[inline]
 pub(super) fn predicted(sample: &Sample, base: &[f64; TERMS], shape: Option<&Prepared>) -> Predicted {
     let base = inner(base, &sample.terms);
@@ -331,8 +341,8 @@ pub(super) fn predicted(sample: &Sample, base: &[f64; TERMS], shape: Option<&Pre
     Predicted { log, base, share, slopes: lobe.slopes }
 }
 
-/// Returns the soft L1 cost of a residual in standard deviations, 2·(√(1 + r²) − 1), and the root in it, whose inverse
-/// is the weight of the residual.
+/// Returns the soft L1 cost 2·(√(1 + r²) − 1) of a residual r in standard deviations, and √(1 + r²), whose inverse is
+/// the weight of the residual.
 #[inline]
 pub(super) fn robust(residual: f64) -> (f64, f64) {
     let root = (1.0 + residual * residual).sqrt();

@@ -18,7 +18,8 @@ use std::borrow::Cow;
 
 const ELEVATIONS: [f64; 8] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
 
-/// A lobe that is `width` degrees wide at half its maximum and takes 0.3 of the light of each elevation.
+/// Test BRDF: a lobe that is `width` degrees wide at half its maximum and reflects 0.3 of the light at each incoming
+/// polar angle.
 fn truth(centre: LobeCentre, width: f64, tail: f64) -> impl Fn(Direction, Direction) -> f64 + Copy {
     let half = width.to_radians() * if centre == LobeCentre::HalfVector { 0.25 } else { 0.5 };
     let widths = [half, half];
@@ -52,7 +53,7 @@ fn projected(scattered: Scattered) -> Projected {
     project(&acquisition(Quantity::Brdf, scattered), &AxesRequest::default()).unwrap()
 }
 
-/// Ratio of the light of the fitted lobe to the true light, under each elevation.
+/// Returns the ratio of the albedo of the fitted lobe to the true albedo, under each incoming polar angle.
 fn ratios(found: &Found, lobe: impl Fn(Direction, Direction) -> f64) -> Vec<f64> {
     let carried = Lobe::new(found.shape.parameters(found.near.mean_t, found.near.range())).unwrap();
     let of = |&theta: &f64| carried.under(Direction::from_degrees(theta, 0.0)).unwrap().light() / light(&lobe, theta);
@@ -153,7 +154,7 @@ fn one_incidence_and_the_direction_back_are_enough() {
     assert!(peak.is_finite() && (back.shape.width().to_degrees() - 1.0).abs() < 0.05, "{:?}", back.shape);
 }
 
-/// A tail as long as that of GGX reaches every sample from which the base is known.
+/// The tail of a lobe, as long as that of GGX, reaches every sample from which the background is known.
 #[test]
 fn colours_of_lobe_and_base_are_told_apart_beneath_a_long_tail() {
     for (tail, missing_under) in [(0.5, None), (0.3, None), (0.5, Some(20.0))] {

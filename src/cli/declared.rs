@@ -1,0 +1,67 @@
+//! Arguments of the command line, derived from declared options.
+
+use crate::domain::{Declared, Values};
+use clap::builder::ValueParser;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches};
+use serde_json::{Map, Value};
+use std::path::PathBuf;
+
+/// Returns the name of an option on the command line.
+fn long(declared: &Declared) -> String {
+    let name = declared.name.replace('_', "-");
+    if matches!(declared.values, Values::SwitchOff) { format!("no-{name}") } else { name }
+}
+
+/// Returns a declared help text without its last full stop, as help texts of options are written.
+pub(super) fn help(declared: &Declared) -> String {
+    declared.help.trim().trim_end_matches('.').to_owned()
+}
+
+/// Makes the argument of a declared option.
+pub(super) fn argument(declared: &'static Declared) -> Arg {
+    let argument = Arg::new(declared.name).long(long(declared)).help(help(declared));
+    let (shown, default) = match declared.values {
+        Values::Number { shown, .. } | Values::Whole { shown, .. } => (shown, None),
+        Values::Name { shown, default, .. } | Values::Text { shown, default, .. } => (shown, default),
+        Values::File { shown } | Values::Document { shown } => {
+            return argument.value_name(shown).value_parser(clap::value_parser!(PathBuf));
+        }
+        _ => return argument.action(ArgAction::SetTrue),
+    };
+    let read = move |text: &str| declared.read(text);
+    argument.value_name(shown).value_parser(ValueParser::new(read)).default_values(default)
+}
+
+/// Returns the value of a declared option, if it is stated. Files and documents are stated by their [`path`].
+pub(super) fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value> {
+    if matches.value_source(declared.name) != Some(ValueSource::CommandLine) {
+        return None;
+    }
+    match declared.values {
+        Values::Switch => Some(Value::Bool(true)),
+        Values::SwitchOff => Some(Value::Bool(false)),
+        Values::File { .. } | Values::Document { .. } => None,
+        _ => matches.get_one::<Value>(declared.name).cloned(),
+    }
+}
+
+/// Returns the values of all stated options by their names.
+pub(super) fn all_stated<'a>(
+    matches: &ArgMatches,
+    options: impl IntoIterator<Item = &'a Declared>,
+) -> Map<String, Value> {
+    let stated = options.into_iter().map(|declared| Some((declared.name.to_owned(), stated(matches, declared)?)));
+    stated.flatten().collect()
+}
+
+/// Returns the path of a declared file or document, if it is stated.
+pub(super) fn path(matches: &ArgMatches, declared: &Declared) -> Option<PathBuf> {
+    matches.get_one(declared.name).cloned()
+}
+
+/// Makes an error of the command line.
+pub(super) fn refusal(error: impl std::fmt::Display) -> clap::Error {
+    clap::Error::raw(ErrorKind::ValueValidation, error)
+}

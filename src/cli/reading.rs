@@ -1,0 +1,87 @@
+//! Options of reading on the command line, derived from their declarations.
+
+use super::declared::{all_stated, argument, path, refusal};
+use crate::domain::{Declared, Values};
+use crate::formats::Interpretation;
+use clap::{ArgMatches, Command, FromArgMatches};
+use std::path::{Path, PathBuf};
+
+/// Reading options of the user.
+#[derive(Clone, Debug)]
+pub(super) struct ReadingArgs {
+    /// Files of the options that take one, by the name of the option.
+    files: Vec<(&'static str, PathBuf)>,
+    stated: Interpretation,
+}
+
+impl ReadingArgs {
+    /// Returns the file of the spectrum to join.
+    pub(super) fn spectrum(&self) -> Option<&Path> {
+        self.file(Interpretation::SPECTRUM.name)
+    }
+
+    /// Returns the file of the manifest.
+    pub(super) fn axes(&self) -> Option<&Path> {
+        self.file("axes")
+    }
+
+    /// Returns the options that are stated without a file.
+    pub(super) fn stated(&self) -> &Interpretation {
+        &self.stated
+    }
+
+    fn file(&self, option: &str) -> Option<&Path> {
+        self.files.iter().find(|(name, _)| *name == option).map(|(_, path)| path.as_path())
+    }
+}
+
+impl clap::Args for ReadingArgs {
+    fn augment_args(command: Command) -> Command {
+        command.args(Interpretation::OPTIONS.iter().map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for ReadingArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let has_file = |declared: &&Declared| matches!(declared.values, Values::File { .. } | Values::Document { .. });
+        let files = Interpretation::OPTIONS.iter().filter(has_file);
+        let files = files.filter_map(|declared| Some((declared.name, path(matches, declared)?))).collect();
+        let stated = all_stated(matches, Interpretation::OPTIONS);
+        Ok(Self { files, stated: serde_json::from_value(stated.into()).map_err(refusal)? })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        reading: ReadingArgs,
+    }
+
+    fn reading(line: &[&str]) -> Result<ReadingArgs, clap::Error> {
+        Line::try_parse_from([&["inspect"], line].concat()).map(|line| line.reading)
+    }
+
+    #[test]
+    fn options_and_files_are_read() {
+        let read = reading(&["--wavelength-unit", "um", "--axes", "a.json", "--normalization", "4pi"]).unwrap();
+        assert_eq!((read.axes(), read.spectrum()), (Some(Path::new("a.json")), None));
+        let stated: Vec<_> = read.stated().stated().iter().map(|(name, value)| format!("{name}={value}")).collect();
+        assert_eq!(stated, ["wavelength_unit=um", "normalization=4pi"]);
+        let refusal = reading(&["--quantity", "light"]).unwrap_err().to_string();
+        assert!(refusal.contains("expected one of spectrum, reflectance, edf"), "{refusal}");
+    }
+}

@@ -1,0 +1,141 @@
+//! Table of the kinds of jobs.
+
+use super::attempt::{Failure, Made};
+use super::engine::Engine;
+use super::frame::{self, FrameError, Queued};
+use super::hub::Control;
+use super::paper::PaperRequest;
+use super::request::{CompressRequest, RequestError};
+use super::work::Work;
+use crate::store::Digest;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use utoipa::ToSchema;
+
+/// Source of requests: the body of an HTTP request.
+pub(crate) trait Source {
+    /// Reason why the source holds no such request.
+    type Error;
+
+    /// Reads a request of one kind.
+    fn read<T: DeserializeOwned>(&self) -> Result<T, Self::Error>;
+}
+
+/// Declares the kinds of jobs: each with its argument in the queue and its request. The first one is the default.
+macro_rules! kinds {
+    (
+        $(#[doc = $first_doc:literal])+ $first:ident { $first_field:ident: $first_type:ty } = $first_request:ty;
+        $($(#[doc = $doc:literal])+ $kind:ident { $field:ident: $type:ty } = $request:ty;)*
+    ) => {
+        kinds! { @all
+            $(#[doc = $first_doc])+ #[default] $first { $first_field: $first_type } = $first_request;
+            $($(#[doc = $doc])+ $kind { $field: $type } = $request;)*
+        }
+    };
+    (@all $($(#[doc = $doc:literal])+ $(#[$default:ident])? $kind:ident { $field:ident: $type:ty } = $request:ty;)+) => {
+        /// The kinds of jobs.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub(crate) enum Kind {
+            $($(#[doc = $doc])+ $(#[$default])? $kind,)+
+        }
+
+        /// Job request; `kind` selects its type, `compress` if it is absent.
+        #[derive(Clone, Debug, PartialEq, Serialize, ToSchema)]
+        #[serde(untagged)]
+        pub(crate) enum JobRequest {
+            $($(#[doc = $doc])+ $kind(Box<$request>),)+
+        }
+
+        /// Type of a job, and its arguments. Variants are only ever appended, so that new workers read old frames.
+        #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+        pub(super) enum Frame {
+            $($(#[doc = $doc])+ $kind { $field: $type },)+
+        }
+
+        impl JobRequest {
+            /// Reads a request of the given kind.
+            pub(crate) fn read<S: Source>(kind: Kind, source: &S) -> Result<Self, S::Error> {
+                match kind {
+                    $(Kind::$kind => source.read().map(Self::$kind),)+
+                }
+            }
+
+            /// Checks the request before any data is read.
+            pub(crate) fn check(&self) -> Result<(), RequestError> {
+                match self {
+                    $(Self::$kind(request) => Work::check(request.as_ref()),)+
+                }
+            }
+        }
+
+        impl Queued for JobRequest {
+            fn measurement(&self) -> Option<Digest> {
+                match self {
+                    $(Self::$kind(request) => Work::measurement(request.as_ref()),)+
+                }
+            }
+
+            fn frame(&self) -> Result<String, String> {
+                let frame = match self {
+                    $(Self::$kind(request) => Frame::$kind { $field: Work::arguments(request.as_ref())? },)+
+                };
+                frame.encode().map_err(|error| error.to_string())
+            }
+        }
+
+        impl Frame {
+            /// Runs one attempt at the job.
+            pub(super) async fn run(self, engine: &Arc<Engine>, control: &Arc<Control>) -> Result<Made, Failure> {
+                match self {
+                    $(Self::$kind { $field } => <$request as Work>::run(engine, $field, control).await,)+
+                }
+            }
+        }
+    };
+}
+
+// A new kind needs its module and lines at the end: frames in the queue are read by the position of their kind.
+kinds! {
+    /// Make a material of a measurement.
+    Compress { request: String } = CompressRequest;
+    /// Make the report on the paper's tables.
+    Paper { tables: Vec<u8> } = PaperRequest;
+}
+
+/// Kind of any request, which decides on its other fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub(crate) struct KindOnly {
+    /// Kind of the job. Default: `compress`.
+    #[serde(default)]
+    pub kind: Kind,
+}
+
+impl Frame {
+    /// Encodes the frame as text for the queue.
+    pub(super) fn encode(&self) -> Result<String, FrameError> {
+        frame::encode(self)
+    }
+
+    /// Decodes a text of the queue.
+    pub(super) fn decode(text: &str) -> Result<Self, FrameError> {
+        frame::decode(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_keep_their_bytes() {
+        for (frame, text) in [
+            (Frame::Compress { request: "{}".to_owned() }, "0000000002000000000000007b7d"),
+            (Frame::Paper { tables: vec![1, 7] }, "0100000002000000000000000107"),
+        ] {
+            assert_eq!(frame.encode().unwrap(), text);
+            assert_eq!(Frame::decode(text), Ok(frame));
+        }
+    }
+}
