@@ -13,6 +13,7 @@ mod events;
 mod export;
 mod export_description;
 mod extract;
+mod figures;
 mod flattened;
 mod job;
 mod jobs;
@@ -39,5 +40,6 @@ mod zstd;
 
 pub use crate::jobs::{ArchiveError, Limits, WorkConfig};
 pub(crate) use descriptors::raise_descriptor_limit;
+pub(crate) use figures::show_figures;
 pub use router::openapi;
 pub use server::{ServeConfig, ServeError, Server, Stop, serve};

@@ -139,6 +139,11 @@ impl Problem {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }
 
+    /// Builds the problem of a store that belongs to another catalog now, for the reason given in the log.
+    fn foreign(reason: &str) -> Self {
+        Self::inside(Kind::Unavailable, &reason, "the store of this service was taken over by another one")
+    }
+
     /// Builds the problem of bytes that a catalog row names and that cannot be read: missing ones are damage.
     pub(crate) fn of_named(digest: Digest, error: BlobError) -> Self {
         match error {
@@ -207,6 +212,7 @@ impl From<BlobError> for Problem {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
+            BlobError::Foreign(reason) => Self::foreign(&reason),
         }
     }
 }
@@ -297,6 +303,7 @@ impl From<IngestError> for Problem {
             IngestError::Maths(error) => error.into(),
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
+            IngestError::Foreign(reason) => Self::foreign(&reason),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Root of the interface: introduction, health, metrics and description.
 
+use super::figures::PROMETHEUS;
 use super::places::Places;
 use super::problem::{Kind, Problem};
 use super::schemas::Described;
@@ -91,7 +92,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
         handle.run_upkeep();
         handle.render()
     });
-    let kind = HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8");
+    let kind = HeaderValue::from_static(PROMETHEUS);
     Ok(([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response())
 }
 

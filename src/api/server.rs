@@ -4,14 +4,14 @@ use super::access::Access;
 use super::connection::{Entrance, Host};
 use super::content_cache::Contents;
 use super::descriptors;
+use super::figures::{keep_up, recorder};
 use super::places::Peer;
 use super::router::{openapi, router};
 use super::state::{App, Held};
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers, watch_jobs};
-use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::time::Instant;
@@ -126,7 +126,7 @@ impl Server {
             access,
             stopping: stopping.clone(),
             stop: stop.clone(),
-            metrics: metrics(),
+            metrics: recorder(),
             openapi: json.into(),
         };
         let (database, store) = engine.archive.places();
@@ -214,18 +214,4 @@ async fn accept(
     }
     connections.close();
     connections
-}
-
-/// Folds the histograms of the metrics every 5 s; between two folds they store every recorded duration.
-async fn keep_up(metrics: PrometheusHandle) {
-    loop {
-        tokio::time::sleep(Duration::from_secs(5)).await;
-        metrics.run_upkeep();
-    }
-}
-
-/// Returns the only metrics recorder of the process; the first service installs it.
-fn metrics() -> Option<PrometheusHandle> {
-    static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
-    RECORDER.get_or_init(|| PrometheusBuilder::new().install_recorder().ok()).clone()
 }

@@ -39,6 +39,13 @@ const TRIES: u32 = 5;
 /// Pause before the second try; it doubles with each further one.
 const PAUSE: Duration = Duration::from_millis(20);
 
+/// Time that an operation waits for a connection to a file, whose writers take turns.
+const LOCAL_WAIT: Duration = Duration::from_secs(30);
+
+/// Time that an operation waits for a connection to a server. Raising it bears longer queues for a connection, and
+/// answers later when the server is away.
+const SERVER_WAIT: Duration = Duration::from_secs(5);
+
 impl Catalog {
     /// Connects to the database without looking at its schema. At most `connections` are held at once.
     pub(super) async fn connect(place: &Database, connections: u32) -> Result<Self, CatalogError> {
@@ -60,7 +67,7 @@ impl Catalog {
         let options = AnyConnectOptions::from_str(&url)?.disable_statement_logging();
         let pool = AnyPoolOptions::new()
             .max_connections(connections)
-            .acquire_timeout(Duration::from_secs(30))
+            .acquire_timeout(if dialect == Dialect::Sqlite { LOCAL_WAIT } else { SERVER_WAIT })
             .after_connect(move |connection, _| {
                 Box::pin(async move {
                     for statement in dialect.prepare() {

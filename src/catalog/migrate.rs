@@ -37,6 +37,7 @@ impl Catalog {
                 Database::Server(_) => {}
             }
         }
+        catalog.check_locale().await?;
         catalog.apply().await?;
         let after = catalog.version().await?;
         catalog.check_schema().await?;
@@ -73,6 +74,28 @@ impl Catalog {
     /// Opens a catalog for a command that looks after it. Its schema is not changed.
     pub(crate) async fn open_few(place: &Database) -> Result<Self, CatalogError> {
         Self::open_as_is(place, FEW, Duration::ZERO).await
+    }
+
+    /// Refuses a PostgreSQL database that orders texts by a language, or does not hold every character.
+    async fn check_locale(&self) -> Result<(), CatalogError> {
+        if self.dialect == Dialect::Sqlite {
+            return Ok(());
+        }
+        let row = sqlx::query(
+            "SELECT CAST(pg_encoding_to_char(encoding) AS TEXT), CAST(datcollate AS TEXT) FROM pg_database \
+             WHERE datname = current_database()",
+        )
+        .fetch_one(&self.pool)
+        .await?;
+        let (encoding, order): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+        if encoding == "UTF8" && matches!(order.as_str(), "C" | "POSIX" | "C.UTF-8" | "C.utf8") {
+            return Ok(());
+        }
+        Err(CatalogError::Schema(format!(
+            "found the encoding {encoding} and the order of texts {order} in {}, expected UTF8 and C: make the database \
+             with CREATE DATABASE … TEMPLATE template0 ENCODING 'UTF8' LOCALE 'C'",
+            self.place
+        )))
     }
 
     async fn apply(&self) -> Result<(), CatalogError> {

@@ -18,7 +18,7 @@ impl Catalog {
     /// a separate connection requests the write lock without waiting and releases it at once.
     pub(crate) async fn ping(&self) -> Result<(), CatalogError> {
         let read = sqlx::query("SELECT 1 FROM facts LIMIT 1").fetch_optional(&self.pool);
-        timeout(PATIENCE, read).await.map_err(|_| CatalogError::Locked)??;
+        timeout(PATIENCE, read).await.map_err(|_| self.silent())??;
         // A server has no lock of the whole database that a writer could hold.
         if self.dialect == Dialect::Postgres {
             return Ok(());
@@ -34,6 +34,18 @@ impl Catalog {
             Ok(())
         };
         timeout(PATIENCE, looking).await.unwrap_or(Err(CatalogError::Locked))
+    }
+}
+
+impl Catalog {
+    /// Returns the error of a database that does not answer in time.
+    fn silent(&self) -> CatalogError {
+        match self.dialect {
+            Dialect::Sqlite => CatalogError::Locked,
+            Dialect::Postgres => {
+                CatalogError::Unreachable { place: self.place.to_string(), reason: "no answer in time".to_owned() }
+            }
+        }
     }
 }
 

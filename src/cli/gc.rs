@@ -4,12 +4,16 @@ use super::failure::Failure;
 use super::fsck::look_after;
 use super::output::{count, print, print_json};
 use super::runtime::block_on;
+use super::settings::KeepSettings;
 use super::site::SiteArgs;
+use crate::jobs::WorkConfig;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
+    #[command(flatten)]
+    settings: KeepSettings,
     /// Remove bytes that nothing names at once, without their time of grace; a client that is reading them gets an
     /// error
     #[arg(long)]
@@ -22,8 +26,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = block_on(async {
         let archive = look_after(&args.site).await?;
-        let swept = if args.now { archive.sweep_now().await } else { archive.sweep().await };
-        swept.map_err(Failure::failed)
+        let mut config = WorkConfig::new(&args.site.directory);
+        args.settings.apply(&mut config);
+        archive.sweep_with(&config.limits, args.now).await.map_err(Failure::failed)
     })?;
     if args.json {
         return print_json(&report);

@@ -5,17 +5,24 @@ use clap::{Arg, ArgMatches, Command};
 use std::sync::LazyLock;
 
 /// Values of all settings of a service, in the order of [`SETTINGS`].
-pub(crate) type Settings = Chosen<true>;
+pub(crate) type Settings = Chosen<ALL>;
 
 /// Values of the settings of a worker, which serves nobody, in the order of [`SETTINGS`].
-pub(crate) type WorkSettings = Chosen<false>;
+pub(crate) type WorkSettings = Chosen<WORK>;
+
+/// Values of the settings that say what is kept, in the order of [`SETTINGS`].
+pub(crate) type KeepSettings = Chosen<KEEP>;
+
+const ALL: u8 = 0;
+const WORK: u8 = 1;
+const KEEP: u8 = 2;
 
 /// Values of settings: of all, or of those that concern work.
 #[derive(Clone, Debug)]
-pub(crate) struct Chosen<const ALL: bool>(Vec<u64>);
+pub(crate) struct Chosen<const CHOICE: u8>(Vec<u64>);
 
-/// Headings under which the settings of a worker stand.
-const WORK: [&str; 3] = ["Work", "Keeping", "Stopping"];
+/// Headings under which the settings of each choice stand; none stands for all.
+const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Stopping"], &["Keeping"]];
 
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
 const WORKER_DRAIN: &str = "10min";
@@ -42,9 +49,12 @@ static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
 /// Names of the settings that the short help of `wavelume serve` lists; `--help` lists all.
 const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
 
-impl<const ALL: bool> Chosen<ALL> {
+impl<const CHOICE: u8> Chosen<CHOICE> {
     fn settings() -> impl Iterator<Item = (&'static Setting, &'static Names)> {
-        SETTINGS.iter().zip(NAMES.iter()).filter(|(setting, _)| ALL || WORK.contains(&setting.heading))
+        SETTINGS.iter().zip(NAMES.iter()).filter(|(setting, _)| {
+            let headings = HEADINGS[usize::from(CHOICE)];
+            headings.is_empty() || headings.contains(&setting.heading)
+        })
     }
 
     /// Writes the values into a configuration.
@@ -56,7 +66,7 @@ impl<const ALL: bool> Chosen<ALL> {
     }
 }
 
-impl<const ALL: bool> clap::Args for Chosen<ALL> {
+impl<const CHOICE: u8> clap::Args for Chosen<CHOICE> {
     fn augment_args(command: Command) -> Command {
         let arg = |(setting, names): (&'static Setting, &'static Names)| {
             Arg::new(setting.field)
@@ -64,7 +74,11 @@ impl<const ALL: bool> clap::Args for Chosen<ALL> {
                 .env(names.variable.as_str())
                 .hide_env_values(true)
                 .value_name(setting.unit.placeholder())
-                .default_value(if !ALL && setting.field == "drain" { WORKER_DRAIN } else { names.default.as_str() })
+                .default_value(if CHOICE == WORK && setting.field == "drain" {
+                    WORKER_DRAIN
+                } else {
+                    names.default.as_str()
+                })
                 .help(names.help.as_str())
                 .help_heading(setting.heading)
                 .hide_short_help(!COMMON.contains(&setting.field))
@@ -78,7 +92,7 @@ impl<const ALL: bool> clap::Args for Chosen<ALL> {
     }
 }
 
-impl<const ALL: bool> clap::FromArgMatches for Chosen<ALL> {
+impl<const CHOICE: u8> clap::FromArgMatches for Chosen<CHOICE> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let value = |(setting, _): (&Setting, _)| matches.get_one::<u64>(setting.field).copied();
         let missing = || clap::Error::new(clap::error::ErrorKind::MissingRequiredArgument);

@@ -5,7 +5,9 @@ use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::WorkSettings;
 use super::site::SiteArgs;
+use crate::api::show_figures;
 use crate::jobs::{WorkConfig, work};
+use std::net::SocketAddr;
 use tokio_util::sync::CancellationToken;
 
 /// Options of a worker.
@@ -14,6 +16,9 @@ use tokio_util::sync::CancellationToken;
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
+    /// Address on which this process shows its metrics (`/metrics`) and that it lives (`/healthz`); none by default
+    #[arg(long, value_name = "ADDR", env = "WAVELUME_METRICS", hide_env_values = true)]
+    metrics: Option<SocketAddr>,
     #[command(flatten)]
     settings: WorkSettings,
 }
@@ -24,6 +29,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let mut config = WorkConfig::new(&args.site.directory);
         config.site = args.site.site();
         args.settings.apply(&mut config);
+        let figures = match args.metrics {
+            Some(address) => {
+                Some(show_figures(address).await.map_err(|error| Failure::failed(format!("{address}: {error}")))?)
+            }
+            None => None,
+        };
+        if let Some((address, _)) = &figures {
+            print(&format!("metrics at http://{address}/metrics\n"))?;
+        }
         let stop = CancellationToken::new();
         tokio::spawn({
             let stop = stop.clone();

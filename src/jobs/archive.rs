@@ -8,8 +8,8 @@ use super::site::Site;
 use crate::catalog::{Catalog, CatalogError, Database, Dialect};
 use crate::store::{Place, Staging, Store, StoreError};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// An opened catalog and its store; cheap to clone.
 #[derive(Clone, Debug)]
@@ -20,6 +20,8 @@ pub struct Archive {
     pub(crate) catalog: Catalog,
     database: Database,
     place: Place,
+    /// Time at which the store was last seen to carry this catalog's id.
+    seen: Arc<Mutex<Option<Instant>>>,
 }
 
 /// Failure to open or to maintain an archive.
@@ -57,6 +59,10 @@ const PATIENCE: Duration = Duration::from_mins(1);
 /// Connections of a service to a PostgreSQL database. Raising it answers more requests at once, up to the limit of the
 /// database.
 const CONNECTIONS: u32 = 8;
+
+/// Time for which a check of the store's id is believed when bytes are written. Raising it lets a process write for
+/// longer into a store that another catalog has taken over.
+const BELIEVED: Duration = Duration::from_secs(30);
 
 impl Archive {
     /// Opens a data directory, makes what is missing and brings the catalog's schema up to date.
@@ -104,7 +110,7 @@ impl Archive {
             Err(StoreError::Io(source)) => return Err(ArchiveError::Directory { directory: root, source }),
             Err(other) => return Err(other.into()),
         };
-        let archive = Self { data: root, store, staging, catalog, database, place };
+        let archive = Self { data: root, store, staging, catalog, database, place, seen: Arc::default() };
         archive.claim(site.adopt.as_deref()).await?;
         Ok(archive)
     }
@@ -138,7 +144,10 @@ impl Archive {
         let (ours, found) = (self.catalog.instance().await?, self.store.note(INSTANCE).await?);
         let Self { place, database, .. } = self;
         match found {
-            Some(id) if id == ours => Ok(()),
+            Some(id) if id == ours => {
+                *self.seen.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+                Ok(())
+            }
             Some(id) => Err(ArchiveError::Belongs(format!(
                 "the store {place} belongs to the catalog {id}, but the catalog {database} is {ours}: check --store and \
                  --database; if the catalog {id} is gone for good, take its store over with --adopt-store {id}"
@@ -150,12 +159,18 @@ impl Archive {
         }
     }
 
+    /// Checks like [`Self::belongs`], but believes a check of the last [`BELIEVED`]. Asked before bytes are written.
+    pub(super) async fn belonged(&self) -> Result<(), ArchiveError> {
+        let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        if seen.is_some_and(|seen| seen.elapsed() < BELIEVED) { Ok(()) } else { self.belongs().await }
+    }
+
     fn is_copy(&self, id: &str) -> ArchiveError {
         let Self { place, database, .. } = self;
         ArchiveError::Belongs(format!(
             "the catalog {database} is a copy of the catalog {id}, made by a restored dump: used with the store {place} it \
-             could delete what the original still names. Restore with `wavelume restore`, which copies the bytes too; if \
-             the original is gone for good, take its store over with --adopt-store {id}"
+             could delete what the original still names. Give the copy a store of its own, or, if the original is gone \
+             for good, take its store over with --adopt-store {id}"
         ))
     }
 }
@@ -202,6 +217,8 @@ mod tests {
         let taken = Archive::serve(&foreign).await.unwrap();
         assert!(matches!(archive.belongs().await, Err(ArchiveError::Belongs(_))), "the first is refused from now on");
         taken.belongs().await.unwrap();
+        *archive.seen.lock().unwrap() = None;
+        assert!(matches!(archive.belonged().await, Err(ArchiveError::Belongs(_))), "nor does it write");
         assert!(matches!(Archive::open(mine.path()).await, Err(ArchiveError::Belongs(_))));
     }
 

@@ -80,6 +80,7 @@ impl From<BlobError> for Failure {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
+            BlobError::Foreign(reason) => Self::Passing(reason),
         }
     }
 }

@@ -17,6 +17,9 @@ pub(crate) enum BlobError {
     /// The catalog failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
+    /// The store belongs to another catalog now.
+    #[error("{0}")]
+    Foreign(String),
 }
 
 impl Archive {

@@ -148,6 +148,7 @@ impl From<IngestError> for Failure {
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
             IngestError::Maths(error) => error.into(),
+            IngestError::Foreign(reason) => Self::Passing(reason),
             IngestError::Refused(_) | IngestError::Unfit(_) | IngestError::Spectrum(_) => {
                 last(Code::UnreadableMeasurement, error)
             }

@@ -130,8 +130,8 @@ limits! {
         /// Time for which the bytes of deleted measurements and materials stay in the store. A backup of the database
         /// must not be older when it is restored.
         grace: Duration = Duration::from_hours(24), Time >= 0;
-        /// Age at which the entry of a job that has succeeded or was cancelled is deleted, with its report; its material
-        /// stays.
+        /// Age at which the entry of a job that has succeeded or was cancelled is deleted, with its report; its
+        /// material stays.
         keep_succeeded: Duration = Duration::from_hours(30 * 24), Time >= 0;
         /// Age at which the entry of a job that has failed or is dead is deleted.
         keep_failed: Duration = Duration::from_hours(90 * 24), Time >= 0;

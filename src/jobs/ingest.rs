@@ -46,6 +46,9 @@ pub(crate) enum IngestError {
     /// The database of measurements, materials and jobs failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
+    /// The store of uploaded and computed files belongs to another catalog now.
+    #[error("{0}")]
+    Foreign(String),
 }
 
 /// Uploads that are refused although their bytes may be readable.
@@ -113,6 +116,7 @@ impl From<BlobError> for IngestError {
         match error {
             BlobError::Store(error) => error.into(),
             BlobError::Catalog(error) => error.into(),
+            BlobError::Foreign(reason) => Self::Foreign(reason),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Files stored and protected from removal (*pinned*) until a database row refers to them, and stored again if the
 //! protection expires first.
 
-use super::archive::Archive;
+use super::archive::{Archive, ArchiveError};
 use super::blobs::BlobError;
 use crate::catalog::Claim;
 use crate::store::{Digest, Object, Staged, StoreError};
@@ -73,6 +73,11 @@ async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError>
         tracing::error!(object = %known.object, "stored bytes are missing or damaged, and are replaced");
         archive.catalog.suspect(&known.object).await?;
     }
+    archive.belonged().await.map_err(|error| match error {
+        ArchiveError::Store(error) => BlobError::Store(error),
+        ArchiveError::Catalog(error) => BlobError::Catalog(error),
+        other => BlobError::Foreign(other.to_string()),
+    })?;
     let object = Object::fresh(digest);
     archive.catalog.intend(&object, bytes, INTENT).await?;
     let writing = archive.store.publish(staged, &object);

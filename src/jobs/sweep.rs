@@ -43,15 +43,23 @@ const KEYS: Duration = Duration::from_hours(24);
 impl Archive {
     /// Removes bytes that nothing has named for the time of grace, abandoned staging files and old jobs.
     pub async fn sweep(&self) -> Result<SweepReport, ArchiveError> {
-        self.sweep_within(&Limits::default(), &|| false).await
+        self.sweep_with(&Limits::default(), false).await
     }
 
-    /// Sweeps like [`Self::sweep`], and removes bytes that nothing names at once. Somebody who is reading them gets an
-    /// error.
-    pub async fn sweep_now(&self) -> Result<SweepReport, ArchiveError> {
-        let limits = Limits { grace: Duration::ZERO, ..Limits::default() };
+    /// Sweeps with the ages of `limits`. If `now`, bytes that nothing names are removed without their grace, and a
+    /// reader of them gets an error.
+    pub(crate) async fn sweep_with(&self, limits: &Limits, now: bool) -> Result<SweepReport, ArchiveError> {
+        if !now {
+            return self.sweep_within(limits, &|| false).await;
+        }
         self.catalog.end_grace().await?;
-        self.sweep_within(&limits, &|| false).await
+        self.sweep_within(&Limits { grace: Duration::ZERO, ..limits.clone() }, &|| false).await
+    }
+
+    /// Sweeps with the default ages and without grace.
+    #[cfg(test)]
+    pub(crate) async fn sweep_now(&self) -> Result<SweepReport, ArchiveError> {
+        self.sweep_with(&Limits::default(), true).await
     }
 
     /// Sweeps with the ages of `limits`, and ends early once `stopped` returns true.
@@ -147,6 +155,17 @@ mod tests {
             assert_eq!(archive.get(deleted).await.unwrap(), b"deleted".as_slice());
             assert_eq!(archive.get(kept).await.unwrap(), b"kept".as_slice());
             assert_eq!(archive.check().await.unwrap().faults, []);
+        }
+    }
+
+    #[tokio::test]
+    async fn ages_are_those_of_the_settings() {
+        for (site, _guard) in sites().await {
+            let archive = Archive::serve(&site).await.unwrap();
+            let deleted = stored(&archive, b"deleted").await;
+            archive.catalog.delete_measurement(deleted).await.unwrap();
+            let short = Limits { grace: Duration::ZERO, ..Limits::default() };
+            assert_eq!(archive.sweep_with(&short, false).await.unwrap().removed_blobs, 1);
         }
     }
 

@@ -1,0 +1,70 @@
+//! Metrics of a process, and the small server through which a worker shows them.
+
+use axum::Router;
+use axum::http::{HeaderValue, header};
+use axum::routing::get;
+use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use std::net::SocketAddr;
+use std::sync::OnceLock;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio_util::task::AbortOnDropHandle;
+
+/// Counters that stand at 0 from the start, so that the first event shows as an increase.
+const COUNTERS: [&str; 4] = [
+    "wavelume_jobs_left_to_newer_total",
+    "wavelume_jobs_lost_total",
+    "wavelume_damaged_blobs_total",
+    "wavelume_materials_opened_total",
+];
+
+/// Values of the label `state` of `wavelume_job_attempts_total`.
+const ENDS: [&str; 5] = ["succeeded", "failed", "dead", "cancelled", "queued"];
+
+/// Media type of the text format of Prometheus.
+pub(super) const PROMETHEUS: &str = "text/plain; version=0.0.4; charset=utf-8";
+
+/// Returns the only metrics recorder of the process; the first caller installs it.
+pub(super) fn recorder() -> Option<PrometheusHandle> {
+    static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
+    let install = || {
+        let handle = PrometheusBuilder::new().install_recorder().ok()?;
+        for name in COUNTERS {
+            metrics::counter!(name).increment(0);
+        }
+        for state in ENDS {
+            metrics::counter!("wavelume_job_attempts_total", "state" => state).increment(0);
+        }
+        Some(handle)
+    };
+    RECORDER.get_or_init(install).clone()
+}
+
+/// Folds the histograms of the metrics every 5 s; between two folds they store every recorded duration.
+pub(super) async fn keep_up(metrics: PrometheusHandle) {
+    loop {
+        tokio::time::sleep(Duration::from_secs(5)).await;
+        metrics.run_upkeep();
+    }
+}
+
+/// Serves `/metrics` and `/healthz` of this process until it is dropped. Returns the address with its real port.
+pub(crate) async fn show_figures(listen: SocketAddr) -> std::io::Result<(SocketAddr, AbortOnDropHandle<()>)> {
+    let listener = TcpListener::bind(listen).await?;
+    let address = listener.local_addr()?;
+    let handle = recorder();
+    let page = move || async move {
+        let text = handle.map(|handle| {
+            handle.run_upkeep();
+            handle.render()
+        });
+        ([(header::CONTENT_TYPE, HeaderValue::from_static(PROMETHEUS))], text.unwrap_or_default())
+    };
+    let router = Router::new().route("/metrics", get(page)).route("/healthz", get(|| async { "ok\n" }));
+    let serving = tokio::spawn(async move {
+        if let Err(error) = axum::serve(listener, router).await {
+            tracing::error!(%error, "metrics are not served any more");
+        }
+    });
+    Ok((address, AbortOnDropHandle::new(serving)))
+}
