@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Runs the commands that the README and the pages of docs/ show, and writes or compares what they print.
+"""Runs the commands that the README and other pages show, and writes or compares what they print.
 
 Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, and the figures that run.py left in FIGURES.md
        readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is out of date
 
 Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds the
-bundled data. What is below it, up to the next command, is its output. `wavelume serve` and `wavelume demo` listen on a free port,
-which the pages call 127.0.0.1:8080. `cargo run … --example NAME -- ARGUMENTS` runs
-the example that was built beside the program or by the tests. Times, identifiers of jobs and dates may differ; nothing else may.
+bundled data and the examples. What is below it, up to the next command, is its output. `wavelume serve` and `wavelume demo`
+listen on a free port, which the pages call 127.0.0.1:8080. `cargo run … --example NAME -- ARGUMENTS` runs the example that was
+built beside the program or by the tests. Times, identifiers of jobs and dates may differ; nothing else may.
 """
 import os
 import re
@@ -22,7 +22,7 @@ import zlib
 from concurrent.futures import ThreadPoolExecutor
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PAGES = ["README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/library.md"]
+PAGES = ["README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/library.md", "examples/batch/README.md"]
 FIGURES_PAGE = "docs/performance.md"
 PICTURE = "docs/previews.png"
 # The page whose commands draw the parts of the picture, and the files that they write, from left to right.
@@ -50,7 +50,8 @@ class Session:
 
     def __init__(self, page, binary, directory):
         self.page, self.binary, self.directory = page, binary, directory
-        os.symlink(os.path.join(ROOT, "data"), os.path.join(directory, "data"))
+        for name in ("data", "examples"):
+            os.symlink(os.path.join(ROOT, name), os.path.join(directory, name))
         programs = tempfile.mkdtemp(dir=directory, prefix=".programs")
         os.symlink(binary, os.path.join(programs, "wavelume"))
         with socket.socket() as free:

@@ -13,8 +13,15 @@ fn root() -> &'static Path {
 
 /// Returns the pages whose links are checked, relative to the repository.
 fn pages() -> Vec<PathBuf> {
-    let at_the_root =
-        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "data/SOURCES.md", "fuzz/README.md"].map(PathBuf::from);
+    let at_the_root = [
+        "README.md",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "data/SOURCES.md",
+        "examples/batch/README.md",
+        "fuzz/README.md",
+    ]
+    .map(PathBuf::from);
     let in_docs =
         fs::read_dir(root().join("docs")).unwrap().map(|entry| Path::new("docs").join(entry.unwrap().file_name()));
     let mut found: Vec<_> =
