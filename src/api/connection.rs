@@ -53,12 +53,12 @@ pub(crate) struct Entrance {
     health: Places,
 }
 
-/// Place that a new connection takes in the limit on open connections.
+/// Permit that a new connection takes, since the number of open connections is limited.
 #[derive(Debug)]
 pub(crate) enum Admission {
-    /// Place of a connection within the ordinary limit, on which every request is served.
+    /// Permit for a connection within the ordinary limit; every request on it is served.
     Ordinary(Place),
-    /// Place of a connection beyond the ordinary limit, on which health checks are answered and all other requests
+    /// Permit for a connection beyond the ordinary limit; health checks on it are answered and all other requests
     /// refused.
     Reserve(Place, Full),
 }
@@ -72,7 +72,8 @@ impl Entrance {
         }
     }
 
-    /// Takes a place for a connection of the client `peer`. Returns `None` if even the reserve places are taken.
+    /// Takes a permit for a connection of the client `peer`. Returns `None` if even the permits of the reserve are
+    /// taken.
     pub(crate) fn admit(&self, peer: Peer) -> Option<Admission> {
         match self.ordinary.take(peer, 1) {
             Ok(place) => Some(Admission::Ordinary(place)),

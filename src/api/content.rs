@@ -46,11 +46,11 @@ pub(crate) async fn respond(
     })
 }
 
-/// Reason why stored bytes are not the answer.
+/// Reason why a request for a stored file is not answered with bytes of the file.
 enum Refused {
-    /// They cannot be read.
+    /// The stored bytes of the file cannot be read.
     Blob(BlobError),
-    /// The request asks for something that they do not have.
+    /// The request does not fit the stored file, for example because of a byte range beyond its end.
     Request(Problem),
 }
 

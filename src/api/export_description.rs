@@ -10,7 +10,7 @@ use utoipa::openapi::{
 };
 use utoipa::{IntoParams, IntoResponses, ToSchema};
 
-/// Types of the parameters.
+/// Types of the query parameters with which a material is exported, for the OpenAPI description.
 #[derive(IntoParams)]
 #[into_params(parameter_in = Query)]
 #[allow(dead_code, reason = "describes the query")]
@@ -46,7 +46,8 @@ impl IntoParams for ExportParams {
 /// Answers to an export.
 pub(super) struct ExportedFile;
 
-/// Description of the header with the error.
+/// Text on the response header `Wavelume-Export-Error` in the OpenAPI description. The header states the error that an
+/// export adds to a material.
 const ERROR: &str = "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
                      relative_rmse, pairs (of directions), of (what was compared), and of luminaires peak, flux (both relative), \
                      rms_of_peak and er_l2_bright (of intensities above 1 % of the peak)";

@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio_util::task::AbortOnDropHandle;
 
-/// Counters that stand at 0 from the start, so that the first event shows as an increase.
+/// Names of counters that are set to 0 at the start, so that the first event shows as an increase.
 const COUNTERS: [&str; 4] = [
     "wavelume_jobs_left_to_newer_total",
     "wavelume_jobs_lost_total",
@@ -18,17 +18,21 @@ const COUNTERS: [&str; 4] = [
     "wavelume_materials_opened_total",
 ];
 
-/// Values of the label `state` of `wavelume_job_attempts_total`.
+/// Job states that are values of the label `state` of the metric `wavelume_job_attempts_total`.
 const ENDS: [&str; 5] = ["succeeded", "failed", "dead", "cancelled", "queued"];
+
+/// Upper bounds in seconds of the classes in which the durations of requests and jobs are counted. The counts of
+/// several processes can be added, unlike quantiles.
+const SECONDS: [f64; 14] = [0.001, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0, 600.0];
 
 /// Media type of the text format of Prometheus.
 pub(super) const PROMETHEUS: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-/// Returns the only metrics recorder of the process; the first caller installs it.
+/// Returns the only metrics recorder of the process; the first call installs it.
 pub(super) fn recorder() -> Option<PrometheusHandle> {
     static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
     let install = || {
-        let handle = PrometheusBuilder::new().install_recorder().ok()?;
+        let handle = PrometheusBuilder::new().set_buckets(&SECONDS).ok()?.install_recorder().ok()?;
         for name in COUNTERS {
             metrics::counter!(name).increment(0);
         }
@@ -40,7 +44,8 @@ pub(super) fn recorder() -> Option<PrometheusHandle> {
     RECORDER.get_or_init(install).clone()
 }
 
-/// Folds the histograms of the metrics every 5 s; between two folds they store every recorded duration.
+/// Merges the recorded durations into the histograms of the metrics every 5 s. Until then every duration is kept in
+/// memory.
 pub(super) async fn keep_up(metrics: PrometheusHandle) {
     loop {
         tokio::time::sleep(Duration::from_secs(5)).await;
@@ -48,7 +53,8 @@ pub(super) async fn keep_up(metrics: PrometheusHandle) {
     }
 }
 
-/// Serves `/metrics` and `/healthz` of this process until it is dropped. Returns the address with its real port.
+/// Serves `/metrics` and `/healthz` of this process over HTTP, until the returned handle is dropped. Also returns the
+/// bound address with its real port.
 pub(crate) async fn show_figures(listen: SocketAddr) -> std::io::Result<(SocketAddr, AbortOnDropHandle<()>)> {
     let listener = TcpListener::bind(listen).await?;
     let address = listener.local_addr()?;

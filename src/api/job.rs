@@ -13,8 +13,8 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use utoipa::ToSchema;
 
-/// Time after which a follower looks at its job even if nothing was told of it. Raising it delays an update that was
-/// lost.
+/// Longest time for which a request that follows a job waits for a notification of a change before it looks the job up.
+/// Raising it delays the report of a change whose notification was lost.
 const LOOK: Duration = Duration::from_secs(10);
 
 /// States that a job can have.
@@ -112,7 +112,7 @@ pub(super) fn absent(id: &str) -> Problem {
     Problem::new(Kind::NotFound, format!("there is no job {id}"))
 }
 
-/// Waits until a notification says that the job may have changed, at most for [`LOOK`].
+/// Waits until `changes` announces that the job with the given id may have changed, at most for [`LOOK`].
 pub(super) async fn change(changes: &mut Receiver<Arc<str>>, id: &str) {
     let told = async {
         loop {

@@ -119,7 +119,7 @@ async fn post_job(
     Ok(response)
 }
 
-/// Filter and place of a page of jobs.
+/// Query of one page of the list of jobs: filters, the cursor at which the page starts, and its length.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -130,19 +130,19 @@ struct ListQuery {
     /// Only jobs that read this measurement
     #[param(nullable = false)]
     measurement: Option<Digest>,
-    /// `next` of the previous page
+    /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
     #[param(nullable = false)]
     cursor: Option<String>,
-    /// Most items on a page; 50 by default
+    /// Largest number of items on a page of the list; 50 by default
     #[param(nullable = false, minimum = 1, maximum = 1000)]
     limit: Option<usize>,
 }
 
-/// A page of jobs, newest first.
+/// One page of the list of jobs, newest first.
 #[derive(Debug, Serialize, ToSchema)]
 struct JobPage {
     items: Vec<Job>,
-    /// Cursor of the next page; null on the last page.
+    /// Cursor of the next page of jobs; null on the last page.
     next: Option<String>,
 }
 

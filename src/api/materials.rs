@@ -89,7 +89,7 @@ struct Links {
     measurements: Vec<String>,
 }
 
-/// A page of materials.
+/// One page of the list of materials.
 #[derive(Debug, Serialize, ToSchema)]
 struct MaterialPage {
     items: Vec<Material>,

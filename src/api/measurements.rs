@@ -79,7 +79,7 @@ struct Links {
     materials: String,
 }
 
-/// A page of measurements.
+/// One page of the list of measurements.
 #[derive(Debug, Serialize, ToSchema)]
 struct MeasurementPage {
     items: Vec<Measurement>,

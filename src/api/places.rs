@@ -73,8 +73,8 @@ struct Shared {
     taken: Mutex<Taken>,
 }
 
-/// Counts of the permits taken. A client without permits has no map entry, so the map never has more entries than there
-/// are permits.
+/// Numbers of permits of a pool (for example, for simultaneous uploads) that are taken: in total, and by client. A
+/// client without permits has no entry, so the map never has more entries than there are permits.
 #[derive(Debug, Default)]
 struct Taken {
     all: usize,
@@ -110,7 +110,8 @@ impl Places {
         Ok(Place { shared: Arc::clone(&self.shared), peer, count })
     }
 
-    /// Returns the number of permits taken by all clients together.
+    /// Returns the number of permits of this pool (for example, for simultaneous uploads) that all clients together
+    /// hold.
     pub(crate) fn taken(&self) -> usize {
         self.shared.taken().all
     }

@@ -139,12 +139,14 @@ impl Problem {
         Self::inside(Kind::Corrupt, &format!("blob {digest} is missing"), "the stored bytes are missing")
     }
 
-    /// Builds the problem of a store that belongs to another catalog now, for the reason given in the log.
+    /// Builds the error response for a service whose file store another service's database has taken over; `reason`
+    /// goes to the log.
     fn foreign(reason: &str) -> Self {
         Self::inside(Kind::Unavailable, &reason, "the store of this service was taken over by another one")
     }
 
-    /// Builds the problem of bytes that a catalog row names and that cannot be read: missing ones are damage.
+    /// Builds the error response for a stored file that a row of the database names but that cannot be read. If the
+    /// file is missing, the response says that stored data are damaged.
     pub(crate) fn of_named(digest: Digest, error: BlobError) -> Self {
         match error {
             BlobError::Store(StoreError::NotFound(_)) => Self::missing(digest),
@@ -181,7 +183,9 @@ impl IntoResponse for Problem {
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::NotFound(digest) => Self::new(Kind::NotFound, format!("no blob has the digest {digest}")),
+            StoreError::NotFound(digest) => {
+                Self::new(Kind::NotFound, format!("no stored file has the digest {digest}"))
+            }
             StoreError::Corrupt { .. } | StoreError::Range { .. } => {
                 Self::inside(Kind::Corrupt, &error, "the stored bytes are not those of their digest; upload them again")
             }

@@ -64,7 +64,8 @@ impl Held {
         }
     }
 
-    /// Returns the counters of everything that requests occupy, for metrics.
+    /// Returns all pools of permits that requests take (for example, for uploads and for open streams), to report the
+    /// taken ones as metrics.
     pub(crate) fn kinds(&self) -> [&Places; 8] {
         let Self { requests, queries, uploads, bodies, answers, streams, exports, followers } = self;
         [requests, queries, uploads, bodies, answers, streams, exports, followers]

@@ -8,7 +8,7 @@ use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::{Ref, RefOr, Required, Schema};
 use utoipa::{IntoParams, ToSchema};
 
-/// Names that a client gives, with their help texts.
+/// Query parameters of an upload that name the uploaded file and the measurement, with their help texts.
 const NAMES: [(&str, &str); 2] = [("filename", "Name of the file."), ("name", "Name of the measurement.")];
 
 /// Statements of a client about the bytes that it uploads, read from a query string.

@@ -140,7 +140,7 @@ impl Frames {
         }
     }
 
-    /// Decodes the completely received frame header or block.
+    /// Decodes the next piece of a zstd stream, a frame header or a block, once all its bytes have arrived.
     fn decode(&mut self) -> io::Result<()> {
         let is_header = matches!(self.next, Piece::Header);
         self.next = match self.piece.as_slice() {

@@ -16,49 +16,49 @@ use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::time::Duration;
 
-/// Stored bytes of a digest.
+/// Row of the catalog about the stored bytes that have a given BLAKE3 digest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Blob {
-    /// Object that holds the bytes.
+    /// Stored object (file in the store) that holds the bytes with a given digest.
     pub object: Object,
-    /// Number of bytes; `None` if it is not known yet.
+    /// Size of the stored object in bytes; `None` if the catalog does not know it yet.
     pub bytes: Option<u64>,
     /// True if the stored bytes were found missing or damaged.
     pub suspect: bool,
 }
 
-/// Right of a publisher to name a digest.
+/// Permission for a row of the catalog to refer to stored bytes, held by the process that stored or found the bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Claim {
-    /// The digest was stored already when the publisher looked.
+    /// The catalog already listed stored bytes with this digest, so nothing was written.
     Known(Digest),
-    /// The publisher has written an object of this many bytes, under an intent.
+    /// The process has written an object of this many bytes, which it had announced to the catalog before.
     Written(Object, u64),
 }
 
-/// Kind of row that refers to the bytes of a digest.
+/// Kind of catalog row that refers to stored bytes by their digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Namer {
-    /// A material, whose file they are.
+    /// Row of a material, whose file the stored bytes are.
     Material,
-    /// A job, whose report they are.
+    /// Row of a job, whose report the stored bytes are.
     Report,
-    /// A measurement, whose content they are.
+    /// Row of a measurement, whose content the stored bytes are.
     Measurement,
 }
 
-/// Outcome of looking at a digest that has lost a name.
+/// Outcome of checking that no row of the catalog refers to a digest any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Doom {
-    /// No row names it: its object, of so many bytes, is to be deleted.
+    /// No row of the catalog refers to the digest: its object, of this many bytes, is now listed for deletion.
     Doomed(u64),
-    /// Another row names it.
+    /// Another row of the catalog still refers to the digest, so its object is kept.
     Named,
-    /// It is stored no longer.
+    /// The catalog no longer lists stored bytes with the digest.
     Gone,
 }
 
-/// Condition under which a digest is named; `$1` is the digest.
+/// SQL query for the catalog rows that refer to a digest; the parameter `$1` is the digest.
 macro_rules! named {
     () => {
         "SELECT 1 AS kind FROM materials WHERE tenant = 'default' AND id = $1 \
@@ -68,7 +68,7 @@ macro_rules! named {
 }
 
 impl Claim {
-    /// Returns the digest that may be named.
+    /// Returns the digest to which this claim lets a row of the catalog refer.
     pub(crate) fn digest(&self) -> Digest {
         match self {
             Self::Known(digest) => *digest,
@@ -78,7 +78,7 @@ impl Claim {
 }
 
 impl Catalog {
-    /// Returns the stored bytes of a digest.
+    /// Returns the row of the catalog about the stored bytes with the given digest, if there is one.
     pub(crate) async fn blob(&self, digest: Digest) -> Result<Option<Blob>, CatalogError> {
         sqlx::query("SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1")
             .bind(digest.to_string())
@@ -88,7 +88,8 @@ impl Catalog {
             .transpose()
     }
 
-    /// Announces an object that is about to be written, for `time`. Its name must be fresh.
+    /// Announces to the catalog that an object is about to be written. The announcement expires after `time`. The
+    /// object's name must never have been used before.
     pub(crate) async fn intend(&self, object: &Object, bytes: u64, time: Duration) -> Result<(), CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;
@@ -107,8 +108,8 @@ impl Catalog {
         .await
     }
 
-    /// Prolongs the announcement of an object. Returns false if it has expired: the object may be deleted and must not
-    /// be used. It is never announced anew, because it may be doomed already.
+    /// Extends the announcement that an object is being written. Returns false if it has expired: the object may be
+    /// deleted at any moment and must not be used. An expired announcement is never renewed.
     pub(crate) async fn prolong(&self, object: &Object, time: Duration) -> Result<bool, CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;
@@ -124,13 +125,14 @@ impl Catalog {
         .await
     }
 
-    /// Notes that the bytes of an object were found missing or damaged: the next upload of the same bytes replaces it.
+    /// Marks a stored object in the catalog as missing or damaged, so that the next upload of the same bytes replaces
+    /// it.
     pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {
         self.mark(object, "UPDATE blobs SET suspect = 1 WHERE tenant = 'default' AND digest = $1 AND generation = $2")
             .await
     }
 
-    /// Notes that the digest of an object has just been computed from its bytes and was right.
+    /// Records in the catalog that the digest of a stored object was just recomputed from its bytes and is right.
     pub(crate) async fn checked(&self, object: &Object, bytes: u64) -> Result<(), CatalogError> {
         let _turn = self.turn().await;
         sqlx::query(self.sql(
@@ -155,7 +157,8 @@ impl Catalog {
         Ok(())
     }
 
-    /// Returns the kind of row that names `digest`, if there is one. Bytes that no row names must not be served.
+    /// Returns the kind of catalog row that refers to `digest`, if there is one. Bytes to which no row refers must not
+    /// be served to clients.
     pub(crate) async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
         let row = sqlx::query(concat!(named!(), " ORDER BY kind LIMIT 1"))
             .bind(digest.to_string())
@@ -169,7 +172,7 @@ impl Catalog {
         }))
     }
 
-    /// Returns a description of a row that names `digest`, if there is one.
+    /// Returns the kind and id of a catalog row that refers to `digest`, such as `material b3-…`, if there is one.
     pub(crate) async fn named_by(&self, digest: Digest) -> Result<Option<String>, CatalogError> {
         let row = sqlx::query(
             "SELECT 'material ' || id FROM materials WHERE tenant = 'default' AND id = $1 \
@@ -182,8 +185,8 @@ impl Catalog {
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Dooms the objects of at most `most` intents that have expired; they are deleted `later`, because a write may
-    /// still be under way. Returns their number.
+    /// Lists for deletion at most `most` objects whose announced write has expired. They are deleted only after the
+    /// time `later`, because a slow write may still be under way. Returns their number.
     pub(crate) async fn doom_expired(&self, most: u32, later: Duration) -> Result<u64, CatalogError> {
         let mut write = self.write().await?;
         let expired =
@@ -199,7 +202,7 @@ impl Catalog {
         Ok(rows.len() as u64)
     }
 
-    /// Returns at most `most` digests that have lost a name.
+    /// Returns at most `most` digests that may be unused, because a row that referred to them was deleted.
     pub(crate) async fn unnamed(&self, most: u32) -> Result<Vec<Digest>, CatalogError> {
         let rows = sqlx::query(self.sql(
             "SELECT digest FROM unnamed WHERE tenant = 'default' AND not_before <= {now} ORDER BY not_before LIMIT $1",
@@ -210,8 +213,8 @@ impl Catalog {
         rows.iter().map(|row| digest("unnamed", row.try_get(0)?)).collect()
     }
 
-    /// Dooms the object of a digest, unless a row names the digest. It is deleted after `grace`: who has just looked it
-    /// up may still read it.
+    /// Lists the object with this digest for deletion, unless a row of the catalog refers to the digest. The deletion
+    /// waits for `grace`, so that a reader who has just looked the object up can finish.
     pub(crate) async fn doom_unnamed(&self, digest: Digest, grace: Duration) -> Result<Doom, CatalogError> {
         let mut write = self.write().await?;
         let text = digest.to_string();
@@ -249,8 +252,8 @@ impl Catalog {
         Ok(doomed)
     }
 
-    /// Takes at most `most` objects that may be deleted now, with their sizes, for `time`: another process takes them
-    /// only afterwards.
+    /// Reserves at most `most` objects that are due for deletion, and returns them with their sizes in bytes. No other
+    /// process can reserve them for `time`.
     pub(crate) async fn take_doomed(&self, most: u32, time: Duration) -> Result<Vec<(Object, u64)>, CatalogError> {
         let mut write = self.write().await?;
         let due =
@@ -275,7 +278,7 @@ impl Catalog {
         Ok(taken)
     }
 
-    /// Lets objects that are waiting for their deletion be deleted now. Returns their number.
+    /// Makes objects that wait for the end of their grace period due for deletion at once. Returns their number.
     pub(crate) async fn end_grace(&self) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let ended =
@@ -285,7 +288,7 @@ impl Catalog {
         Ok(ended.rows_affected())
     }
 
-    /// Notes that objects were deleted.
+    /// Records in the catalog that the given objects were deleted from the store.
     pub(crate) async fn deleted(&self, objects: &[Object]) -> Result<(), CatalogError> {
         let names: Vec<String> = objects.iter().map(Object::to_string).collect();
         let _turn = self.turn().await;
@@ -296,7 +299,7 @@ impl Catalog {
         Ok(())
     }
 
-    /// Returns the number of stored blobs and of objects that wait for their deletion, with their bytes.
+    /// Returns the number of stored objects, and the number and total size of the objects that wait for deletion.
     pub(crate) async fn blob_counts(&self) -> Result<BlobCounts, CatalogError> {
         let row = sqlx::query(
             "SELECT (SELECT COUNT(*) FROM blobs), (SELECT COUNT(*) FROM doomed), \
@@ -308,8 +311,8 @@ impl Catalog {
         Ok(BlobCounts { live: number(0)?, doomed: number(1)?, doomed_bytes: number(2)? })
     }
 
-    /// Returns the next rows of stored bytes whose digests begin with byte `first`, in the order of their digests,
-    /// after `after`.
+    /// Returns the next rows about stored bytes whose digest begins with byte `first`. They are sorted by digest and
+    /// follow the digest `after`.
     pub(crate) async fn blobs_beginning(
         &self,
         first: u8,
@@ -331,7 +334,7 @@ impl Catalog {
         rows.iter().map(read).collect()
     }
 
-    /// Returns true if the catalog knows this object: as stored bytes, as being written, or as to be deleted.
+    /// Returns true if the catalog lists the given object: as stored, as being written, or as waiting for deletion.
     pub(crate) async fn knows(&self, object: &Object) -> Result<bool, CatalogError> {
         let row = sqlx::query(
             "SELECT 1 FROM blobs WHERE tenant = 'default' AND digest = $1 AND generation = $2 \
@@ -345,7 +348,8 @@ impl Catalog {
         Ok(row.is_some())
     }
 
-    /// Returns true if a digest is listed as having lost a name.
+    /// Returns true if a digest is listed for the next sweep (removal of unused objects), because a row that referred
+    /// to it was deleted.
     pub(crate) async fn is_unnamed(&self, digest: Digest) -> Result<bool, CatalogError> {
         let row = sqlx::query("SELECT 1 FROM unnamed WHERE tenant = 'default' AND digest = $1")
             .bind(digest.to_string())
@@ -354,14 +358,14 @@ impl Catalog {
         Ok(row.is_some())
     }
 
-    /// Dooms an object that the catalog does not know; it is deleted after `grace`.
+    /// Lists for deletion an object of the store that the catalog does not know. The object is deleted after `grace`.
     pub(crate) async fn doom_stray(&self, object: &Object, bytes: u64, grace: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         doom(&mut write, object.to_string(), bytes as i64, grace).await?;
         write.commit().await
     }
 
-    /// Lists a digest as having lost a name, so that the next sweep looks at it.
+    /// Lists a digest for the next sweep, which deletes its object unless a row of the catalog refers to it.
     pub(crate) async fn list_unnamed(&self, digest: Digest) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         unname(&mut write, digest.to_string()).await?;
@@ -371,25 +375,25 @@ impl Catalog {
 
 #[cfg(test)]
 impl Catalog {
-    /// Forgets which digests have lost a name.
+    /// Clears the list of digests that the next sweep would check for rows that still refer to them.
     pub(crate) async fn forget_unnamed(&self) {
         sqlx::query("DELETE FROM unnamed").execute(&self.pool).await.unwrap();
     }
 }
 
-/// Numbers of stored objects.
+/// Counts of the stored objects and of those that wait for deletion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BlobCounts {
-    /// Objects that hold the bytes of a digest.
+    /// Number of objects that the catalog lists as stored, one for each digest.
     pub live: u64,
-    /// Objects that wait for their deletion.
+    /// Number of objects that wait for deletion.
     pub doomed: u64,
-    /// Bytes of the objects that wait for their deletion.
+    /// Total size in bytes of the objects that wait for deletion.
     pub doomed_bytes: u64,
 }
 
-/// Makes a digest one that a row may name, within the transaction that writes the row. Returns false if the claim does
-/// not hold any more: nothing may be written, and the bytes must be published again.
+/// Lets a row that is written in the same transaction refer to stored bytes. Returns false if the claim on the bytes
+/// has expired: nothing may be written, and the bytes must be stored again.
 pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, CatalogError> {
     let (object, bytes) = match claim {
         // The foreign key of the row decides.
@@ -446,10 +450,12 @@ pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, Catal
     Ok(true)
 }
 
-/// Hours after which an object that was replaced is deleted. Raising it lets slow readers finish.
+/// Hours for which an object is kept after another object with the same bytes took its place. Raising it gives slow
+/// readers longer to finish.
 const GRACE: Duration = Duration::from_hours(1);
 
-/// Lists a digest as having lost a name, within the transaction that deletes the row that named it.
+/// Lists a digest for the next sweep (removal of unused objects), in the transaction that deletes a row that referred
+/// to it.
 pub(super) async fn unname(write: &mut Write, digest: String) -> Result<(), CatalogError> {
     sqlx::query(
         "INSERT INTO unnamed (tenant, digest, not_before) VALUES ('default', $1, $2) \

@@ -12,42 +12,44 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Mutex, OwnedMutexGuard};
 
-/// The catalog; cheap to clone.
+/// The catalog: the database of measurements, materials, jobs and stored files. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
     pub(super) place: Database,
     pub(super) dialect: Dialect,
-    /// Turn of a writer of this process on SQLite: waiting here is fair, SQLite's busy handler is not.
+    /// Lock that the writers of this process take in turn on SQLite. Waiting for it is fair, unlike SQLite's busy
+    /// handler.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
 }
 
-/// A write transaction, which changes nothing unless it is committed.
+/// A write transaction of the catalog, which changes nothing unless it is committed.
 pub(super) struct Write {
     pub(super) transaction: Transaction<'static, Any>,
     pub(super) dialect: Dialect,
-    /// Start time by the database's clock, ms of the Unix epoch.
+    /// Start time of the write transaction by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
     _turn: Option<OwnedMutexGuard<()>>,
 }
 
-/// Number of times that an operation is tried in all before a passing fault of the database is passed on. Raising it
-/// survives longer restarts of the database, and answers later when it stays away.
+/// Number of times that a database operation is tried in all before a transient error is returned. Raising it survives
+/// longer restarts of the database, but delays the error when the database stays away.
 const TRIES: u32 = 5;
 
-/// Pause before the second try; it doubles with each further one.
+/// Pause before a failed database operation is tried a second time; it doubles before each further try.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Time that an operation waits for a connection to a file, whose writers take turns.
+/// Longest time that an operation waits for a connection to a SQLite file, whose writers take turns. Raising it bears
+/// longer queues of writers.
 const LOCAL_WAIT: Duration = Duration::from_secs(30);
 
-/// Time that an operation waits for a connection to a server. Raising it bears longer queues for a connection, and
-/// answers later when the server is away.
+/// Longest time that an operation waits for a connection to a PostgreSQL server. Raising it bears longer queues for a
+/// connection, but delays the error when the server is away.
 const SERVER_WAIT: Duration = Duration::from_secs(5);
 
 impl Catalog {
-    /// Connects to the database without looking at its schema. At most `connections` are held at once.
+    /// Connects to the catalog's database without checking its schema. Opens at most `connections` connections at once.
     pub(super) async fn connect(place: &Database, connections: u32) -> Result<Self, CatalogError> {
         install_default_drivers();
         let dialect = place.dialect();
@@ -82,23 +84,23 @@ impl Catalog {
         Ok(Self { pool, place: place.clone(), dialect, turn: Arc::default(), readiness })
     }
 
-    /// Closes all connections.
+    /// Closes all connections to the catalog's database.
     pub(crate) async fn close(&self) {
         self.pool.close().await;
     }
 
-    /// Returns the database behind the catalog.
+    /// Returns the kind of database behind the catalog: SQLite or PostgreSQL.
     pub(crate) fn dialect(&self) -> Dialect {
         self.dialect
     }
 
-    /// Writes a statement for the database; see [`Dialect::sql`].
+    /// Adapts an SQL statement to the kind of database in use; see [`Dialect::sql`].
     pub(super) fn sql(&self, text: &'static str) -> SqlStr {
         self.dialect.sql(text)
     }
 
-    /// Waits for this process's turn to write, which only SQLite needs. A statement that writes outside a transaction
-    /// takes it too.
+    /// Waits for this process's turn to write to SQLite, which has one writer at a time; returns at once on PostgreSQL.
+    /// A statement that writes outside a transaction needs a turn too.
     pub(super) async fn turn(&self) -> Option<OwnedMutexGuard<()>> {
         match self.dialect {
             Dialect::Sqlite => Some(Arc::clone(&self.turn).lock_owned().await),
@@ -106,7 +108,7 @@ impl Catalog {
         }
     }
 
-    /// Begins a write transaction.
+    /// Begins a write transaction of the catalog.
     pub(super) async fn write(&self) -> Result<Write, CatalogError> {
         let turn = self.turn().await;
         let mut transaction = self.pool.begin_with(self.dialect.begin()).await?;
@@ -115,9 +117,9 @@ impl Catalog {
         Ok(Write { transaction, dialect: self.dialect, now, _turn: turn })
     }
 
-    /// Runs a whole operation, and again after a short pause if another transaction was in its way or its connection
-    /// broke. Its argument is true for a repetition: the try before may have been committed although its answer was
-    /// lost.
+    /// Runs a whole database operation, and repeats it after a short pause if another transaction was in its way or its
+    /// connection broke. Its argument is true for a repetition: the earlier try may have been committed although its
+    /// answer was lost.
     pub(super) async fn repeat<T, F>(&self, operation: impl Fn(bool) -> F) -> Result<T, CatalogError>
     where
         F: Future<Output = Result<T, CatalogError>>,

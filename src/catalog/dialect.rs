@@ -3,17 +3,17 @@
 use super::result_code::{BUSY, primary};
 use sqlx::{AssertSqlSafe, SqlSafeStr, SqlStr};
 
-/// Database behind the catalog.
+/// Kind of database behind the catalog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Dialect {
-    /// A file with one writer at a time.
+    /// SQLite: a file with one writer at a time.
     Sqlite,
-    /// A server for many processes.
+    /// PostgreSQL: a server for many processes.
     Postgres,
 }
 
-/// Statements that make a connection to SQLite wait for locks, check foreign keys, and make its commits durable. The
-/// wait comes first, because the switch to WAL itself needs the lock.
+/// SQL statements that set up a SQLite connection: wait for locks, use a write-ahead log (WAL), make commits durable,
+/// check foreign keys. The wait comes first, because the switch to WAL itself needs the lock.
 pub(super) const PRAGMAS: [&str; 4] = [
     "PRAGMA busy_timeout = 20000",
     "PRAGMA journal_mode = WAL",
@@ -21,14 +21,15 @@ pub(super) const PRAGMAS: [&str; 4] = [
     "PRAGMA foreign_keys = ON",
 ];
 
-/// Settings of a connection to PostgreSQL. Short statements gain nothing from the compiler, and tables without
-/// statistics would otherwise be sorted whole for one row; the limits keep a stuck client from holding others up.
+/// SQL settings of a PostgreSQL connection. Compilation is off, because short statements gain nothing from it. Sorting
+/// is discouraged, because a table without statistics would be sorted whole for one row. Time limits keep a stuck
+/// client from blocking others.
 const SETTINGS: [&str; 1] =
     ["SET jit = off; SET random_page_cost = 1.1; SET enable_sort = off; SET statement_timeout = '30s'; \
      SET lock_timeout = '10s'; SET idle_in_transaction_session_timeout = '30s'; SET client_min_messages = warning"];
 
 impl Dialect {
-    /// Statements that prepare each new connection.
+    /// SQL statements that set up each new connection to the database.
     pub(super) fn prepare(self) -> &'static [&'static str] {
         match self {
             Self::Sqlite => &PRAGMAS,
@@ -36,7 +37,7 @@ impl Dialect {
         }
     }
 
-    /// Statement that begins a write transaction.
+    /// SQL statement that begins a write transaction on this kind of database.
     pub(super) fn begin(self) -> &'static str {
         match self {
             Self::Sqlite => "BEGIN IMMEDIATE",
@@ -44,10 +45,10 @@ impl Dialect {
         }
     }
 
-    /// Writes `text` for this database. Marks in it: `{now}` is the time in ms of the Unix epoch by the database's own
-    /// clock, which workers on several hosts share; `{lock}` locks the rows of a query until the end of the
-    /// transaction; `{skip}` does so but leaves out rows that another transaction has locked; `{greater}` is the
-    /// function that returns the greater of two numbers; `{each $n}` is a query for the texts in parameter n, a JSON
+    /// Returns `text` with its marks replaced by the SQL of this kind of database. `{now}` is the database's clock in
+    /// ms of the Unix epoch, which workers on several hosts share. `{lock}` locks the rows of a query until the
+    /// transaction ends; `{skip}` does so but leaves out rows that another transaction has locked. `{greater}` is the
+    /// function that returns the greater of two numbers. `{each $n}` is a query for the texts in parameter n, a JSON
     /// array.
     pub(super) fn sql(self, text: &'static str) -> SqlStr {
         if !text.contains('{') {
@@ -83,8 +84,8 @@ impl Dialect {
         AssertSqlSafe(out).into_sql_str()
     }
 
-    /// Returns true if the same operation may succeed when it is tried again at once: another transaction was in the
-    /// way, or the connection broke.
+    /// Returns true if a failed database operation may succeed when it is tried again at once: another transaction was
+    /// in the way, or the connection broke.
     pub(super) fn is_passing(self, error: &sqlx::Error) -> bool {
         match error {
             sqlx::Error::Io(_) | sqlx::Error::WorkerCrashed => true,

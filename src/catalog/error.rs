@@ -3,51 +3,53 @@
 use sqlx::migrate::MigrateError;
 use std::path::PathBuf;
 
-/// Failure of the catalog to answer.
+/// Failure of the catalog (the database of measurements, materials, jobs and stored files).
 #[derive(Debug, thiserror::Error)]
 pub enum CatalogError {
-    /// The database failed.
-    #[error("database: {0}")]
+    /// The catalog's database returned an error.
+    #[error("the database of the catalog failed: {0}")]
     Sql(#[from] sqlx::Error),
-    /// A migration of the schema failed, or an applied one differs from this program's.
-    #[error("database schema: {0}")]
+    /// A schema migration failed, or a migration applied earlier differs from the one in this program.
+    #[error("a migration of the database schema failed: {0}")]
     Migrate(#[from] MigrateError),
     /// The database has a schema that this program cannot work with.
-    #[error("database schema: {0}")]
+    #[error("the schema of the database does not suit this program: {0}")]
     Schema(String),
     /// The database server does not answer, or refuses the user.
-    #[error("database {place}: {reason}; check its address, and that it runs and lets this user in")]
+    #[error(
+        "cannot connect to the database {place}: {reason}; check its address, that it runs, and that it lets this user in"
+    )]
     Unreachable {
-        /// URL of the database, without its password.
+        /// URL of the database that cannot be reached, without its password.
         place: String,
-        /// Error of the connection.
+        /// Error reported when connecting to the database.
         reason: String,
     },
-    /// The file cannot serve as the catalog.
-    #[error("catalog {}: {reason}", file.display())]
+    /// The SQLite file cannot be used as the catalog (the database of the service).
+    #[error("the file {} cannot be used as the catalog: {reason}", file.display())]
     Unusable {
-        /// The file.
+        /// Path of the SQLite file that cannot be used.
         file: PathBuf,
-        /// The fault, and what to do about it.
+        /// Fault of the SQLite file, and advice on what to do about it.
         reason: String,
     },
-    /// Another program has held the write lock for longer than a writer should.
-    #[error("the catalog is locked: another program has been writing to it for a while; end that program")]
+    /// Another program has held the write lock of the SQLite database for longer than a write should take.
+    #[error("the database of the catalog is locked: another program has long been writing to it; end that program")]
     Locked,
-    /// A row has content that this version never writes.
-    #[error("{table} row {id}: {reason}")]
+    /// A row of the catalog has content that this version of the program never writes.
+    #[error("the row {id} of the catalog's table {table} is invalid: {reason}")]
     Row {
-        /// Name of the table.
+        /// Name of the table that holds the invalid row.
         table: &'static str,
-        /// Id of the row.
+        /// Id of the invalid row.
         id: String,
-        /// Description of the fault.
+        /// Description of the fault of the row.
         reason: String,
     },
 }
 
-/// Returns true if a statement failed because the row that it refers to is missing, or because another row refers to
-/// the row that it deletes.
+/// Returns true if a statement violated a foreign key: a row that it refers to is missing, or another row refers to the
+/// row that it deletes.
 pub(super) fn breaks_reference(error: &sqlx::Error) -> bool {
     error.as_database_error().is_some_and(sqlx::error::DatabaseError::is_foreign_key_violation)
 }

@@ -6,7 +6,7 @@ use super::error::CatalogError;
 use sqlx::Row;
 
 impl Catalog {
-    /// Returns a fact by its name.
+    /// Returns the value of a named property of the whole catalog, if it is set.
     pub(super) async fn fact(&self, name: &str) -> Result<Option<String>, CatalogError> {
         let row = sqlx::query("SELECT value FROM facts WHERE name = $1")
             .bind(name.to_owned())
@@ -26,7 +26,7 @@ impl Catalog {
         Ok(())
     }
 
-    /// Gives a new catalog its random id.
+    /// Gives a new catalog its random id, unless it has one.
     pub(super) async fn name_instance(&self) -> Result<(), CatalogError> {
         if self.fact("instance").await?.is_none() {
             self.state("instance", uuid::Uuid::now_v7().to_string(), false).await?;
@@ -34,13 +34,13 @@ impl Catalog {
         Ok(())
     }
 
-    /// Returns the random id of this catalog, which its store carries too.
+    /// Returns the random id of this catalog; the store that belongs to the catalog holds a copy of the id.
     pub(crate) async fn instance(&self) -> Result<String, CatalogError> {
         let missing = || CatalogError::Schema("the catalog has no id; run `wavelume migrate`".to_owned());
         self.fact("instance").await?.ok_or_else(missing)
     }
 
-    /// Gives a copy of a catalog an id of its own, so that it never takes the store of the original for its own.
+    /// Gives a copied catalog a new random id, so that it never mistakes the store of the original for its own.
     pub(crate) async fn rename_instance(&self) -> Result<String, CatalogError> {
         let id = uuid::Uuid::now_v7().to_string();
         self.state("instance", id.clone(), true).await?;
@@ -53,8 +53,8 @@ impl Catalog {
         Ok(id)
     }
 
-    /// Returns the id of the catalog that this one is a copy of: it was written to another database before. Only
-    /// PostgreSQL tells its databases apart; the file of a catalog on SQLite may be moved.
+    /// Returns the id of the original if this catalog was copied to another database. Only PostgreSQL tells its
+    /// databases apart; the file of a SQLite catalog may be moved freely.
     pub(crate) async fn copied_from(&self) -> Result<Option<String>, CatalogError> {
         if self.dialect() == Dialect::Sqlite {
             return Ok(None);
@@ -76,12 +76,12 @@ impl Catalog {
         }
     }
 
-    /// Returns true if a store has been given this catalog's id.
+    /// Returns true if this catalog's id was ever written to a store.
     pub(crate) async fn has_claimed_store(&self) -> Result<bool, CatalogError> {
         Ok(self.fact("store").await?.as_deref() == Some("claimed"))
     }
 
-    /// Notes that a store has been given this catalog's id.
+    /// Records in the catalog that its id was written to a store.
     pub(crate) async fn note_claimed_store(&self) -> Result<(), CatalogError> {
         self.state("store", "claimed".to_owned(), true).await
     }

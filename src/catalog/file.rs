@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
 
-/// Returns the database URL of `file`, whose path is percent-encoded.
+/// Returns the SQLite URL of `file`, with the path percent-encoded.
 pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
     let path = file
         .to_str()
@@ -25,8 +25,8 @@ pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
     Ok(format!("sqlite:{encoded}?mode=rwc"))
 }
 
-/// Opens and reads the file without a pool, whose retries would hide a fault for 30 s. The error names the fault and
-/// what to do about it.
+/// Opens and reads the SQLite file without a connection pool, whose retries would hide a fault for 30 s. The error
+/// names the fault and what to do about it.
 pub(super) async fn check(file: &Path, url: &str) -> Result<(), CatalogError> {
     let start = Instant::now();
     // Another process that starts now may hold the lock briefly, and SQLite does not wait for it here.
@@ -48,10 +48,12 @@ async fn look(url: &str) -> Result<(), sqlx::Error> {
     connection.close().await
 }
 
-/// Seconds of waiting for the lock after which a start gives up. Raising it tolerates longer writers.
+/// Seconds that a starting program waits for the write lock of the SQLite file before it gives up. Raising it tolerates
+/// longer writers.
 const START: Duration = Duration::from_secs(10);
 
-/// Returns true if another try cannot help: the file is at fault, or its lock has not been free since `start`.
+/// Returns true if it is useless to open the SQLite file again: the file is at fault, or other programs have kept it
+/// locked for too long since `start`.
 pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
     match primary(error) {
         Some(BUSY) => start.elapsed() >= START,
@@ -60,7 +62,7 @@ pub(super) fn is_hopeless(error: &sqlx::Error, start: Instant) -> bool {
     }
 }
 
-/// Builds the error of a file that cannot serve as the catalog, with what to do about it.
+/// Builds the error for a file that cannot be used as the catalog's database, with advice on what to do.
 pub(super) fn unusable(file: &Path, error: sqlx::Error) -> CatalogError {
     let advice = match primary(&error) {
         Some(NOT_A_DATABASE) => {

@@ -9,141 +9,144 @@ use std::time::Duration;
 /// State of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum JobState {
-    /// Waits for a worker. → running when claimed, → cancelled when asked.
+    /// The job waits for a worker. It becomes running when a worker claims it, or cancelled on request.
     Queued,
-    /// Belongs to a worker. → succeeded, failed or cancelled by its worker; → queued when the lease runs out or the
-    /// attempt failed for a transient reason; → dead when attempts are used up.
+    /// A worker runs the job. It then succeeds, fails or is cancelled. It is queued again when the worker's lease runs
+    /// out or after a transient fault, and is dead when its attempts are used up.
     Running,
-    /// A material or a report was made. Final.
+    /// The job has ended: it made a material or a report.
     Succeeded,
-    /// The input or the request is at fault: another attempt would fail alike. Final.
+    /// The job has ended: its input or request is at fault, so that another attempt would fail in the same way.
     Failed,
-    /// Given up after the last attempt. Final.
+    /// The job has ended: it was given up after its last permitted attempt.
     Dead,
-    /// Stopped on request. Final.
+    /// The job has ended: it was stopped on request.
     Cancelled,
 }
 
-/// A job to queue.
+/// A job to add to the queue.
 #[derive(Clone, Debug)]
 pub(crate) struct NewJob {
     /// Id of the job.
     pub id: String,
-    /// Arguments, encoded for the queue.
+    /// Arguments of the job, encoded as a text for the queue.
     pub frame: String,
-    /// Measurement that the job reads, if any.
+    /// Id of the measurement that the job reads, if any.
     pub measurement: Option<Digest>,
-    /// Share of the queue whose turn the job takes: jobs of different shares are started in turn.
+    /// Name of the share of the queue to which the job belongs, such as its client: jobs of different shares are
+    /// started in turn.
     pub share: String,
-    /// Idempotency key of the client, and the digest of the request that came with it.
+    /// Idempotency key sent by the client, and the digest of the request that came with it.
     pub idempotency: Option<(String, Digest)>,
 }
 
-/// A job as stored.
+/// A job as stored in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct JobRow {
     /// Id of the job.
     pub id: String,
-    /// Measurement that the job reads, if any.
+    /// Id of the measurement that the job reads, if any.
     pub measurement: Option<Digest>,
-    /// Current state.
+    /// Current state of the job.
     pub state: JobState,
-    /// Progress from 0 to 1.
+    /// Progress of the job from 0 to 1.
     pub progress: f64,
-    /// Number of attempts started, without those whose worker vanished.
+    /// Number of attempts to run the job started so far, without those whose worker vanished.
     pub attempts: u32,
-    /// Material that the job made.
+    /// Id of the material that the job made, if any.
     pub material: Option<Digest>,
-    /// Digest of the report that the job made.
+    /// Digest of the report that the job made, if any.
     pub report: Option<Digest>,
-    /// Problem as JSON: why the job failed, or why its last attempt did.
+    /// Problem, as JSON, that made the job or its last attempt fail, if any.
     pub problem: Option<String>,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time at which the job was created, ms of the Unix epoch.
     pub created_ms: i64,
-    /// Time of the last change of state, ms of the Unix epoch.
+    /// Time at which the job last changed its state, ms of the Unix epoch.
     pub updated_ms: i64,
 }
 
-/// Outcome of enqueueing.
+/// Outcome of adding a job to the queue.
 #[derive(Clone, Debug)]
 pub(crate) enum Enqueued {
-    /// A new job.
+    /// The job is new, and was added to the queue.
     New(JobRow),
-    /// The job that the same key and request made before.
+    /// The job was created before, by the same request with the same idempotency key.
     Known(JobRow),
-    /// The key was used with another request.
+    /// The idempotency key was used before with a different request.
     KeyTaken,
-    /// There is no such measurement.
+    /// The measurement that the job would read does not exist.
     NoMeasurement,
-    /// Too many jobs are waiting.
+    /// The queue is full: too many jobs are waiting.
     Full,
 }
 
-/// A job claimed by a worker.
+/// A job that a worker has claimed to run it.
 #[derive(Clone, Debug)]
 pub(crate) struct Claimed {
     /// Id of the job.
     pub id: String,
-    /// Arguments, encoded for the queue.
+    /// Arguments of the job, encoded as a text for the queue.
     pub frame: String,
-    /// The fencing epoch that every later write must name.
+    /// Fencing epoch: a number that rises with each claim of the job, and that every later write of the worker must
+    /// match.
     pub epoch: i64,
-    /// Number of attempts started, this one included, without those whose worker vanished.
+    /// Number of attempts to run the job started so far, this one included, without those whose worker vanished.
     pub attempts: u32,
 }
 
-/// Answer to a worker that renews its lease.
+/// Answer of the catalog to a worker that renews its lease on a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Beat {
-    /// The job is still this worker's: continue. True if somebody follows it.
+    /// The worker still owns the job and continues. The flag is true if a client follows the progress of the job.
     Yours(bool),
-    /// A cancel was requested.
+    /// Cancellation of the job was requested.
     Cancel,
-    /// Another worker owns the job now.
+    /// The worker has lost the job: another worker owns it, or it has ended.
     Lost,
 }
 
-/// End of a worker's attempt.
+/// Outcome of a worker's attempt to run a job.
 #[derive(Clone, Debug)]
 pub(crate) enum Ended {
-    /// Success with a material, and the claim under which its file was published.
+    /// The attempt made a material. Its file was stored under the claim, which lets a row refer to the file.
     Material(Box<NewMaterial>, Claim),
-    /// Success with a report, and the claim under which its bytes were published.
+    /// The attempt made a report. Its bytes were stored under the claim, which lets a row refer to the bytes.
     Report(Claim),
-    /// Permanent failure: a problem (JSON) that another attempt would have too.
+    /// The attempt failed permanently with this problem (JSON): another attempt would fail in the same way.
     Failed(String),
-    /// Transient failure with a problem (JSON): retried after the delay, unless attempts are used up.
+    /// The attempt failed for a transient reason. The job is tried again after a delay, unless its attempts are used
+    /// up.
     Retry {
-        /// The problem.
+        /// Problem that made the attempt fail, as JSON.
         problem: String,
-        /// Time before the next attempt.
+        /// Time before the next attempt to run the job.
         delay: Duration,
-        /// Upper bound on the number of attempts.
+        /// Upper bound on the number of attempts to run the job.
         attempts: u32,
     },
-    /// Stopped on request.
+    /// The attempt was stopped, because cancellation of the job was requested.
     Cancelled,
-    /// Back to the queue, because the worker stops or cannot read the job. The attempt does not count.
+    /// The job goes back to the queue, because the worker stops or cannot read the job. The attempt does not count.
     Released,
 }
 
-/// Outcome of ending an attempt.
+/// Outcome of recording the end of a job attempt in the catalog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// The attempt has ended and the job is in this state.
+    /// The end of the attempt was recorded, and the job is now in this state.
     Now(JobState),
-    /// Another worker owned the job already; nothing was written.
+    /// The worker no longer owned the job, so nothing was written.
     Lost,
-    /// The claim on the bytes of the result holds no longer; nothing was written. Publish them again.
+    /// The claim on the bytes of the result has expired, so nothing was written. The bytes must be stored again.
     Unpublished,
 }
 
 impl JobState {
-    /// All states.
+    /// All states of a job.
     pub(crate) const ALL: [Self; 6] =
         [Self::Queued, Self::Running, Self::Succeeded, Self::Failed, Self::Dead, Self::Cancelled];
 
-    /// The stable name.
+    /// Returns the stable name of the job state, as clients see it.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Queued => "queued",
@@ -155,7 +158,7 @@ impl JobState {
         }
     }
 
-    /// Returns true if no other state can follow.
+    /// Returns true if a job in this state has ended.
     pub(crate) fn is_final(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }

@@ -18,7 +18,7 @@ fn job(id: &str) -> NewJob {
     }
 }
 
-/// Catalogs on both databases, each with one lamp.
+/// Opens a new catalog on each kind of database (SQLite and PostgreSQL), with the measurement of one lamp in each.
 async fn with_lamp() -> Vec<(Catalog, testing::Guard)> {
     let catalogs = testing::catalogs().await;
     for (catalog, _) in &catalogs {
@@ -31,7 +31,7 @@ async fn claim(catalog: &Catalog, worker: &str, lease: Duration) -> Option<Claim
     catalog.claim(worker, lease, &[]).await.unwrap()
 }
 
-/// Builds the end of an attempt that made and published this material.
+/// Announces the file of a material to the catalog, and builds the outcome of a job attempt that made the material.
 async fn made(catalog: &Catalog, material: Box<NewMaterial>) -> Ended {
     let claim = testing::publish(catalog, material.id, material.bytes).await;
     Ended::Material(material, claim)

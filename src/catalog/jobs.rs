@@ -18,22 +18,23 @@ macro_rules! columns {
     };
 }
 
-/// Cost of a job that reads no measurement, in the unit of ranks: MiB of the measurement, plus one.
+/// Cost of a job that reads no measurement: the distance by which it moves later jobs of its share (jobs of one client)
+/// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
 const COST: i64 = 8;
 
-/// Numbers of jobs that have not ended.
+/// Counts of the jobs that wait or run, and the age of the oldest waiting job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct JobCounts {
-    /// Jobs that wait for a worker.
+    /// Number of jobs that wait for a worker.
     pub queued: u64,
-    /// Jobs that a worker has.
+    /// Number of jobs that a worker is running.
     pub running: u64,
-    /// Milliseconds for which the oldest waiting job has waited.
+    /// Time in ms since the oldest waiting job was created.
     pub oldest_ms: u64,
 }
 
 impl Catalog {
-    /// Queues a job, unless its idempotency key was used before. `most` bounds the jobs that wait.
+    /// Adds a job to the queue, unless its idempotency key was used before. `most` bounds the number of waiting jobs.
     pub(crate) async fn enqueue(&self, new: &NewJob, most: u64) -> Result<Enqueued, CatalogError> {
         self.repeat(|_| async {
             match self.try_enqueue(new, most).await {
@@ -111,7 +112,8 @@ impl Catalog {
         Ok(Enqueued::New(row))
     }
 
-    /// Returns the answer to a request whose idempotency key was used before.
+    /// Looks up the idempotency key of a request for a job, and returns the answer to the request if the key was used
+    /// before.
     async fn known(&self, new: &NewJob) -> Result<Option<Enqueued>, CatalogError> {
         let Some((key, body)) = &new.idempotency else { return Ok(None) };
         let row = sqlx::query("SELECT body, job FROM idempotency_keys WHERE tenant = 'default' AND name = $1")
@@ -126,7 +128,7 @@ impl Catalog {
         Ok(self.job(&job).await?.map(|row| if row.id == new.id { Enqueued::New(row) } else { Enqueued::Known(row) }))
     }
 
-    /// Returns one job.
+    /// Returns the job with the given id, if it exists.
     pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
             .bind(id.to_owned())
@@ -136,7 +138,7 @@ impl Catalog {
             .transpose()
     }
 
-    /// Returns the numbers of jobs that have not ended, for the metrics.
+    /// Returns the numbers of waiting and running jobs, for the metrics.
     pub(crate) async fn job_counts(&self) -> Result<JobCounts, CatalogError> {
         let row = sqlx::query(self.sql(
             "SELECT (SELECT COUNT(*) FROM jobs WHERE state = 'queued'), \
@@ -149,8 +151,8 @@ impl Catalog {
         Ok(JobCounts { queued: number(0)?, running: number(1)?, oldest_ms: number(2)? })
     }
 
-    /// Asks a job to stop: a queued one is cancelled at once, a running one by its worker. Returns the job afterwards,
-    /// if it exists.
+    /// Requests that a job stop: a waiting job is cancelled at once, a running one by its worker. Returns the job
+    /// afterwards, if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         self.repeat(|_| async {
             let turn = self.turn().await;
@@ -170,7 +172,8 @@ impl Catalog {
     }
 }
 
-/// Returns the rank of the next job of a share, and moves the share on by the cost of the job.
+/// Returns the rank in the queue of the next job of a share (jobs of one client), and raises the share's next rank by
+/// the cost of the job. Jobs are started in ascending order of rank.
 async fn rank(write: &mut Write, share: &str, cost: i64) -> Result<i64, CatalogError> {
     // The running job that was started last has the rank that is being served.
     let served: i64 = sqlx::query(

@@ -6,14 +6,14 @@ use sqlx::{AnyConnection, Connection, Executor};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Age in seconds up to which the last write of this process proves that the catalog can be written. Raising it lets
-/// [`Catalog::ping`](super::Catalog::ping) overlook a lock for as long.
+/// Age in seconds up to which the last write of this process proves that the database can be written. Raising it lets
+/// the readiness check ([`Catalog::ping`](super::Catalog::ping)) overlook a lock for as long.
 const FRESH: Duration = Duration::from_secs(5);
 
-/// Pause between two checks of the write lock.
+/// Pause between two checks of the database's write lock.
 pub(super) const PAUSE: Duration = Duration::from_millis(20);
 
-/// Time of the last write, and the URL for a check of the lock.
+/// Time of this process's last write to the database, and the database URL with which the write lock is checked.
 #[derive(Debug)]
 pub(super) struct Readiness {
     pub(super) url: String,
@@ -25,7 +25,7 @@ impl Readiness {
         Self { url, written: Mutex::default() }
     }
 
-    /// Notes that this process has just got the write lock.
+    /// Records that this process has just obtained the write lock of the database.
     pub(super) fn wrote(&self) {
         *self.written.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
     }
@@ -36,7 +36,7 @@ impl Readiness {
     }
 }
 
-/// Returns true if the write lock is free at this moment.
+/// Returns true if the write lock of the SQLite database is free at this moment.
 pub(super) async fn is_free(url: &str) -> Result<bool, CatalogError> {
     let mut connection = AnyConnection::connect(url).await?;
     connection.execute("PRAGMA busy_timeout = 0").await?;

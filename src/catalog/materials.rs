@@ -12,54 +12,54 @@ use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::collections::HashMap;
 
-/// A material to store.
+/// A material (a compressed measurement) to store in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct NewMaterial {
-    /// Digest of the file.
+    /// BLAKE3 digest of the material's file.
     pub id: Digest,
-    /// Digest of the file without its metadata chunk.
+    /// BLAKE3 digest of the material's file without its metadata chunk.
     pub payload: Digest,
-    /// The quantity.
+    /// Radiometric quantity that the material holds.
     pub quantity: Quantity,
-    /// Size of the file in bytes.
+    /// Size of the material's file in bytes.
     pub bytes: u64,
-    /// Name given by the user.
+    /// Name of the material given by the user.
     pub name: Option<String>,
-    /// Tags given by the user.
+    /// Tags of the material given by the user.
     pub tags: Vec<String>,
-    /// Id of the measurement that it was made from.
+    /// Id of the measurement from which the material was made.
     pub measurement: Digest,
-    /// Manifest, a JSON object.
+    /// Manifest of the material, a JSON object.
     pub document: Map<String, Value>,
 }
 
-/// A material as stored.
+/// A material (a compressed measurement) as stored in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct MaterialRow {
-    /// Id: the digest of the file.
+    /// Id of the material: the BLAKE3 digest of its file.
     pub id: Digest,
-    /// Latest name that a job gave.
+    /// Latest name that a job gave to the material.
     pub name: Option<String>,
-    /// Tags in alphabetical order.
+    /// Tags of the material, sorted by their bytes.
     pub tags: Vec<String>,
-    /// Ids of the measurements that it was made from, in ascending order.
+    /// Ids of the measurements from which the material was made, in ascending order.
     pub measurements: Vec<Digest>,
-    /// Manifest as JSON.
+    /// Manifest of the material as JSON.
     pub document: String,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time at which the material was first stored, ms of the Unix epoch.
     pub created_ms: i64,
 }
 
 /// Filter of a list of materials.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MaterialFilter {
-    /// Only materials of this quantity.
+    /// Restricts the list to materials of this radiometric quantity.
     pub quantity: Option<Quantity>,
-    /// Only materials made from this measurement.
+    /// Restricts the list to materials made from the measurement with this id.
     pub measurement: Option<Digest>,
-    /// Only materials with this tag.
+    /// Restricts the list to materials with this tag.
     pub tag: Option<String>,
-    /// Only materials with this text in one of their names or tags.
+    /// Restricts the list to materials with this text in one of their names or tags.
     pub q: Option<String>,
 }
 
@@ -70,7 +70,7 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Returns one material.
+    /// Returns the material with the given id, if it exists.
     pub(crate) async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
         let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE tenant = 'default' AND id = $1"))
             .bind(id.to_string())
@@ -80,7 +80,8 @@ impl Catalog {
         Ok(self.read_materials(&rows).await?.pop())
     }
 
-    /// Returns the name of a material, if there is such a material. Checked before any cached answer about it.
+    /// Returns the name of the material with the given id, if the material exists. This is checked before a cached
+    /// answer about the material is used.
     pub(crate) async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
         let row = sqlx::query("SELECT name FROM materials WHERE tenant = 'default' AND id = $1")
             .bind(id.to_string())
@@ -121,7 +122,7 @@ impl Catalog {
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 
-    /// Deletes a material; nothing depends on one.
+    /// Deletes a material from the catalog. No other row depends on a material, so that the deletion is never refused.
     pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         self.repeat(|again| async move {
             let mut write = self.write().await?;
@@ -140,7 +141,8 @@ impl Catalog {
         .await
     }
 
-    /// Reads rows of materials with their tags and sources, in two more queries however many there are.
+    /// Reads rows of materials together with their tags and source measurements, in two further queries for any number
+    /// of rows.
     async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
         let mut materials = Vec::with_capacity(rows.len());
         for row in rows {
@@ -185,11 +187,11 @@ fn digest(material: &str, text: &str) -> Result<Digest, CatalogError> {
     text.parse().map_err(|error: crate::store::NotADigest| fault(error.to_string()))
 }
 
-/// Upper bound on the names, and on the licences, that a material keeps; the oldest go first. Raising it lengthens
-/// documents that many jobs have named differently.
+/// Upper bound on the number of names, and of licences, that a material keeps; the oldest are dropped first. Raising it
+/// lengthens the manifests of materials that many jobs have named differently.
 const MOST_NAMES: usize = 32;
 
-/// Stores a material within a transaction.
+/// Stores a material in the catalog, within the given transaction.
 ///
 /// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays that of the first job. Name
 /// and licence are the latest given. All names, licences, tags and sources accumulate and stay searchable.
@@ -259,8 +261,8 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     Ok(())
 }
 
-/// Appends `given` to the texts under `key` and returns them all: each once, the latest last. `current` is the only
-/// text of a document that has no list yet.
+/// Appends `given` to the list of texts under `key` of a material's manifest, and returns the list: each text once, the
+/// latest last. If the manifest has no list yet, the list begins with `current`.
 fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, given: Option<String>) -> Vec<String> {
     let listed = document.get(key).and_then(Value::as_array);
     let mut texts: Vec<String> = match listed {

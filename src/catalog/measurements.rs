@@ -9,78 +9,78 @@ use crate::store::Digest;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
-/// A measurement to store.
+/// A measurement to store in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct NewMeasurement {
-    /// Digest of the content, or of the content and its reading options.
+    /// Id of the measurement: the digest of its content, or of its content and reading options.
     pub id: Digest,
-    /// Digest of the content.
+    /// BLAKE3 digest of the measurement's content.
     pub content: Digest,
-    /// The measurement whose content is the spectrum joined with this one.
+    /// Id of the measurement whose content is the spectrum joined with this measurement, if any.
     pub spectrum: Option<Digest>,
-    /// Name given by the user.
+    /// Name of the measurement given by the user.
     pub name: Option<String>,
     /// Name of the uploaded file.
     pub file_name: Option<String>,
-    /// Size of the content in bytes.
+    /// Size of the measurement's content in bytes.
     pub bytes: u64,
-    /// Name of the format.
+    /// Name of the measurement's file format.
     pub format: String,
-    /// Quantity, if it is known yet.
+    /// Radiometric quantity of the measurement, if it is known yet.
     pub quantity: Option<Quantity>,
-    /// Description as JSON.
+    /// Description of the measurement as JSON.
     pub document: String,
 }
 
-/// A measurement as stored.
+/// A measurement as stored in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) struct MeasurementRow {
     /// Id of the measurement.
     pub id: Digest,
-    /// Digest of the content.
+    /// BLAKE3 digest of the measurement's content.
     pub content: Digest,
-    /// Name given by the user.
+    /// Name of the measurement given by the user.
     pub name: Option<String>,
     /// Name of the uploaded file.
     pub file_name: Option<String>,
-    /// Size of the content in bytes.
+    /// Size of the measurement's content in bytes.
     pub bytes: u64,
-    /// Description as JSON.
+    /// Description of the measurement as JSON.
     pub document: String,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time at which the measurement was first stored, ms of the Unix epoch.
     pub created_ms: i64,
 }
 
 /// Filter of a list of measurements.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MeasurementFilter {
-    /// Only measurements of this quantity.
+    /// Restricts the list to measurements of this radiometric quantity.
     pub quantity: Option<Quantity>,
-    /// Only measurements of this format.
+    /// Restricts the list to measurements of this file format.
     pub format: Option<String>,
-    /// Only measurements with this text in their name, file name or format.
+    /// Restricts the list to measurements with this text in their name, file name or format.
     pub q: Option<String>,
 }
 
-/// Outcome of storing a measurement.
+/// Outcome of storing a measurement in the catalog.
 #[derive(Clone, Debug)]
 pub(crate) enum Added {
-    /// The row, and true if it is new.
+    /// The stored row of the measurement, and true if the row is new.
     Row(MeasurementRow, bool),
-    /// The spectrum that it depends on was deleted meanwhile; nothing was written.
+    /// The spectrum to which the measurement refers was deleted meanwhile, so nothing was written.
     NoSpectrum,
-    /// The claim on the content holds no longer; nothing was written. Publish the content again.
+    /// The claim on the stored content has expired, so nothing was written. The content must be stored again.
     Unpublished,
 }
 
-/// Outcome of a deletion.
+/// Outcome of deleting a measurement or a material from the catalog.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Deleted {
-    /// Deleted; the next sweep removes the bytes.
+    /// The row was deleted. The next sweep removes its stored bytes, unless another row refers to them.
     Done,
-    /// There is no such row.
+    /// The catalog has no measurement or material with the given id.
     Absent,
-    /// Another row depends on it; the text names that row.
+    /// The measurement was not deleted, because another row of the catalog depends on it; the text says which row.
     InUse(String),
 }
 
@@ -91,7 +91,8 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Stores a measurement whose content was published under `claim`.
+    /// Stores a measurement in the catalog. Its content was stored before under `claim`, which lets a row refer to the
+    /// content.
     pub(crate) async fn add_measurement(&self, new: &NewMeasurement, claim: &Claim) -> Result<Added, CatalogError> {
         self.repeat(|_| async {
             match self.try_add(new, claim).await {
@@ -152,7 +153,7 @@ impl Catalog {
         Ok(Added::Row(row, inserted == 1))
     }
 
-    /// Returns one measurement.
+    /// Returns the measurement with the given id, if it exists.
     pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
         sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
             .bind(id.to_string())

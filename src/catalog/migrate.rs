@@ -11,14 +11,15 @@ use sqlx::{AnyConnection, Connection, Executor, Row};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Number of connections of a program that only looks after the catalog.
+/// Upper bound on the database connections of a maintenance command. Raising it lets more statements run at once.
 const FEW: u32 = 4;
 
-/// Number of connections of a service on SQLite, where one writes at a time.
+/// Upper bound on the database connections of a service on SQLite, where one connection writes at a time. Raising it
+/// lets more statements read at once.
 const LOCAL: u32 = 8;
 
 impl Catalog {
-    /// Opens the catalog and brings its schema up to date. Returns the number of migrations applied.
+    /// Opens the catalog and brings its database schema up to date. Returns the number of migrations applied.
     ///
     /// The migration that makes the first version's tables anew has no way back: on SQLite a copy of the file is kept
     /// beside it, and on PostgreSQL a catalog that holds rows is refused unless `has_backup`.
@@ -45,7 +46,7 @@ impl Catalog {
         Ok((catalog, (after - before).max(0) as usize))
     }
 
-    /// Opens a catalog whose schema is not to be changed. It waits up to `patience` for a database without the schema
+    /// Opens a catalog without changing its schema. It waits up to `patience` if the database does not have the schema
     /// that this program needs, because another program may be migrating it now.
     pub(crate) async fn open_as_is(
         place: &Database,
@@ -71,12 +72,12 @@ impl Catalog {
         Ok(catalog)
     }
 
-    /// Opens a catalog for a command that looks after it. Its schema is not changed.
+    /// Opens a catalog for a maintenance command, without changing its schema.
     pub(crate) async fn open_few(place: &Database) -> Result<Self, CatalogError> {
         Self::open_as_is(place, FEW, Duration::ZERO).await
     }
 
-    /// Refuses a PostgreSQL database that orders texts by a language, or does not hold every character.
+    /// Refuses a PostgreSQL database that is not encoded in UTF-8 or that sorts texts by the rules of a language.
     async fn check_locale(&self) -> Result<(), CatalogError> {
         if self.dialect == Dialect::Sqlite {
             return Ok(());
@@ -123,7 +124,7 @@ impl Catalog {
         Ok(())
     }
 
-    /// Returns the number of the last migration applied; 0 for an empty database.
+    /// Returns the number of the last schema migration applied to the database; 0 for an empty database.
     async fn version(&self) -> Result<i64, CatalogError> {
         if !self.has_table("_sqlx_migrations").await? {
             return Ok(0);
@@ -150,7 +151,8 @@ impl Catalog {
         Ok(count > 0)
     }
 
-    /// Refuses a schema that this program cannot work with: too old, or of a newer program that says so.
+    /// Refuses a database schema that this program cannot work with: an older one, or one that a newer program has
+    /// marked as unreadable to it.
     async fn check_schema(&self) -> Result<(), CatalogError> {
         let version = self.version().await?;
         if version < VERSION {
@@ -169,7 +171,8 @@ impl Catalog {
     }
 }
 
-/// Copies the file of a catalog of the first version to `NAME.before-0002`, and checks that the copy opens.
+/// Copies the SQLite file of a catalog with the first version of the schema to `NAME.before-0002`, and checks that the
+/// copy is intact.
 async fn keep_copy(file: &Path) -> Result<(), CatalogError> {
     let suffixed = |suffix: &str| {
         let mut name = file.as_os_str().to_owned();
@@ -241,7 +244,8 @@ mod tests {
         }
     }
 
-    /// Applies the first migration alone and fills its tables, as a program of the first version left them.
+    /// Creates a catalog with the first version of the schema only, and fills its tables as a program of that version
+    /// did.
     async fn first_version(place: &Database) -> Catalog {
         let catalog = Catalog::connect(place, 2).await.unwrap();
         schema::migrator().run_to(1, &catalog.pool).await.unwrap();

@@ -53,17 +53,18 @@ pub(crate) mod testing {
     use sqlx::{AnyConnection, Connection, Executor, Row};
     use std::time::Duration;
 
-    /// Keeps the files of a test for as long as the test runs.
+    /// Temporary directory of a test, kept for as long as the test runs; `None` if the test has no files.
     pub(crate) type Guard = Option<tempfile::TempDir>;
 
-    /// Empty places for a catalog: a file in a directory with an awkward name, and a schema of its own in PostgreSQL.
+    /// Returns two places for a test's catalog: a SQLite file in a directory with an awkward name, and a schema of its
+    /// own in PostgreSQL.
     pub(crate) async fn places() -> Vec<(Database, Guard)> {
         let directory = tempfile::Builder::new().prefix("odd name %?#").tempdir().unwrap();
         let file = Database::File(directory.path().join("catalog.sqlite"));
         vec![(file, Some(directory)), (server().await, None)]
     }
 
-    /// A new schema in the PostgreSQL server of the tests.
+    /// Creates a new schema in the PostgreSQL server of the tests, and returns its URL.
     pub(crate) async fn server() -> Database {
         let url = std::env::var("WAVELUME_TEST_DATABASE").expect(
             "WAVELUME_TEST_DATABASE is not set: run the tests as `tests/servers cargo test …`, which starts PostgreSQL",
@@ -77,7 +78,7 @@ pub(crate) mod testing {
         Database::Server(format!("{url}{mark}options[search_path]={schema}"))
     }
 
-    /// Catalogs on both databases, up to date and empty.
+    /// Opens an empty catalog with the current schema on each kind of database (SQLite and PostgreSQL), for a test.
     pub(crate) async fn catalogs() -> Vec<(Catalog, Guard)> {
         let mut catalogs = Vec::new();
         for (place, guard) in places().await {
@@ -86,7 +87,7 @@ pub(crate) mod testing {
         catalogs
     }
 
-    /// A lamp whose content is `text`.
+    /// Builds the measurement of a lamp with the content `text`, for a test.
     pub(crate) fn measurement(text: &str) -> NewMeasurement {
         NewMeasurement {
             id: Digest::of(text.as_bytes()),
@@ -101,14 +102,14 @@ pub(crate) mod testing {
         }
     }
 
-    /// Announces an object of these bytes, as a publisher does before it writes them.
+    /// Announces to the catalog, for a test, that an object with this digest and size in bytes is about to be written.
     pub(crate) async fn publish(catalog: &Catalog, digest: Digest, bytes: u64) -> Claim {
         let object = Object::fresh(digest);
         catalog.intend(&object, bytes, Duration::from_mins(1)).await.unwrap();
         Claim::Written(object, bytes)
     }
 
-    /// Publishes and adds a measurement, as an upload does.
+    /// Stores a measurement in a test's catalog, as an upload does.
     pub(crate) async fn add(catalog: &Catalog, new: &NewMeasurement) -> (MeasurementRow, bool) {
         let claim = publish(catalog, new.content, new.bytes).await;
         match catalog.add_measurement(new, &claim).await.unwrap() {
@@ -117,12 +118,12 @@ pub(crate) mod testing {
         }
     }
 
-    /// Lets every announcement expire now.
+    /// Lets all announcements of objects that are being written expire now.
     pub(crate) async fn expire_intents(catalog: &Catalog) {
         sqlx::query("UPDATE intents SET expires_at = 0").execute(&catalog.pool).await.unwrap();
     }
 
-    /// Number of rows of a table.
+    /// Returns the number of rows of a table of the catalog.
     pub(crate) async fn count(catalog: &Catalog, table: &str) -> i64 {
         let query = sqlx::AssertSqlSafe(format!("SELECT COUNT(*) FROM {table}"));
         sqlx::query(query).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()

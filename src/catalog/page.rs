@@ -3,36 +3,37 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// Position after a row: its time and its id.
+/// Position in a list of rows that is returned in pages: the creation time and id of the last row returned so far.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Cursor {
     pub(super) created_at: i64,
     pub(super) id: String,
 }
 
-/// Text that is not a cursor.
+/// Text that is not a cursor (position in a list that is returned in pages).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("not a cursor, expected the `next` of an earlier answer")]
+#[error("found a text that is not a cursor, expected the value of `next` in an earlier answer")]
 pub(crate) struct NotACursor;
 
-/// One page of rows, and the cursor of the next page if there are more.
+/// One page of a list of rows, and the cursor of the next page if there are more rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Page<T> {
-    /// The rows.
+    /// Rows of the page.
     pub items: Vec<T>,
-    /// The cursor of the next page.
+    /// Cursor of the next page, if there are more rows.
     pub next: Option<Cursor>,
 }
 
 impl Cursor {
-    /// Returns the cursor before the newest row.
+    /// Returns the cursor before the newest row, with which a list begins.
     pub(super) fn newest() -> Self {
         Self { created_at: i64::MAX, id: String::new() }
     }
 }
 
 impl<T> Page<T> {
-    /// Builds a page of `rows`, of which one more than `limit` was requested.
+    /// Builds a page of at most `limit` rows. One row more was requested from the database, to show if there is a next
+    /// page.
     pub(super) fn of(mut rows: Vec<T>, limit: usize, place: impl Fn(&T) -> Cursor) -> Self {
         let more = rows.len() > limit;
         rows.truncate(limit);
@@ -60,7 +61,7 @@ impl FromStr for Cursor {
     }
 }
 
-/// Returns the pattern of a case-insensitive substring search for `LIKE … ESCAPE '\'`.
+/// Returns the pattern with which SQL's `LIKE … ESCAPE '\'` finds `text`, in lower case, as a substring.
 pub(super) fn pattern(text: &str) -> String {
     let mut pattern = String::from("%");
     for c in text.to_lowercase().chars() {

@@ -5,16 +5,16 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Place of a catalog; its text is `sqlite:PATH` or `postgres://USER@HOST/DATABASE`.
+/// Place of the catalog's database; written as `sqlite:PATH` or `postgres://USER@HOST/DATABASE`.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Database {
-    /// A file for SQLite.
+    /// Path of a SQLite file.
     File(PathBuf),
-    /// The URL of a PostgreSQL database, which may hold a password.
+    /// URL of a PostgreSQL database, which may hold a password.
     Server(String),
 }
 
-/// Text that names no database.
+/// Text that is neither `sqlite:PATH` nor the URL of a PostgreSQL database.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found `{0}`, expected sqlite:PATH or postgres://USER@HOST/DATABASE")]
 pub struct NotADatabase(String);
@@ -27,7 +27,7 @@ impl Database {
         }
     }
 
-    /// Returns the file of a database of SQLite.
+    /// Returns the path of the SQLite file, or `None` for PostgreSQL.
     pub(crate) fn file(&self) -> Option<&Path> {
         match self {
             Self::File(file) => Some(file),
@@ -52,7 +52,7 @@ impl FromStr for Database {
     }
 }
 
-/// Shows the place without its password.
+/// Shows the place of the database without its password.
 impl fmt::Display for Database {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -11,14 +11,16 @@ use super::materials::insert;
 use sqlx::Row;
 use std::time::Duration;
 
-/// Version of the queue's arguments that this program understands. A job of a higher level is left to newer workers.
+/// Version of the encoded job arguments that this program understands. A job with a higher version is left to newer
+/// workers.
 const LEVEL: i64 = 1;
 
-/// Upper bound on the jobs that are taken back at once. Raising it makes one transaction longer.
+/// Upper bound on the number of jobs taken back from vanished workers at once. Raising it makes one transaction longer.
 const REAPED: i64 = 100;
 
 impl Catalog {
-    /// Claims the job whose turn it is, if there is one. Jobs whose ids are in `but` are left to other workers.
+    /// Claims the next job of the queue for a worker, if there is one. Jobs whose ids are in `but` are left to other
+    /// workers.
     pub(crate) async fn claim(
         &self,
         worker: &str,
@@ -53,7 +55,8 @@ impl Catalog {
         }))
     }
 
-    /// Renews the lease of a running job, stores its progress and tells its worker whether to continue.
+    /// Renews a worker's lease on its running job, stores the progress of the job, and tells the worker whether to
+    /// continue.
     pub(crate) async fn beat(&self, job: &Claimed, progress: f64, lease: Duration) -> Result<Beat, CatalogError> {
         let _turn = self.turn().await;
         let renewed = sqlx::query(self.sql(
@@ -72,7 +75,8 @@ impl Catalog {
         Ok(if cancel == 0 { Beat::Yours(watched != 0) } else { Beat::Cancel })
     }
 
-    /// Ends an attempt. A lease that has run out does not matter as long as no other worker has claimed the job.
+    /// Records the end of a worker's attempt to run a job. An expired lease does not matter as long as no other worker
+    /// has claimed the job.
     pub(crate) async fn end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
         match self.try_end(job, ended).await {
             // The bytes of the result were deleted since they were looked up.
@@ -144,7 +148,8 @@ impl Catalog {
         Ok(Ending::Now(state))
     }
 
-    /// Takes back jobs whose worker is in `gone`, and, if `expired`, those whose lease has run out. Returns their ids.
+    /// Takes running jobs back from vanished workers: from those listed in `gone`, and, if `expired`, from those whose
+    /// lease has run out. Returns the ids of the jobs.
     ///
     /// A worker that vanished may have been killed by the job itself. After `most` such attempts the job is dead of
     /// `problem` (JSON).
@@ -183,7 +188,7 @@ impl Catalog {
 }
 
 impl Ended {
-    /// Returns the claim on the bytes that this end names, if it names any.
+    /// Returns the claim on the stored bytes of the attempt's result, if the attempt made one.
     fn claim(&self) -> Option<&Claim> {
         match self {
             Self::Material(_, claim) | Self::Report(claim) => Some(claim),
@@ -191,7 +196,7 @@ impl Ended {
         }
     }
 
-    /// Replaces the claim on the bytes that this end names, after they were published again.
+    /// Replaces the claim on the stored bytes of the attempt's result, after the bytes were stored again.
     pub(crate) fn reclaim(&mut self, again: Claim) {
         match self {
             Self::Material(_, claim) | Self::Report(claim) => *claim = again,

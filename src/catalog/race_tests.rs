@@ -12,7 +12,7 @@ use tokio::time::sleep;
 const LEASE: Duration = Duration::from_mins(1);
 const ROUNDS: u32 = 100;
 
-/// Two processes on each database.
+/// Opens a catalog twice on each kind of database, as two processes would.
 async fn pairs() -> Vec<([Catalog; 2], testing::Guard)> {
     let mut pairs = Vec::new();
     for (place, guard) in testing::places().await {
@@ -22,7 +22,7 @@ async fn pairs() -> Vec<([Catalog; 2], testing::Guard)> {
     pairs
 }
 
-/// Runs two operations at once, the second up to a millisecond before or after the first.
+/// Runs two operations at the same time. The second starts up to 1 ms before or after the first, as `round` says.
 async fn meet<A, B>(round: u32, first: impl Future<Output = A>, second: impl Future<Output = B>) -> (A, B) {
     let barrier = Barrier::new(2);
     let late = |delay: i64| Duration::from_micros(delay.max(0) as u64);
@@ -44,7 +44,7 @@ fn job(id: String, measurement: Option<Digest>) -> NewJob {
     NewJob { id, frame: "00".to_owned(), measurement, share: String::new(), idempotency: None }
 }
 
-/// Queues a job that reads nothing, and claims it.
+/// Queues a job that reads no measurement, and claims it for a worker.
 async fn claimed(catalog: &Catalog, id: String, lease: Duration) -> Claimed {
     catalog.enqueue(&job(id.clone(), None), 999).await.unwrap();
     let claimed = catalog.claim("first", lease, &[]).await.unwrap().unwrap();

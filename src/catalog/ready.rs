@@ -7,12 +7,12 @@ use super::lock::{PAUSE, is_free};
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
-/// Seconds that [`Catalog::ping`] gives the database to answer a read, and the write lock to be free once. Raising it
+/// Seconds that the readiness check gives the database to answer a read, and its write lock to become free. Raising it
 /// delays the answer *not ready*.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 impl Catalog {
-    /// Checks within about two seconds that the database answers and can be written.
+    /// Checks within about two seconds that the catalog's database answers and can be written.
     ///
     /// Never waits for a writer and delays none: a write of this process within the last 5 s is proof enough. Otherwise
     /// a separate connection requests the write lock without waiting and releases it at once.
@@ -38,7 +38,7 @@ impl Catalog {
 }
 
 impl Catalog {
-    /// Returns the error of a database that does not answer in time.
+    /// Returns the error for a database that does not answer in time.
     fn silent(&self) -> CatalogError {
         match self.dialect {
             Dialect::Sqlite => CatalogError::Locked,

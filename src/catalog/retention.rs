@@ -6,23 +6,23 @@ use super::error::CatalogError;
 use sqlx::Row;
 use std::time::Duration;
 
-/// Upper bound on the rows that one transaction deletes. Raising it makes other writers wait for longer.
+/// Upper bound on the old rows that one transaction deletes. Raising it makes other writers wait for longer.
 const MOST: i64 = 1000;
 
-/// Ages after which rows are deleted.
+/// Ages after which rows of the catalog are deleted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Retention {
-    /// Age of jobs that have succeeded or were cancelled.
+    /// Age after which jobs that succeeded or were cancelled are deleted.
     pub succeeded: Duration,
-    /// Age of jobs that have failed or are dead.
+    /// Age after which jobs that failed or were given up are deleted.
     pub failed: Duration,
-    /// Age of idempotency keys.
+    /// Age after which idempotency keys are deleted.
     pub keys: Duration,
 }
 
 impl Catalog {
-    /// Deletes rows that are older than `ages`, and returns the number of jobs among them. Reports of deleted jobs lose
-    /// their name.
+    /// Deletes ended jobs and idempotency keys that are older than `ages`, and returns the number of deleted jobs. The
+    /// next sweep removes the reports of the deleted jobs.
     pub(crate) async fn forget(&self, ages: &Retention) -> Result<u64, CatalogError> {
         let mut forgotten = 0;
         for (state, age) in [

@@ -4,21 +4,20 @@
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
-/// File names and texts of all migrations; the name's number is the version that the database records.
+/// File names and SQL texts of all schema migrations; the number in a name is the version that the database records.
 const FILES: [(&str, &str); 2] = [
     ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
     ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
 ];
 
-/// Version of the schema that this program works with: the number of the last migration.
+/// Version of the database schema that this program works with: the number of the last migration.
 pub(super) const VERSION: i64 = FILES.len() as i64;
 
-/// The migration that makes the tables of the first version anew.
+/// Number of the migration that rebuilds the tables of the first version of the schema.
 pub(super) const REBUILD: i64 = 2;
 
-/// Builds the migrator of [`FILES`]. Listing them here, instead of sqlx's `migrate!`, keeps a second SQLite and half of
-/// tokio out of the build: the macro would compile both for the host. Migrations that a newer program has applied are
-/// left alone.
+/// Builds the object that applies the schema migrations. A list of files, instead of sqlx's `migrate!` macro, keeps a
+/// second SQLite and half of tokio out of the build. Migrations that a newer program has applied are left alone.
 pub(super) fn migrator() -> Migrator {
     let mut migrator =
         Migrator::with_migrations(FILES.iter().filter_map(|(name, text)| migration(name, text)).collect());
@@ -32,7 +31,7 @@ fn migration(name: &'static str, text: &'static str) -> Option<Migration> {
     Some(Migration::new(version, description.into(), MigrationType::Simple, text.into_sql_str(), false))
 }
 
-/// Settings of tables that are written often, for PostgreSQL only: room for updates in place, and early cleaning.
+/// SQL statements that tune often written tables on PostgreSQL: room for updates in place, and early cleaning.
 pub(super) const TUNING: [&str; 3] = [
     "ALTER TABLE jobs SET (fillfactor = 70, autovacuum_vacuum_scale_factor = 0.01, autovacuum_analyze_scale_factor = 0.01)",
     "ALTER TABLE intents SET (autovacuum_vacuum_scale_factor = 0.01)",

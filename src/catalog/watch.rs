@@ -12,59 +12,62 @@ use sqlx::Row;
 use sqlx::postgres::PgListener;
 use std::time::Duration;
 
-/// State and progress of a job that somebody follows.
+/// State and progress of a job that a client follows.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Seen {
     /// Id of the job.
     pub id: String,
-    /// Current state.
+    /// Current state of the job.
     pub state: JobState,
-    /// Progress from 0 to 1.
+    /// Progress of the job from 0 to 1.
     pub progress: f64,
 }
 
 /// Filter of a list of jobs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct JobFilter {
-    /// Only jobs in this state.
+    /// Restricts the list to jobs in this state.
     pub state: Option<JobState>,
-    /// Only jobs that read this measurement.
+    /// Restricts the list to jobs that read the measurement with this id.
     pub measurement: Option<Digest>,
 }
 
-/// Outcome of putting a job back to the queue.
+/// Outcome of putting an ended job back in the queue.
 #[derive(Clone, Debug)]
 pub(crate) enum Retried {
-    /// The job waits again.
+    /// The job was put back, and waits in the queue again.
     Queued(JobRow),
-    /// The job waits, runs or has succeeded; it is not changed.
+    /// The job was not changed, because it waits, runs or has succeeded.
     Unended(JobState),
-    /// The measurement that the job reads was deleted.
+    /// The job cannot run again, because the measurement that it reads was deleted.
     NoMeasurement,
-    /// There is no such job.
+    /// No job has the given id.
     Absent,
 }
 
-/// Notification from another process.
+/// Notification about jobs from another process.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Notice {
-    /// A job was queued.
+    /// Another process queued a job.
     Queued,
-    /// A running job, with this id, is to stop.
+    /// The running job with this id is to stop.
     Stop(String),
-    /// Notifications may have been missed.
+    /// Somebody has begun to follow the running job with this id.
+    Watch(String),
+    /// Notifications may have been missed, because the connection was lost.
     Missed,
 }
 
-/// Notifications of other processes. Only PostgreSQL has them; without them polling finds the same, later.
+/// Stream of notifications about jobs from other processes. Only PostgreSQL has them; without them, polling finds the
+/// same changes later.
 #[derive(Debug)]
 pub(crate) struct Notices(PgListener);
 
-/// Channel of the notifications.
+/// Name of the PostgreSQL channel on which processes notify each other about jobs.
 const CHANNEL: &str = "wavelume";
 
 impl Catalog {
-    /// Returns the state and progress of these jobs, in one query however many there are.
+    /// Returns the state and progress of the jobs with the given ids, in one query for any number of jobs.
     pub(crate) async fn seen(&self, ids: &[String]) -> Result<Vec<Seen>, CatalogError> {
         let rows = sqlx::query(self.sql("SELECT id, state, progress FROM jobs WHERE id IN ({each $1})"))
             .bind(serde_json::json!(ids).to_string())
@@ -77,7 +80,7 @@ impl Catalog {
         seen.collect()
     }
 
-    /// Asks the workers of these jobs to report progress often, for `time`.
+    /// Asks the workers of the given jobs to store progress often, for the duration `time`.
     pub(crate) async fn watch(&self, ids: &[String], time: Duration) -> Result<(), CatalogError> {
         let _turn = self.turn().await;
         sqlx::query(self.sql(
@@ -115,7 +118,7 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.clone() }))
     }
 
-    /// Puts a job that has failed, died or was cancelled back to the queue, as if it had never been tried.
+    /// Puts a job that failed, was given up or was cancelled back in the queue, as if it had never been tried.
     pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
         let turn = self.turn().await;
         let retried = sqlx::query(self.sql(
@@ -138,17 +141,24 @@ impl Catalog {
         })
     }
 
-    /// Tells other processes that a job was queued. Best sent seldom: PostgreSQL sends one at a time.
+    /// Notifies other processes that a job was queued. It is best called seldom: PostgreSQL sends one notification at a
+    /// time.
     pub(crate) async fn tell_queued(&self) -> Result<(), CatalogError> {
         self.tell("q").await
     }
 
-    /// Tells other processes that a running job is to stop.
+    /// Notifies other processes that a running job is to stop.
     pub(crate) async fn tell_stop(&self, id: &str) -> Result<(), CatalogError> {
         self.tell(&format!("c:{id}")).await
     }
 
-    /// Sends a notification by a statement of its own, never inside a transaction that others wait for.
+    /// Sends other processes a notification that somebody follows a running job: its worker stores progress more often
+    /// from then on.
+    pub(crate) async fn tell_watch(&self, id: &str) -> Result<(), CatalogError> {
+        self.tell(&format!("w:{id}")).await
+    }
+
+    /// Sends a notification by a statement of its own, never inside a transaction for which other processes wait.
     async fn tell(&self, text: &str) -> Result<(), CatalogError> {
         if self.dialect == Dialect::Postgres {
             sqlx::query("SELECT 1 FROM pg_notify($1, $2)")
@@ -160,7 +170,7 @@ impl Catalog {
         Ok(())
     }
 
-    /// Listens to notifications of other processes; `None` if the database has none.
+    /// Starts to listen to notifications from other processes; returns `None` if the database has no notifications.
     pub(crate) async fn listen(&self) -> Result<Option<Notices>, CatalogError> {
         let Database::Server(url) = &self.place else { return Ok(None) };
         let mut listener = PgListener::connect(url).await?;
@@ -170,13 +180,15 @@ impl Catalog {
 }
 
 impl Notices {
-    /// Waits for the next notification. A broken connection is made again; what was sent meanwhile is lost.
+    /// Waits for the next notification from another process. A broken connection is made again; notifications sent
+    /// meanwhile are lost.
     pub(crate) async fn next(&mut self) -> Result<Notice, CatalogError> {
         loop {
             let Some(sent) = self.0.try_recv().await? else { return Ok(Notice::Missed) };
             match sent.payload().split_once(':') {
                 None if sent.payload() == "q" => return Ok(Notice::Queued),
                 Some(("c", id)) => return Ok(Notice::Stop(id.to_owned())),
+                Some(("w", id)) => return Ok(Notice::Watch(id.to_owned())),
                 // A newer program's.
                 _ => {}
             }

@@ -19,7 +19,7 @@ pub(super) fn help(declared: &Declared) -> String {
     declared.help.trim().trim_end_matches('.').to_owned()
 }
 
-/// Makes the argument of a declared option.
+/// Makes the command-line argument that sets a declared option.
 pub(super) fn argument(declared: &'static Declared) -> Arg {
     let argument = Arg::new(declared.name).long(long(declared)).help(help(declared));
     let (shown, default) = match declared.values {
@@ -34,7 +34,8 @@ pub(super) fn argument(declared: &'static Declared) -> Arg {
     argument.value_name(shown).value_parser(ValueParser::new(read)).default_values(default)
 }
 
-/// Returns the value of a declared option, if it is stated. Files and documents are stated by their [`path`].
+/// Returns the value that the user stated for an option on the command line. If the value is a file, it is `None`:
+/// [`path`] returns the path.
 pub(super) fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value> {
     if matches.value_source(declared.name) != Some(ValueSource::CommandLine) {
         return None;
@@ -56,12 +57,12 @@ pub(super) fn all_stated<'a>(
     stated.flatten().collect()
 }
 
-/// Returns the path of a declared file or document, if it is stated.
+/// Returns the path that the user stated on the command line for an option whose value is a file.
 pub(super) fn path(matches: &ArgMatches, declared: &Declared) -> Option<PathBuf> {
     matches.get_one(declared.name).cloned()
 }
 
-/// Makes an error of the command line.
+/// Makes the usage error that rejects a value on the command line.
 pub(super) fn refusal(error: impl std::fmt::Display) -> clap::Error {
     clap::Error::raw(ErrorKind::ValueValidation, error)
 }

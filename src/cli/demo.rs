@@ -172,7 +172,7 @@ async fn exhibit(base: &str) -> Result<(), Failure> {
     ))
 }
 
-/// HTTP client of the service.
+/// Client that calls the demonstrated service over HTTP.
 struct Visitor {
     client: Client,
     base: String,

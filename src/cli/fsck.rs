@@ -10,11 +10,12 @@ use crate::jobs::{Archive, Check, Fault};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Part of the blobs whose digest is computed, from 0 to 1; all of them are looked for
+    /// Fraction of the stored files whose digest is recomputed, from 0 to 1; every stored file is checked for existence
+    /// in any case
     #[arg(long, value_name = "PART", default_value_t = 1.0, value_parser = part)]
     sample: f64,
-    /// Hand objects and rows that nothing refers to over to the next `gc`. Damaged or missing bytes are noted in any
-    /// case, and replaced when the same bytes are uploaded again
+    /// Hand stored files and rows to which nothing refers over to the next `gc`. Damaged and missing files are marked
+    /// in any case, and replaced when the same bytes are uploaded again
     #[arg(long)]
     repair: bool,
     /// Print the report as one line of JSON
@@ -55,7 +56,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
 }
 
-/// Opens an existing archive. A missing data directory is refused, because it is most likely a typing mistake.
+/// Opens the database and the store of a service for a maintenance command. A missing data directory is an error,
+/// because it is most likely a typing mistake.
 pub(crate) async fn look_after(site: &SiteArgs) -> Result<Archive, Failure> {
     let site = site.site();
     if site.database.is_none() && !site.data.is_dir() {

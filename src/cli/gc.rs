@@ -14,8 +14,8 @@ pub(crate) struct Args {
     site: SiteArgs,
     #[command(flatten)]
     settings: KeepSettings,
-    /// Remove bytes that nothing names at once, without their time of grace; a client that is reading them gets an
-    /// error
+    /// Remove stored files to which nothing refers at once, without their grace period; a client that is reading one of
+    /// them gets an error
     #[arg(long)]
     now: bool,
     /// Print the report as one line of JSON

@@ -19,9 +19,9 @@ pub(crate) struct Args {
 enum Action {
     /// List jobs, newest first
     List(List),
-    /// Ask jobs to stop
+    /// Request that jobs stop
     Cancel(Chosen),
-    /// Put jobs that have failed, died or were cancelled back to the queue
+    /// Put jobs that have failed, were given up or were cancelled back in the queue
     Retry(Chosen),
 }
 
@@ -35,7 +35,7 @@ struct List {
     /// Only jobs that read the measurement with this id
     #[arg(long, value_name = "ID")]
     measurement: Option<String>,
-    /// Upper bound on the jobs listed
+    /// Upper bound on the number of jobs listed
     #[arg(long, value_name = "N", default_value_t = 50)]
     limit: usize,
     /// Print the jobs as one line of JSON
@@ -47,15 +47,15 @@ struct List {
 struct Chosen {
     #[command(flatten)]
     service: ServiceArgs,
-    /// Ids of the jobs
+    /// Ids of the jobs to cancel or to put back in the queue
     #[arg(value_name = "JOB", required = true)]
     jobs: Vec<String>,
 }
 
-/// Address of the service.
+/// Address (URL) of the running service.
 #[derive(Debug, clap::Args)]
 struct ServiceArgs {
-    /// Address of the service
+    /// Address (URL) of the running service
     #[arg(
         long,
         value_name = "URL",
@@ -66,7 +66,7 @@ struct ServiceArgs {
     url: String,
 }
 
-/// Time that the service has to answer. Raising it waits longer for a busy service.
+/// Longest time to wait for an answer of the service. Raising it tolerates a busier service.
 const PATIENCE: Duration = Duration::from_mins(1);
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -128,7 +128,8 @@ fn client() -> Result<Client, Failure> {
     Client::builder().timeout(PATIENCE).build().map_err(|error| Failure::failed(reason(&error)))
 }
 
-/// Sends a request, and returns the JSON of its answer. A problem is an error with its detail.
+/// Sends an HTTP request to the service, and returns the JSON of the answer. An answer that reports a problem becomes
+/// an error with the detail of the problem.
 async fn ask(request: &reqwest::RequestBuilder) -> Result<Value, Failure> {
     let request = request.try_clone().ok_or_else(|| Failure::failed("the request cannot be sent"))?;
     let answer = request.send().await.map_err(|error| Failure::failed(reason(&error)))?;

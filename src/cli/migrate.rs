@@ -10,7 +10,7 @@ use crate::jobs::Archive;
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Migrate a PostgreSQL database that holds rows even where the migration has no way back. On SQLite a copy of the
+    /// Migrate a PostgreSQL database that holds rows even if the migration cannot be undone. On SQLite a copy of the
     /// catalog is kept instead
     #[arg(long)]
     i_have_a_backup: bool,

@@ -6,7 +6,7 @@ use crate::formats::Interpretation;
 use clap::{ArgMatches, Command, FromArgMatches};
 use std::path::{Path, PathBuf};
 
-/// Reading options of the user.
+/// Options on the command line that say how to read a measurement file.
 #[derive(Clone, Debug)]
 pub(super) struct ReadingArgs {
     /// Files of the options that take one, by the name of the option.
@@ -15,17 +15,17 @@ pub(super) struct ReadingArgs {
 }
 
 impl ReadingArgs {
-    /// Returns the file of the spectrum to join.
+    /// Returns the path of the spectrum that the command line names, which is joined with a luminaire.
     pub(super) fn spectrum(&self) -> Option<&Path> {
         self.file(Interpretation::SPECTRUM.name)
     }
 
-    /// Returns the file of the manifest.
+    /// Returns the path of the manifest that the command line names, a file that describes the axes of an array.
     pub(super) fn axes(&self) -> Option<&Path> {
         self.file("axes")
     }
 
-    /// Returns the options that are stated without a file.
+    /// Returns the options for reading a measurement whose values stand on the command line itself, not in a file.
     pub(super) fn stated(&self) -> &Interpretation {
         &self.stated
     }

@@ -155,8 +155,8 @@ fn colour_lines(sheet: &mut Sheet, colour: &ColourReport) {
     }
 }
 
-/// Adds the report lines on coverage: the numbers of cells that were measured, interpolated, filled by a rule or left
-/// empty.
+/// Adds the lines on coverage to the report on a resampled measurement: the numbers of direction cells that are
+/// measured, interpolated, filled by a rule or empty.
 pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     let filled = if coverage.filled > 0 { format!("{} filled, ", count(coverage.filled)) } else { String::new() };
     sheet.line(

@@ -15,7 +15,7 @@ pub(crate) struct Rows {
     path: PathBuf,
     names: &'static [&'static str],
     source: Source,
-    /// Number of rows read so far.
+    /// Number of rows of the input table that were read so far.
     read: u64,
 }
 

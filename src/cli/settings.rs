@@ -17,11 +17,13 @@ const ALL: u8 = 0;
 const WORK: u8 = 1;
 const KEEP: u8 = 2;
 
-/// Values of settings: of all, or of those that concern work.
+/// Values of settings of the service, given by flags and environment variables: of all settings, of those that a worker
+/// needs, or of those for keeping data.
 #[derive(Clone, Debug)]
 pub(crate) struct Chosen<const CHOICE: u8>(Vec<u64>);
 
-/// Headings under which the settings of each choice stand; none stands for all.
+/// Help headings of the settings that a command has, by choice: all settings, those that a worker needs, and those for
+/// keeping data. An empty list means every heading.
 const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Stopping"], &["Keeping"]];
 
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
@@ -57,7 +59,7 @@ impl<const CHOICE: u8> Chosen<CHOICE> {
         })
     }
 
-    /// Writes the values into a configuration.
+    /// Writes these values, read from flags and environment variables, into the configuration of the service.
     pub(crate) fn apply(&self, config: &mut WorkConfig) {
         for ((setting, _), value) in Self::settings().zip(&self.0) {
             // Every value was validated when it was parsed.

@@ -3,7 +3,7 @@
 use crate::jobs::{Database, Place, Site};
 use std::path::PathBuf;
 
-/// Data directory, database and store.
+/// Options for the data directory, the database and the store of a service.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SiteArgs {
     /// Data directory; created if it is missing
@@ -23,7 +23,7 @@ pub(crate) struct SiteArgs {
     /// the usual AWS_ variables; by default the data directory
     #[arg(long, value_name = "URL", env = "WAVELUME_STORE", hide_env_values = true)]
     store: Option<Place>,
-    /// Take the store over from the catalog with this id, which must not be used any more
+    /// Take over the store of the catalog (database) with this id; that catalog must not be used any more
     #[arg(long, value_name = "ID")]
     adopt_store: Option<String>,
 }

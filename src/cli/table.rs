@@ -26,7 +26,8 @@ pub(crate) struct Table {
     format: TableFormat,
     width: usize,
     rows: usize,
-    /// Header bytes of the table; `None` once they are written.
+    /// Bytes that the output file starts with, before its first row (column names or array header); `None` once they
+    /// are written.
     head: Option<Vec<u8>>,
     text: String,
 }

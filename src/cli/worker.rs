@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Address on which this process shows its metrics (`/metrics`) and that it lives (`/healthz`); none by default
+    /// Address on which this process serves its metrics (`/metrics`) and a sign of life (`/healthz`); none by default
     #[arg(long, value_name = "ADDR", env = "WAVELUME_METRICS", hide_env_values = true)]
     metrics: Option<SocketAddr>,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// An opened catalog and its store; cheap to clone.
+/// A service's opened catalog (database) and store (directory or S3 prefix that holds the files); cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Archive {
     pub(crate) data: PathBuf,
@@ -20,58 +20,59 @@ pub struct Archive {
     pub(crate) catalog: Catalog,
     database: Database,
     place: Place,
-    /// Time at which the store was last seen to carry this catalog's id.
+    /// Time at which the store was last seen to hold the id of this catalog.
     seen: Arc<Mutex<Option<Instant>>>,
 }
 
-/// Failure to open or to maintain an archive.
+/// Failure to open or to maintain the catalog and store of a service.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The data directory of the service cannot be created, opened or written.
-    #[error("data directory {}: {source}", directory.display())]
+    #[error("the data directory {} cannot be used: {source}", directory.display())]
     Directory {
         /// Path of the data directory that cannot be created, opened or written.
         directory: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The store belongs to another catalog, or the catalog is a copy of another one.
-    #[error("{0}")]
+    /// The store of files belongs to another catalog (database), or this catalog is a copy of another one.
+    #[error("the store and the catalog do not belong together: {0}")]
     Belongs(String),
-    /// The store of objects failed.
+    /// The store (directory or S3 prefix that holds the files) failed.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The database of measurements, materials and jobs failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
-    /// The pools of threads could not be built.
-    #[error("threads: {0}")]
+    /// The pools of threads for jobs and requests could not be created.
+    #[error("the pools of threads could not be created: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
-/// Name of the text in the store that holds the id of its catalog.
+/// Name of a small text in the store that holds the id of the catalog to which the store belongs.
 const INSTANCE: &str = "wavelume-instance";
 
-/// Seconds that a service waits for the schema of a PostgreSQL database, while `wavelume migrate` may be running.
-/// Raising it lets a service start earlier before the migration.
+/// Seconds that a starting service waits for a PostgreSQL database to have the schema it needs, while `wavelume
+/// migrate` may be running. Raising it lets a service start earlier before the migration.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// Connections of a service to a PostgreSQL database. Raising it answers more requests at once, up to the limit of the
-/// database.
+/// Upper bound on the connections of a service to a PostgreSQL database. Raising it answers more requests at once, up
+/// to the limit of the database.
 const CONNECTIONS: u32 = 8;
 
-/// Time for which a check of the store's id is believed when bytes are written. Raising it lets a process write for
-/// longer into a store that another catalog has taken over.
+/// Time for which a check that the store holds this catalog's id stays valid for writes. Raising it lets a process
+/// write for longer into a store that another catalog has taken over.
 const BELIEVED: Duration = Duration::from_secs(30);
 
 impl Archive {
-    /// Opens a data directory, makes what is missing and brings the catalog's schema up to date.
+    /// Opens the catalog and store in a data directory, creates missing parts, and brings the catalog's schema up to
+    /// date.
     pub async fn open(data: &Path) -> Result<Self, ArchiveError> {
         Self::serve(&Site::new(data)).await
     }
 
-    /// Opens an archive for a service or a worker. A catalog on SQLite is brought up to date; one on PostgreSQL is only
-    /// changed by [`Self::migrate`].
+    /// Opens the catalog and store for a service or a worker. The schema of a SQLite catalog is brought up to date;
+    /// that of a PostgreSQL catalog is only changed by [`Self::migrate`].
     pub async fn serve(site: &Site) -> Result<Self, ArchiveError> {
         let root = directory(site)?;
         let database = site.database(&root);
@@ -82,7 +83,7 @@ impl Archive {
         Self::with(site, root, database, catalog).await
     }
 
-    /// Opens an archive for a command that looks after it. Nothing is made, and the schema is not changed.
+    /// Opens the catalog and store for a maintenance command, without changing the catalog's schema.
     pub async fn look_after(site: &Site) -> Result<Self, ArchiveError> {
         let root = directory(site)?;
         let database = site.database(&root);
@@ -90,8 +91,8 @@ impl Archive {
         Self::with(site, root, database, catalog).await
     }
 
-    /// Brings the schema up to date without starting anything. Returns the number of migrations applied. `has_backup`
-    /// says that a PostgreSQL database was backed up, which the migration without a way back asks for.
+    /// Brings the catalog's schema up to date, and returns the number of migrations applied. `has_backup` confirms that
+    /// a PostgreSQL database was backed up, which a migration that cannot be undone requires.
     pub async fn migrate(site: &Site, has_backup: bool) -> Result<usize, ArchiveError> {
         let root = directory(site)?;
         let (catalog, applied) = Catalog::migrate(&site.database(&root), has_backup).await?;
@@ -115,12 +116,12 @@ impl Archive {
         Ok(archive)
     }
 
-    /// Returns the places of the catalog and the store.
+    /// Returns the places of the catalog's database and of the store.
     pub(crate) fn places(&self) -> (&Database, &Place) {
         (&self.database, &self.place)
     }
 
-    /// Makes the store this catalog's, if it is nobody's, or if `adopt` is the id that it carries.
+    /// Makes the store belong to this catalog, if it belongs to no catalog or to the one with the id `adopt`.
     async fn claim(&self, adopt: Option<&str>) -> Result<(), ArchiveError> {
         let found = self.store.note(INSTANCE).await?;
         if adopt.is_some() && found.as_deref() == adopt {
@@ -139,7 +140,7 @@ impl Archive {
         self.belongs().await
     }
 
-    /// Checks that the store still carries this catalog's id. Asked before each round of deletions.
+    /// Checks that the store still holds this catalog's id. Done before each round of deletions.
     pub(super) async fn belongs(&self) -> Result<(), ArchiveError> {
         let (ours, found) = (self.catalog.instance().await?, self.store.note(INSTANCE).await?);
         let Self { place, database, .. } = self;
@@ -159,7 +160,8 @@ impl Archive {
         }
     }
 
-    /// Checks like [`Self::belongs`], but believes a check of the last [`BELIEVED`]. Asked before bytes are written.
+    /// Checks that the store still holds this catalog's id, but trusts a check made within the last [`BELIEVED`]. Done
+    /// before bytes are written.
     pub(super) async fn belonged(&self) -> Result<(), ArchiveError> {
         let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         if seen.is_some_and(|seen| seen.elapsed() < BELIEVED) { Ok(()) } else { self.belongs().await }

@@ -8,22 +8,22 @@ use futures::stream::{BoxStream, StreamExt};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Failure to read or to publish bytes.
+/// Failure to read stored bytes or to store new ones.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum BlobError {
-    /// The store of objects failed.
+    /// The store (directory or S3 prefix that holds the files) failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The catalog failed.
+    /// The catalog (database) failed.
     #[error(transparent)]
     Catalog(#[from] CatalogError),
-    /// The store belongs to another catalog now.
-    #[error("{0}")]
+    /// The store belongs to another catalog now, so that nothing may be written to it.
+    #[error("refused to write to the store: {0}")]
     Foreign(String),
 }
 
 impl Archive {
-    /// Returns where the bytes of a digest are, and how many.
+    /// Returns the catalog row about the stored bytes with the given digest, and the number of bytes.
     pub(crate) async fn blob(&self, digest: Digest) -> Result<(Blob, u64), BlobError> {
         let blob = self.catalog.blob(digest).await?.ok_or(StoreError::NotFound(digest))?;
         let bytes = match self.store.size_of(&blob.object, blob.bytes).await {
@@ -33,7 +33,7 @@ impl Archive {
         Ok((blob, bytes))
     }
 
-    /// Returns all bytes of a digest, verified.
+    /// Returns all stored bytes with the given digest, after checking them against the digest.
     pub(crate) async fn get(&self, digest: Digest) -> Result<Bytes, BlobError> {
         let blob = self.catalog.blob(digest).await?.ok_or(StoreError::NotFound(digest))?;
         let error = match self.store.get(&blob.object, blob.bytes).await {
@@ -49,7 +49,8 @@ impl Archive {
         }
     }
 
-    /// Streams the bytes of `range` of a blob of `size` bytes. A whole blob is verified on its way.
+    /// Streams the bytes of `range` of a stored object of `size` bytes. If the range is the whole object, its digest is
+    /// checked on the way.
     pub(crate) fn stream(
         &self,
         blob: Blob,
@@ -72,8 +73,8 @@ impl Archive {
         watched.boxed()
     }
 
-    /// Notes that the bytes of a blob are missing or damaged, so that the next upload of the same bytes replaces them.
-    /// Returns the error that showed it.
+    /// Marks a stored object in the catalog as missing or damaged, so that the next upload of the same bytes replaces
+    /// it. Returns the error that revealed the damage.
     async fn suspected(&self, blob: &Blob, error: StoreError) -> StoreError {
         tracing::error!(object = %blob.object, %error, "stored bytes are missing or damaged");
         metrics::counter!("wavelume_damaged_blobs_total").increment(1);

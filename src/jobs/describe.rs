@@ -41,7 +41,7 @@ pub(crate) struct Understood {
     pub fields: Vec<HeaderField>,
     /// Options still needed, at the upload or in the job, before the file can be compressed; empty if none.
     pub needs: Vec<String>,
-    /// Options for reading the file that the client gave at the upload.
+    /// Reading options that the client stated when it uploaded the file.
     #[serde(default)]
     pub options: Options,
 }
@@ -51,19 +51,20 @@ pub(crate) struct Understood {
 pub(crate) struct DescribedAxis {
     /// Kind of the axis.
     pub kind: AxisKind,
-    /// Number of entries on the axis.
+    /// Number of entries on this axis of the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub count: Option<usize>,
-    /// First angle or wavelength on the axis.
+    /// First angle or wavelength on this axis of the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub first: Option<f64>,
-    /// Last angle or wavelength on the axis.
+    /// Last angle or wavelength on this axis of the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub last: Option<f64>,
-    /// Unit of `first`, `last` and `spacing`: `degree` or `nm`.
+    /// Unit of the first and last entry of the axis (`first`, `last`) and of their mean distance (`spacing`): `degree`
+    /// or `nm`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub unit: Option<String>,
@@ -126,7 +127,8 @@ pub(crate) enum AxisKind {
     Rgb,
 }
 
-/// Range of directions that a file covers, with facts on its values.
+/// Range of directions that a measurement file covers, and facts on its values: sampling, uncertainties, missing
+/// values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Extent {
     /// Meaning of a value on a triangle of directions: average over the triangle, or value at its centre.
@@ -200,9 +202,9 @@ pub(crate) enum OutsideValue {
 /// Field in the header of a measurement file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct HeaderField {
-    /// Name of the field in the header of the measurement file.
+    /// Name of one field in the header of a measurement file.
     pub name: String,
-    /// Value of the field in the header of the measurement file, as text.
+    /// Value of one field in the header of a measurement file, as text.
     pub value: String,
 }
 

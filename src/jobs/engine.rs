@@ -27,7 +27,7 @@ pub(crate) struct Engine {
     pub(crate) background_light: Maths,
     /// Threads for opening and evaluating materials, separate so that a query never waits behind a compression.
     pub(crate) queries: Maths,
-    /// Threads for exports, a few at a time.
+    /// Threads that export materials to other file formats; only a few exports run at the same time.
     pub(crate) exports: Maths,
     pub(crate) hub: Hub,
     pub(crate) presence: Presence,
@@ -104,8 +104,8 @@ impl Engine {
         newer.push(job.to_owned());
     }
 
-    /// Queues a job, as one of the running task's client. `idempotency` is the client's key and the digest of its
-    /// request.
+    /// Queues a job for the client whose request the current task serves. `idempotency` is the client's key and the
+    /// digest of its request.
     pub(crate) async fn enqueue(
         &self,
         request: &impl Queued,
@@ -159,8 +159,8 @@ impl Engine {
         Ok(retried)
     }
 
-    /// Tells workers, here and elsewhere, that there is a job. Others look for jobs by themselves, only later; so they
-    /// are told at most [`TOLD`] times a second.
+    /// Tells the workers of this process and of others that a job is queued. Other processes are told at most [`TOLD`]
+    /// times a second, because their workers also look for jobs from time to time.
     async fn queued(&self) {
         self.hub.queued();
         let due = {

@@ -10,7 +10,8 @@ pub(crate) trait Queued {
     /// Returns the measurement that the job reads, if any.
     fn measurement(&self) -> Option<Digest>;
 
-    /// Returns the encoded frame. The error describes the fault in the request.
+    /// Returns the arguments of the job as the text that the job queue stores. The error describes the fault in the
+    /// request.
     fn frame(&self) -> Result<String, String>;
 }
 
@@ -29,7 +30,7 @@ pub(crate) enum FrameError {
 /// Upper bound in bytes on the encoded arguments of a job. Raising it admits larger requests.
 const LIMIT: usize = 1 << 20;
 
-/// Encodes the frame as text for the queue.
+/// Encodes the arguments of a job as text for the job queue.
 pub(super) fn encode<T: Serialize>(frame: &T) -> Result<String, FrameError> {
     let bytes =
         bincode::serde::encode_to_vec(frame, config()).map_err(|error| FrameError::Damaged(error.to_string()))?;
@@ -44,7 +45,7 @@ pub(super) fn encode<T: Serialize>(frame: &T) -> Result<String, FrameError> {
     Ok(text)
 }
 
-/// Decodes a text of the queue.
+/// Decodes the arguments of a job from their text in the job queue.
 pub(super) fn decode<T: DeserializeOwned>(text: &str) -> Result<T, FrameError> {
     if text.len() > 2 * LIMIT {
         return Err(FrameError::Damaged(format!("{} characters, the limit is {}", text.len(), 2 * LIMIT)));
@@ -71,18 +72,18 @@ mod tests {
     use super::*;
     use serde::Deserialize;
 
-    /// Frame of the first version.
+    /// Arguments of a job as the first version of the program queued them.
     #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
     enum Frame {
         /// Compress a measurement.
         Compress {
-            /// Request as JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that is
-            /// not self-describing.
+            /// Request to compress, as JSON text. The binary format of the job queue can neither hold its fields of
+            /// arbitrary JSON nor detect unknown fields.
             request: String,
         },
-        /// Make tables of the paper.
+        /// Recompute tables that Claustres et al. (2006) published.
         Paper {
-            /// Numbers of the tables, at least one.
+            /// Table numbers in the paper by Claustres et al. (2006), at least one.
             tables: Vec<u8>,
         },
     }

@@ -9,54 +9,55 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Report of a check; the answer of `wavelume fsck`.
+/// Report of a check of the stored files; the output of `wavelume fsck`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct FsckReport {
-    /// Blobs whose digest was computed.
+    /// Number of stored files whose digest was recomputed.
     pub checked_blobs: u64,
-    /// Bytes of the checked blobs.
+    /// Total size in bytes of the stored files whose recomputed digest was right.
     pub checked_bytes: u64,
-    /// Faults found; empty if there are none.
+    /// Faults found by the check; empty if there are none.
     pub faults: Vec<Fault>,
 }
 
-/// One fault.
+/// One fault found by a check of the stored files.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Fault {
     /// The stored bytes do not match their digest.
     Corrupt {
-        /// The digest.
+        /// Digest under which the damaged bytes are stored.
         digest: String,
     },
-    /// A row names bytes that are missing.
+    /// A row of the catalog refers to bytes that are missing from the store.
     Missing {
-        /// The digest.
+        /// Digest of the missing bytes.
         digest: String,
-        /// Row that names it: `measurement b3-…`, `material b3-…` or `job …`.
+        /// Row of the catalog that refers to the missing bytes: `measurement b3-…`, `material b3-…` or `job …`.
         named_by: String,
     },
-    /// An object in the store that the catalog does not know.
+    /// The store holds an object that the catalog does not list.
     OrphanObject {
-        /// Path of the object below the root of the store.
+        /// Path, below the root of the store, of the object that the catalog does not list.
         object: String,
         /// Size of the object in bytes.
         bytes: u64,
     },
-    /// Stored bytes that no row names, and that no sweep would find.
+    /// The catalog lists stored bytes to which no other row refers, and which no sweep would find.
     OrphanRow {
-        /// The digest.
+        /// Digest of the stored bytes to which no row refers.
         digest: String,
     },
 }
 
-/// Extent of a check.
+/// Extent of a check of the stored files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Check {
-    /// Part of the blobs whose digest is computed, from 0 to 1; all of them are looked for.
+    /// Fraction of the stored files whose digest is recomputed, from 0 to 1; every stored file is checked for
+    /// existence.
     pub sample: f64,
-    /// Repairs what can be repaired: orphans are handed to the next sweep. Damaged and missing bytes are noted in any
-    /// case, so that the next upload of the same bytes replaces them.
+    /// True to hand unused objects and rows over to the next sweep, which removes them. Damaged and missing files are
+    /// marked in any case, so that the next upload of the same bytes replaces them.
     pub repair: bool,
 }
 
@@ -66,20 +67,21 @@ impl Default for Check {
     }
 }
 
-/// Rows that are read at once.
+/// Number of rows about stored files that a check reads at once. Raising it needs more memory.
 const PAGE: u32 = 10_000;
 
-/// Time after which an orphan object is deleted that a repair hands to the sweeps. Raising it gives more time to find
-/// out whose it was.
+/// Time for which an object that the catalog does not list is kept before a repair deletes it. Raising it gives more
+/// time to find out where the object came from.
 const GRACE: Duration = Duration::from_hours(24);
 
 impl Archive {
-    /// Computes every digest, and compares the rows about stored bytes with the objects in the store.
+    /// Recomputes the digest of every stored file, and compares the catalog's rows about stored files with the objects
+    /// in the store.
     pub async fn check(&self) -> Result<FsckReport, ArchiveError> {
         self.check_within(Check::default()).await
     }
 
-    /// Checks like [`Self::check`], to the extent of `check`.
+    /// Compares the stored files with the catalog, and recomputes digests to the extent given by `check`.
     pub async fn check_within(&self, check: Check) -> Result<FsckReport, ArchiveError> {
         let mut report = FsckReport::default();
         // Counts up to the next blob of the sample.

@@ -13,11 +13,11 @@ pub(crate) struct Hub {
     running: Arc<Mutex<HashMap<String, Arc<Control>>>>,
     changes: broadcast::Sender<Arc<str>>,
     queued: Arc<Notify>,
-    /// Number of followers of each job that somebody follows.
+    /// Number of requests that follow each job (wait for its changes); jobs without such requests are absent.
     followed: Arc<Mutex<HashMap<String, usize>>>,
 }
 
-/// Notes that somebody follows a job, until it is dropped.
+/// Registration of a request that follows a job (waits for its changes). Dropping this value ends the registration.
 #[derive(Debug)]
 pub(crate) struct Following {
     hub: Hub,
@@ -30,6 +30,8 @@ pub(crate) struct Control {
     job: Arc<str>,
     progress: AtomicU64,
     stop: AtomicBool,
+    /// True once somebody elsewhere has begun to follow the job, until its worker has seen it.
+    watched: AtomicBool,
     changes: broadcast::Sender<Arc<str>>,
 }
 
@@ -49,6 +51,7 @@ impl Hub {
             job: job.into(),
             progress: AtomicU64::new(0),
             stop: AtomicBool::new(false),
+            watched: AtomicBool::new(false),
             changes: self.changes.clone(),
         });
         self.running().insert(job.to_owned(), Arc::clone(&control));
@@ -74,6 +77,13 @@ impl Hub {
         }
     }
 
+    /// Notes that somebody elsewhere follows a job, if it runs here.
+    pub(crate) fn watch(&self, job: &str) {
+        if let Some(control) = self.running().get(job) {
+            control.watched.store(true, Ordering::Relaxed);
+        }
+    }
+
     /// Notifies listeners that a job has changed.
     pub(crate) fn changed(&self, job: &str) {
         // Nobody may be listening.
@@ -95,13 +105,13 @@ impl Hub {
         self.queued.notified().await;
     }
 
-    /// Notes that somebody follows a job.
+    /// Registers a request that follows a job, that is, waits for its changes.
     pub(crate) fn follow(&self, job: &str) -> Following {
         *self.followed().entry(job.to_owned()).or_default() += 1;
         Following { hub: self.clone(), job: job.to_owned() }
     }
 
-    /// Returns the jobs that somebody follows and that do not run here.
+    /// Returns the jobs that some request follows (waits for their changes) and that do not run in this process.
     pub(crate) fn followed_elsewhere(&self) -> Vec<String> {
         let running = self.running();
         self.followed().keys().filter(|job| !running.contains_key(*job)).cloned().collect()
@@ -131,6 +141,11 @@ impl Drop for Following {
 impl Control {
     pub(crate) fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns true once after somebody elsewhere has begun to follow the job.
+    pub(crate) fn take_watched(&self) -> bool {
+        self.watched.swap(false, Ordering::Relaxed)
     }
 
     pub(crate) fn progress(&self) -> f64 {

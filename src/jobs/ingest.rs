@@ -185,7 +185,7 @@ impl Engine {
             .await?
     }
 
-    /// Returns the bytes of an uploaded spectrum.
+    /// Returns the stored bytes of a spectrum that a client uploaded earlier as the measurement `id`.
     pub(crate) async fn spectrum(&self, id: Digest) -> Result<bytes::Bytes, IngestError> {
         let row = self.archive.catalog.measurement(id).await?;
         let row = row.ok_or(SpectrumError::Missing { id })?;

@@ -13,12 +13,12 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Source of requests: the body of an HTTP request.
+/// Source of job requests: the body of an HTTP request.
 pub(crate) trait Source {
-    /// Reason why the source holds no such request.
+    /// Reason why a job request cannot be read from the body of an HTTP request.
     type Error;
 
-    /// Reads a request of one kind.
+    /// Reads a job request of type `T`, for example a compression request, from the body of an HTTP request.
     fn read<T: DeserializeOwned>(&self) -> Result<T, Self::Error>;
 }
 
@@ -48,14 +48,15 @@ macro_rules! kinds {
             $($(#[doc = $doc])+ $kind(Box<$request>),)+
         }
 
-        /// Type of a job, and its arguments. Variants are only ever appended, so that new workers read old frames.
+        /// Kind of a job with its arguments, as the job queue stores it. Kinds are only ever appended, so that new
+        /// workers can read jobs that an older version queued.
         #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
         pub(super) enum Frame {
             $($(#[doc = $doc])+ $kind { $field: $type },)+
         }
 
         impl JobRequest {
-            /// Reads a request of the given kind.
+            /// Reads a job request of the given kind from the body of an HTTP request.
             pub(crate) fn read<S: Source>(kind: Kind, source: &S) -> Result<Self, S::Error> {
                 match kind {
                     $(Kind::$kind => source.read().map(Self::$kind),)+
@@ -100,11 +101,11 @@ macro_rules! kinds {
 kinds! {
     /// Make a material of a measurement.
     Compress { request: String } = CompressRequest;
-    /// Make the report on the paper's tables.
+    /// Make the report on the tables of the paper by Claustres et al. (2006).
     Paper { tables: Vec<u8> } = PaperRequest;
 }
 
-/// Kind of any request, which decides on its other fields.
+/// Kind of a job request, read first because it decides which other fields the request has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub(crate) struct KindOnly {
     /// Kind of the job. Default: `compress`.
@@ -113,12 +114,12 @@ pub(crate) struct KindOnly {
 }
 
 impl Frame {
-    /// Encodes the frame as text for the queue.
+    /// Encodes the arguments of a job as text for the job queue.
     pub(super) fn encode(&self) -> Result<String, FrameError> {
         frame::encode(self)
     }
 
-    /// Decodes a text of the queue.
+    /// Decodes the arguments of a job from their text in the job queue.
     pub(super) fn decode(text: &str) -> Result<Self, FrameError> {
         frame::decode(text)
     }

@@ -11,7 +11,8 @@ use utoipa::openapi::schema::{AdditionalProperties, ObjectBuilder, OneOfBuilder,
 use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Option that no upload takes: each file of an archive becomes a measurement.
+/// Reading option that an upload does not have: it selects one file of an archive, whereas an upload makes a
+/// measurement of each file.
 const NOT_UPLOADED: &str = "member";
 /// Option that an upload has from the manifest beside an array in an archive.
 const UNPACKED: &str = "axes";
@@ -26,7 +27,7 @@ pub(crate) struct Options {
     /// Measurement whose content is the spectrum to join.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
-    /// Options of the parsers.
+    /// Reading options that the parsers of measurement file formats take, for example the quantity.
     #[serde(flatten)]
     stated: Interpretation,
 }
@@ -35,10 +36,10 @@ pub(crate) struct Options {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct LaterOptions {
-    /// See [`Interpretation::axes`].
+    /// Manifest that describes the axes of an array, if the job states one: see [`Interpretation::axes`].
     #[serde(skip_serializing_if = "Option::is_none")]
     axes: Option<serde_json::Value>,
-    /// See [`Interpretation::quantity`].
+    /// Radiometric quantity of the values, if the job states one: see [`Interpretation::quantity`].
     #[serde(skip_serializing_if = "Option::is_none")]
     quantity: Option<StatedQuantity>,
 }
@@ -50,7 +51,8 @@ impl From<Interpretation> for Options {
 }
 
 impl LaterOptions {
-    /// Replaces the options that the job states.
+    /// Returns the upload's reading options, `stated`, in which the job's own axes and quantity replace those of the
+    /// upload.
     pub(super) fn replace(self, stated: Interpretation) -> Interpretation {
         let (axes, quantity) = (self.axes.or(stated.axes), self.quantity.or(stated.quantity));
         Interpretation { axes, quantity, ..stated }
@@ -82,7 +84,7 @@ impl Options {
         Self { spectrum: self.spectrum, stated: Interpretation { axes, ..self.stated.clone() } }
     }
 
-    /// Returns true if no option is stated.
+    /// Returns true if the client stated no option for reading the measurement.
     pub(super) fn is_default(&self) -> bool {
         *self == Self::default()
     }
@@ -147,7 +149,7 @@ fn named_schema(declared: &Declared) -> Option<Cow<'static, str>> {
     }
 }
 
-/// Describes an object with these options.
+/// Describes, as an OpenAPI schema, a JSON object whose fields are the given options.
 fn object<'a>(description: &str, options: impl Iterator<Item = &'a Declared>) -> RefOr<Schema> {
     let object = ObjectBuilder::new().description(Some(description));
     let object = options.fold(object, |object, declared| object.property(declared.name, property_of(declared)));

@@ -13,28 +13,31 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// Kind of a request for the paper's tables.
+/// Kind of a job request that recomputes tables of the paper by Claustres et al. (2006).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum PaperKind {
-    /// Recomputation of the tables of the paper.
+    /// Recomputation of tables of the paper by Claustres et al. (2006).
     Paper,
 }
 
-/// Request to recompute tables of the paper, beside the printed figures.
+/// Request to recompute tables of the paper by Claustres et al. (2006). The report states each recomputed number beside
+/// the published one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PaperRequest {
-    /// Always `paper`.
+    /// Kind of the job: always `paper`.
     pub kind: PaperKind,
-    /// Table numbers, 1 to 7, each once, in the desired order. Default: all tables.
+    /// Numbers of the tables to recompute, in the desired order: 1 to 7 as in the paper, each at most once. Default:
+    /// all tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
     pub tables: Option<Vec<i64>>,
 }
 
 impl PaperRequest {
-    /// Returns the numbers of the tables. The error describes the fault in them.
+    /// Returns the table numbers, 1 to 7, that the request states. The error says that a number is unknown or repeated,
+    /// or that there is none.
     fn numbers(&self) -> Result<Vec<u8>, String> {
         let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
         if wanted.is_empty() {
@@ -69,7 +72,7 @@ impl Work for PaperRequest {
     }
 }
 
-/// Runs one attempt at a job that recomputes tables of the paper, and stores the report.
+/// Runs one attempt at a job that recomputes tables of the paper by Claustres et al. (2006), and stores the report.
 async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
     let control = Arc::clone(control);
     let tables = engine.background.run(move || make(&tables, &*control)).await??;

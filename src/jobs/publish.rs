@@ -9,18 +9,21 @@ use std::io;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval_at};
 
-/// Time between the announcement of an object and the row that names it, after which the object is doomed. Raising it
-/// keeps what a killed process has written for longer; a process that stood still for longer publishes again.
+/// Time after the announcement of an object within which a row must refer to the object; afterwards the object is
+/// listed for deletion. Raising it keeps what a killed process has written for longer. A process that paused for longer
+/// stores its bytes again.
 const INTENT: Duration = Duration::from_hours(1);
 
-/// Interval at which the announcement of an object that is being written is prolonged.
+/// Interval at which a process extends its announcement that an object is being written. Raising it risks that the
+/// announcement expires during the write.
 const PROLONG: Duration = Duration::from_mins(10);
 
-/// Times that the same bytes are published before their upload or attempt fails. Raising it only helps a process that
-/// keeps standing still for longer than [`INTENT`] each time.
+/// Number of times that the same bytes are stored before their upload or job attempt fails. Raising it only helps a
+/// process that each time pauses for longer than an announcement lasts ([`INTENT`]).
 const TIMES: u32 = 3;
 
-/// Bytes in the store, with the claim under which a row may name them. Their staged file stays open until then.
+/// Bytes in the store, with the claim that lets a row of the catalog refer to them. Their staged (temporary) file stays
+/// open until a row does.
 #[derive(Debug)]
 pub(crate) struct Published {
     staged: Staged,
@@ -29,7 +32,7 @@ pub(crate) struct Published {
 }
 
 impl Published {
-    /// Publishes staged bytes, unless the store has them already.
+    /// Writes a staged (temporary) file to the store, unless the store already holds its bytes.
     pub(super) async fn new(archive: &Archive, staged: Staged) -> Result<Self, BlobError> {
         let claim = publish(archive, &staged).await?;
         Ok(Self { staged, claim, times: 1 })
@@ -40,12 +43,13 @@ impl Published {
         self.staged.digest()
     }
 
-    /// The claim under which a row may name the bytes.
+    /// Returns the claim that lets a row of the catalog refer to the stored bytes.
     pub(super) fn claim(&self) -> &Claim {
         &self.claim
     }
 
-    /// Publishes the bytes again: the catalog refused to name them, because their object may have been removed.
+    /// Stores the bytes again, because the catalog refused a row that refers to them: their object may have been
+    /// removed.
     pub(super) async fn again(self, archive: &Archive) -> Result<Self, BlobError> {
         let digest = self.digest();
         if self.times >= TIMES {
@@ -109,7 +113,7 @@ pub(super) mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Stores bytes and names them by a measurement, as an upload does. Returns their digest.
+    /// Stores bytes and a measurement that refers to them, as an upload does. Returns the digest of the bytes.
     pub(crate) async fn stored(archive: &Archive, bytes: &[u8]) -> Digest {
         let published = Published::new(archive, archive.staging.stage(bytes).unwrap()).await.unwrap();
         let new = NewMeasurement { id: Digest::of(bytes), content: Digest::of(bytes), ..testing::measurement("bytes") };
@@ -118,7 +122,8 @@ pub(super) mod tests {
         new.id
     }
 
-    /// A store whose first `times` publications outlast their announcement, while another process sweeps.
+    /// A store for tests. Each of the first `times` objects is removed as soon as it is written, as if its announcement
+    /// had expired and another process had removed unused objects.
     #[derive(Debug)]
     pub(crate) struct Late {
         archive: Archive,

@@ -49,7 +49,7 @@ pub(crate) struct CompressRequest {
 /// Faults of a request that was read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum RequestError {
-    /// A name, licence, tag or table number that is not allowed.
+    /// A text or table number in a job request is not allowed, for example the material's name, licence or tags.
     #[error("job request: {0}")]
     Text(String),
     /// An option of the compression with a value that it does not accept.

@@ -4,31 +4,33 @@ use crate::catalog::Database;
 use crate::store::Place;
 use std::path::{Path, PathBuf};
 
-/// Places of one service. Without a database or a store of its own, the data directory holds them.
+/// Places in which a service keeps its data. The data directory holds the database and the stored files, unless other
+/// places are given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Site {
-    /// Data directory: always for staging files, and for the catalog and the objects where nothing else is named.
+    /// Data directory. It always holds temporary files, and also the database and the stored files if no other place is
+    /// given.
     pub data: PathBuf,
-    /// Database of the catalog; `None` is `catalog.sqlite` in the data directory.
+    /// Place of the catalog's database; `None` means `catalog.sqlite` in the data directory.
     pub database: Option<Database>,
-    /// Store of the objects; `None` is the data directory.
+    /// Place of the store, which holds the files; `None` means the data directory.
     pub store: Option<Place>,
-    /// Id of the catalog from which the store is to be taken over; see [`ArchiveError::Belongs`](super::ArchiveError).
+    /// Id of the catalog whose store is to be taken over; see [`ArchiveError::Belongs`](super::ArchiveError).
     pub adopt: Option<String>,
 }
 
 impl Site {
-    /// Everything in one data directory.
+    /// Keeps the database, the stored files and the temporary files in one data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self { data: data.into(), database: None, store: None, adopt: None }
     }
 
-    /// Returns the database, for a data directory at `root`.
+    /// Returns the place of the database, given the path `root` of the data directory.
     pub(super) fn database(&self, root: &Path) -> Database {
         self.database.clone().unwrap_or_else(|| Database::File(root.join("catalog.sqlite")))
     }
 
-    /// Returns the store, for a data directory at `root`.
+    /// Returns the place of the store, given the path `root` of the data directory.
     pub(super) fn store(&self, root: &Path) -> Place {
         self.store.clone().unwrap_or_else(|| Place::Directory(root.to_owned()))
     }
@@ -39,7 +41,8 @@ pub(super) mod tests {
     use super::*;
     use crate::catalog::{Catalog, testing};
 
-    /// New sites for tests: all in one directory, and PostgreSQL with an S3 bucket.
+    /// Returns the places of two new services for tests: one with a single directory, one with PostgreSQL and an S3
+    /// bucket.
     pub(crate) async fn sites() -> Vec<(Site, tempfile::TempDir)> {
         let (alone, scratch) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let database = testing::server().await;
@@ -48,7 +51,7 @@ pub(super) mod tests {
         vec![(Site::new(alone.path()), alone), (shared, scratch)]
     }
 
-    /// A new prefix in the bucket of the tests.
+    /// Returns a new prefix in the S3 bucket of the tests.
     fn bucket() -> Place {
         let bucket = std::env::var("WAVELUME_TEST_STORE").expect(
             "WAVELUME_TEST_STORE is not set: run the tests as `tests/servers cargo test …`, which starts an S3 server",

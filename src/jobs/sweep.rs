@@ -7,47 +7,48 @@ use crate::store::{Object, StoreError};
 use serde::Serialize;
 use std::time::Duration;
 
-/// Report of a sweep; the answer of `wavelume gc`.
+/// Report of a sweep (removal of unused files and old jobs); the output of `wavelume gc`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SweepReport {
-    /// Blobs removed from the store, which nothing named for the time of grace.
+    /// Number of unused files removed from the store after their grace period.
     pub removed_blobs: u64,
-    /// Bytes of the removed blobs.
+    /// Total size in bytes of the files removed from the store.
     pub removed_bytes: u64,
-    /// Removed staging files, which no process was writing.
+    /// Number of removed staging (temporary) files, which no process was writing.
     pub removed_staging: u64,
-    /// Deleted rows of jobs that had ended long ago.
+    /// Number of deleted rows of jobs that had ended long ago.
     pub forgotten_jobs: u64,
-    /// Blobs that nothing names, and that wait for the end of their grace.
+    /// Number of unused files in the store that wait for the end of their grace period.
     pub waiting_blobs: u64,
-    /// Bytes of the waiting blobs, as far as they are known.
+    /// Total size in bytes of the unused files that wait for the end of their grace period, as far as the sizes are
+    /// known.
     pub waiting_bytes: u64,
-    /// Blobs kept, because a row names them.
+    /// Number of stored files kept, because a row of the catalog refers to them.
     pub kept_blobs: u64,
 }
 
-/// Upper bound on the rows that are handled at once. Raising it makes longer transactions.
+/// Upper bound on the number of rows that a sweep handles at once. Raising it makes transactions longer.
 const AT_ONCE: u32 = 1000;
 
-/// Minutes for which a process has the objects that it deletes to itself. Raising it delays another process's second
-/// try after this one was killed.
+/// Minutes for which a process reserves the objects that it deletes. Raising it delays the next try by another process
+/// if this one is killed.
 const TAKEN: Duration = Duration::from_mins(10);
 
-/// Hours after which the object of an expired announcement is deleted, because its write may still be under way.
-/// Raising it tolerates writes that arrive later.
+/// Hours for which an object is kept after its announcement has expired, because the announced write may still be under
+/// way. Raising it tolerates later writes.
 const LATE: Duration = Duration::from_hours(24);
 
-/// Age of an idempotency key after which it is forgotten. Raising it lets clients repeat a request for longer.
+/// Age after which an idempotency key is deleted. Raising it lets clients safely repeat a request for longer.
 const KEYS: Duration = Duration::from_hours(24);
 
 impl Archive {
-    /// Removes bytes that nothing has named for the time of grace, abandoned staging files and old jobs.
+    /// Removes stored files to which nothing has referred for the grace period, abandoned temporary files and old jobs.
     pub async fn sweep(&self) -> Result<SweepReport, ArchiveError> {
         self.sweep_with(&Limits::default(), false).await
     }
 
-    /// Sweeps with the ages of `limits`. If `now`, bytes that nothing names are removed without their grace, and a
-    /// reader of them gets an error.
+    /// Removes unused files and old jobs by the ages in `limits`. If `now`, unused files are removed without their
+    /// grace period, and a client that is reading one gets an error.
     pub(crate) async fn sweep_with(&self, limits: &Limits, now: bool) -> Result<SweepReport, ArchiveError> {
         if !now {
             return self.sweep_within(limits, &|| false).await;
@@ -56,13 +57,13 @@ impl Archive {
         self.sweep_within(&Limits { grace: Duration::ZERO, ..limits.clone() }, &|| false).await
     }
 
-    /// Sweeps with the default ages and without grace.
+    /// Removes old jobs by the default ages, and unused files without their grace period.
     #[cfg(test)]
     pub(crate) async fn sweep_now(&self) -> Result<SweepReport, ArchiveError> {
         self.sweep_with(&Limits::default(), true).await
     }
 
-    /// Sweeps with the ages of `limits`, and ends early once `stopped` returns true.
+    /// Removes unused files and old jobs by the ages in `limits`, and ends early once `stopped` returns true.
     pub(crate) async fn sweep_within(
         &self,
         limits: &Limits,
@@ -83,7 +84,7 @@ impl Archive {
         Ok(report)
     }
 
-    /// Dooms the objects of digests that no row names any more.
+    /// Lists for deletion the objects to which no row of the catalog refers any more.
     async fn doom(&self, grace: Duration, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
         loop {
             let unnamed = self.catalog.unnamed(AT_ONCE).await?;
@@ -101,7 +102,7 @@ impl Archive {
         }
     }
 
-    /// Deletes doomed objects whose time has come.
+    /// Deletes the objects that are due for deletion from the store.
     async fn delete(&self, report: &mut SweepReport, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
         while !stopped() {
             let taken = self.catalog.take_doomed(AT_ONCE, TAKEN).await?;

@@ -28,7 +28,8 @@ struct Waiting {
 /// Permit to use a scarce resource; dropping it passes it to the next waiting request.
 #[derive(Debug)]
 pub(super) struct Turn {
-    /// Source of this permit; `None` once the permit was passed to another request.
+    /// Pool from which this permit to use a scarce resource was taken; `None` once the permit was passed to another
+    /// request.
     turns: Option<Turns>,
 }
 

@@ -8,17 +8,19 @@ use std::time::{Duration, Instant};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// Interval at which followed jobs of other processes are looked at. Raising it delays what their followers see.
+/// Interval at which this process polls the catalog for jobs that its clients follow and other processes run. Raising
+/// it delays what clients see.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// Time for which a worker is asked to report progress often. Raising it lets it do so for longer after the last
-/// follower has gone.
+/// Time for which a worker is asked to store the progress of a job often. Raising it lets the worker continue for
+/// longer after the last client has stopped following.
 const WATCH: Duration = Duration::from_secs(30);
 
-/// Pause after a failure of the database.
+/// Pause after a failure of the database before jobs and notifications are read again. Raising it spares a database
+/// that is restarting.
 const PAUSE: Duration = Duration::from_secs(2);
 
-/// Looks at the jobs that somebody follows here and that run elsewhere, until `stop`.
+/// Polls the catalog, until `stop`, for the state of jobs that clients of this process follow and other processes run.
 pub(crate) async fn watching(engine: Arc<Engine>, stop: CancellationToken) {
     let mut ticks = interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -39,6 +41,9 @@ pub(crate) async fn watching(engine: Arc<Engine>, stop: CancellationToken) {
                 || followed.iter().any(|id| !known.contains_key(id))
             {
                 engine.archive.catalog.watch(&followed, WATCH).await?;
+                for new in followed.iter().filter(|id| !known.contains_key(*id)) {
+                    engine.archive.catalog.tell_watch(new).await?;
+                }
                 asked = Some(Instant::now());
             }
             let seen = engine.archive.catalog.seen(&followed).await?;
@@ -59,7 +64,8 @@ pub(crate) async fn watching(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// Passes notifications of other processes on, until `stop`. Without them everything is found by polling.
+/// Passes notifications from other processes on to this process, until `stop`. Without notifications, polling finds the
+/// same changes later.
 pub(crate) async fn listening(engine: Arc<Engine>, stop: CancellationToken) {
     let listen = async {
         loop {
@@ -84,6 +90,7 @@ async fn listen(engine: &Engine) -> Result<(), CatalogError> {
         match notices.next().await? {
             Notice::Queued | Notice::Missed => engine.hub.queued(),
             Notice::Stop(job) => engine.hub.stop(&job),
+            Notice::Watch(job) => engine.hub.watch(&job),
         }
     }
 }

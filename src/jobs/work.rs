@@ -10,7 +10,8 @@ use std::sync::Arc;
 
 /// Request for a job of one kind.
 pub(super) trait Work {
-    /// Arguments in the queue. Workers of other versions read them: their form never changes.
+    /// Arguments of a job as the job queue stores them. Workers of other versions of the program read them: their form
+    /// never changes.
     type Arguments;
 
     /// Checks the request before any data is read.
@@ -21,10 +22,11 @@ pub(super) trait Work {
         None
     }
 
-    /// Returns the arguments for the queue. The error describes the fault in the request.
+    /// Returns the arguments of this job in the form that the job queue stores. The error describes the fault in the
+    /// request.
     fn arguments(&self) -> Result<Self::Arguments, String>;
 
-    /// Runs one attempt. A second run with the same arguments must make the same.
+    /// Runs one attempt at a job. A second attempt with the same arguments must produce the same result.
     fn run(
         engine: &Arc<Engine>,
         arguments: Self::Arguments,

@@ -17,15 +17,16 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-/// Interval at which workers look for jobs that another process queued, and for dead workers. Raising it delays both.
+/// Interval at which workers look for jobs that another process queued, and for dead workers. Raising it finds them
+/// later.
 const LOOK: Duration = Duration::from_secs(1);
 
-/// Interval at which a running job that somebody follows renews its lease and stores its progress; on SQLite every job
-/// does. Raising it delays what followers see, and cancels by another process.
+/// Interval at which a worker renews its lease and stores its progress for a job that a client follows; on SQLite for
+/// every job. Raising it delays visible progress, and cancellation by another process.
 const BEAT: Duration = Duration::from_secs(1);
 
-/// Opens the archive of a configuration and runs its jobs until `stop`. Calls `ready` with the place of the catalog
-/// before the first job.
+/// Opens the catalog and store of a configuration and runs jobs until `stop`. Calls `ready` with the places of the
+/// catalog and the store before the first job.
 pub(crate) async fn work<E>(
     config: &WorkConfig,
     stop: &CancellationToken,
@@ -42,7 +43,7 @@ pub(crate) async fn work<E>(
     Ok(())
 }
 
-/// Runs `workers` jobs at a time until `stop`; then running jobs get the drain time to finish.
+/// Runs at most `workers` jobs at a time until `stop`; then running jobs get a limited time to finish.
 pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &CancellationToken) {
     let tasks = TaskTracker::new();
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
@@ -78,7 +79,7 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// One attempt at a job, from its claim to its end.
+/// Runs one attempt at a job, from its claim until its end is recorded.
 async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) {
     let start = Instant::now();
     let control = engine.hub.enter(&job.id);
@@ -143,7 +144,8 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
     }
 }
 
-/// Builds the end of an attempt that failed for a transient reason, with a pause that doubles at each attempt.
+/// Builds the outcome of an attempt that failed for a transient reason. The delay before the next attempt doubles with
+/// each attempt.
 fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
     Ended::Retry {
         problem: JobProblem::new(Code::Unavailable, detail).to_json(),
@@ -152,15 +154,15 @@ fn again(engine: &Engine, job: &Claimed, detail: String) -> Ended {
     }
 }
 
-/// Reason why an attempt was given up before its work ended.
+/// Reason why an attempt to run a job was given up before its work ended.
 enum Unfinished {
-    /// Another worker owns the job.
+    /// Another worker owns the job now.
     Lost,
-    /// The worker stops, and its drain time is over.
+    /// The worker process is stopping, and the time for its running jobs to finish is over.
     Drained,
 }
 
-/// Waits for the work, renews its lease, and passes on requests to stop.
+/// Waits for the work of a job to end, renews the worker's lease meanwhile, and passes on requests to stop.
 async fn guard(
     engine: &Engine,
     job: &Claimed,
@@ -188,7 +190,8 @@ async fn guard(
                 }));
             }
             _ = beats.tick() => {
-                if !often && last.is_some_and(|last| last.elapsed() < engine.limits.lease / 3) {
+                let watched = control.take_watched();
+                if !often && !watched && last.is_some_and(|last| last.elapsed() < engine.limits.lease / 3) {
                     continue;
                 }
                 last = Some(Instant::now());
@@ -211,12 +214,11 @@ async fn guard(
     }
 }
 
-/// Longest pause between two tries to write the end of an attempt. Raising it spares a database that is away.
+/// Longest pause between two tries to record the end of an attempt. Raising it spares a database that is restarting.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Writes the end of an attempt and returns the end that was written. It is tried for as long as the database is away
-/// and the worker need not stop: a result must not be lost, and another worker's claim ends the tries. Bytes whose
-/// claim has run out are published again.
+/// Records the end of an attempt in the catalog, and returns what was recorded. So that no result is lost, it is tried
+/// again while the database is away, until the worker must stop. Bytes whose claim has expired are stored again.
 async fn end(
     engine: &Engine,
     job: &Claimed,
@@ -271,7 +273,7 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// Takes back the jobs of workers that are known to be gone, and, if `expired`, those whose lease has run out.
+/// Takes jobs back from workers that are known to be gone, and, if `expired`, from workers whose lease has run out.
 async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;

@@ -7,7 +7,7 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-/// A BLAKE3 digest; its text is `b3-<64 lower-case hex>`.
+/// BLAKE3 digest; written as `b3-` and 64 lower-case hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Digest([u8; 32]);
 
@@ -26,7 +26,7 @@ impl PartialSchema for Digest {
 impl ToSchema for Digest {}
 
 impl Digest {
-    /// Computes the digest of `bytes`.
+    /// Computes the BLAKE3 digest of `bytes`.
     pub fn of(bytes: &[u8]) -> Self {
         Self::from(blake3::hash(bytes))
     }
@@ -53,7 +53,7 @@ impl fmt::Debug for Digest {
 impl FromStr for Digest {
     type Err = NotADigest;
 
-    /// Parses the text of a digest strictly: upper case would give one blob two names.
+    /// Parses the text of a digest. Upper-case digits are refused, so that no digest has two spellings.
     fn from_str(text: &str) -> Result<Self, NotADigest> {
         // The text that is echoed to the user is bounded.
         let refused = || NotADigest(text.chars().take(80).collect());

@@ -6,29 +6,29 @@ use std::ops::Range;
 /// Failure to store or to find bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// No blob has this digest.
-    #[error("no blob has the digest {0}")]
+    /// No stored file has the given digest.
+    #[error("no stored file has the digest {0}")]
     NotFound(Digest),
-    /// The bytes stored under a digest have another digest.
-    #[error("the bytes stored as {stored} have the digest {found}")]
+    /// The bytes stored under a digest have another digest, so they are damaged.
+    #[error("stored bytes are damaged: found the digest {found}, expected {stored}")]
     Corrupt {
         /// Digest under which the bytes are stored.
         stored: Digest,
-        /// The digest of the bytes found.
+        /// Digest of the bytes that were found.
         found: Digest,
     },
-    /// The requested range is not inside the blob.
-    #[error("bytes {}..{} of a blob of {size} bytes", range.start, range.end)]
+    /// The requested byte range does not lie within the stored file.
+    #[error("the byte range {}..{} is not inside the stored file of {size} bytes", range.start, range.end)]
     Range {
-        /// Requested range.
+        /// Requested byte range; its end is exclusive.
         range: Range<u64>,
-        /// The size of the blob.
+        /// Size of the stored file in bytes.
         size: u64,
     },
-    /// The file system failed.
-    #[error("file system: {0}")]
+    /// The file system returned an error.
+    #[error("the file system failed: {0}")]
     Io(#[from] std::io::Error),
-    /// The object store failed.
-    #[error("object store: {0}")]
+    /// The library that accesses the store (a local directory or S3) returned an error.
+    #[error("the object store failed: {0}")]
     Objects(#[from] object_store::Error),
 }

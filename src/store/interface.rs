@@ -9,7 +9,7 @@ use futures::stream::BoxStream;
 use std::fmt;
 use std::ops::Range;
 
-/// A store of immutable objects.
+/// A store of immutable objects (files that are written once).
 ///
 /// # Contract
 /// * `publish` returns only when the object is durable. Before that no reader sees it; after that every reader sees all
@@ -25,18 +25,18 @@ use std::ops::Range;
 /// * `note` and `set_note` read and write a small text beside the objects.
 /// * All calls may be made at any time from any thread or process.
 pub(crate) trait Store: Send + Sync + fmt::Debug {
-    /// Makes staged bytes durable as `object`.
+    /// Makes a staged (temporary) file a durable object of the store.
     fn publish<'a>(&'a self, staged: &'a Staged, object: &'a Object) -> BoxFuture<'a, Result<(), StoreError>>;
-    /// Returns the size of an object in bytes, if it is there.
+    /// Returns the size of an object in bytes, if the store holds the object.
     fn size<'a>(&'a self, object: &'a Object) -> BoxFuture<'a, Result<Option<u64>, StoreError>>;
-    /// Returns the bytes of `range`, not verified.
+    /// Returns the bytes of `range` of an object, without checking its digest.
     fn read<'a>(&'a self, object: &'a Object, range: Range<u64>) -> BoxFuture<'a, Result<Bytes, StoreError>>;
-    /// Lists the objects below a folder with their sizes, in no order.
+    /// Lists the objects below a folder of the store with their sizes in bytes, in no particular order.
     fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>>;
-    /// Removes objects, and returns an outcome for each, in their order.
+    /// Removes objects from the store, and returns one outcome for each, in the order of `objects`.
     fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>>;
-    /// Returns the text beside the objects, if there is one.
+    /// Returns a small named text that the store keeps beside the objects, if there is one.
     fn note<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Option<String>, StoreError>>;
-    /// Writes the text beside the objects.
+    /// Writes a small named text to the store, beside the objects.
     fn set_note<'a>(&'a self, name: &'a str, text: String) -> BoxFuture<'a, Result<(), StoreError>>;
 }

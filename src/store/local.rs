@@ -8,10 +8,12 @@ use object_store::local::LocalFileSystem;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Staging directory, on the same file system so that publishing is a rename.
+/// Name of the folder for staged (temporary) files. It lies on the file system of the store, so that publishing a file
+/// is a rename.
 const STAGING: &str = "staging";
 
-/// Opens the store inside `root`, which must exist, and the staging directory beside it. Blocking.
+/// Opens the store in the directory `root`, which must exist, and the folder for temporary files in it. Blocks the
+/// thread.
 pub(super) fn open(root: &Path) -> Result<(Objects, Staging), StoreError> {
     std::fs::create_dir_all(root.join(FOLDER))?;
     std::fs::create_dir_all(root.join(STAGING))?;

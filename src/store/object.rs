@@ -6,32 +6,33 @@ use super::digest::Digest;
 use std::fmt;
 use std::str::FromStr;
 
-/// Folder of all objects.
+/// Name of the folder that holds all objects of a store.
 pub(super) const FOLDER: &str = "blobs";
 
-/// Folder of the only tenant.
+/// Name of the folder that holds the objects of the only tenant (owner of data) of a store.
 const TENANT: &str = "default";
 
-/// Name of a stored object; its text is the path below the root of the store.
+/// Name of a stored object; written as the path of the object below the root of the store.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Object {
     digest: Digest,
-    /// Empty for objects of the first version, which had one object for each digest.
+    /// Unique suffix of the object's name; empty for objects of the first version, which had one object for each
+    /// digest.
     generation: String,
 }
 
-/// Text that is not the name of an object.
+/// Text that is not the name of a stored object.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not the path of a stored object")]
 pub(crate) struct NotAnObject(String);
 
 impl Object {
-    /// Makes a name that was never used before.
+    /// Builds the name of a new object with the given digest; the name was never used before.
     pub(crate) fn fresh(digest: Digest) -> Self {
         Self { digest, generation: uuid::Uuid::now_v7().simple().to_string() }
     }
 
-    /// Builds the name of an object of a known generation.
+    /// Builds the name of an existing object from its digest and its unique suffix (generation).
     pub(crate) fn of(digest: Digest, generation: String) -> Self {
         Self { digest, generation }
     }
@@ -41,12 +42,12 @@ impl Object {
         self.digest
     }
 
-    /// Returns the generation that wrote the object.
+    /// Returns the generation of the object, which is the unique suffix of its name.
     pub(crate) fn generation(&self) -> &str {
         &self.generation
     }
 
-    /// Returns the folders that hold the objects whose digests begin with byte `first`. Together, those of all 256
+    /// Returns the two folders that hold all objects whose digest begins with byte `first`. The folders of all 256
     /// bytes hold every object.
     pub(crate) fn folders(first: u8) -> [String; 2] {
         [format!("{FOLDER}/{first:02x}"), format!("{FOLDER}/{TENANT}/{first:02x}")]

@@ -12,16 +12,16 @@ use object_store::{ObjectStore, ObjectStoreExt, PutPayload};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Way in which staged bytes become an object.
+/// Way in which a staged (temporary) file becomes an object of the store.
 #[derive(Clone, Debug)]
 pub(super) enum Publication {
-    /// A rename from this folder of the same store.
+    /// The file is renamed; it lies in this folder of the store.
     Rename(&'static str),
-    /// Sending the bytes.
+    /// The bytes of the file are sent to the store.
     Upload,
 }
 
-/// Objects behind the interface of the `object_store` crate.
+/// Store of objects, reached through the interface of the `object_store` crate.
 #[derive(Clone, Debug)]
 pub(crate) struct Objects {
     store: Arc<dyn ObjectStore>,

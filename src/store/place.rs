@@ -9,28 +9,28 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Place of a store; its text is `dir:PATH` or `s3://BUCKET/PREFIX`.
+/// Place of a store; written as `dir:PATH` or `s3://BUCKET/PREFIX`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// A directory.
+    /// The store is a directory with this path.
     Directory(PathBuf),
-    /// A prefix in an S3 bucket; it may be empty.
+    /// The store is a prefix in an S3 bucket; the prefix may be empty.
     S3 {
-        /// Name of the bucket.
+        /// Name of the S3 bucket.
         bucket: String,
-        /// Prefix of all objects, without a slash at its ends.
+        /// Prefix of the names of all objects in the bucket, without a slash at its ends.
         prefix: String,
     },
 }
 
-/// Text that names no store.
+/// Text that is neither `dir:PATH` nor `s3://BUCKET/PREFIX`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found `{0}`, expected dir:PATH or s3://BUCKET/PREFIX")]
 pub struct NotAStore(String);
 
 impl Place {
-    /// Opens the store, and a directory in which bytes are staged: beside a directory of objects, and otherwise inside
-    /// `scratch`. Both directories must exist. Blocking.
+    /// Opens the store, and a directory for temporary files: in the directory of the store, or inside `scratch` if the
+    /// store is in S3. The directory of the store and `scratch` must exist. Blocks the thread.
     pub(crate) fn open(&self, scratch: &Path) -> Result<(Arc<dyn Store>, Staging), StoreError> {
         match self {
             Self::Directory(root) => local::open(root).map(|(store, staging)| (Arc::new(store) as _, staging)),

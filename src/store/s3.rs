@@ -11,14 +11,14 @@ use object_store::{BackoffConfig, ClientOptions, ObjectStore, RetryConfig};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Time in which a call is tried again. Raising it survives longer outages of the store, and answers later when it
-/// stays away.
+/// Time for which a failed call to S3 is tried again. Raising it survives longer outages of the store, but delays the
+/// error when the store stays away.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// Time that one request may take. Raising it tolerates slower stores.
+/// Longest time that one request to S3 may take. Raising it tolerates slower stores.
 const REQUEST: Duration = Duration::from_secs(30);
 
-/// Opens the objects of a bucket under a prefix, which may be empty. Nothing is asked of the store yet.
+/// Opens the objects under a prefix of an S3 bucket; the prefix may be empty. Sends no request to the store yet.
 pub(super) fn open(bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
     super::tls::provide_tls();
     let retry = RetryConfig {

@@ -7,13 +7,14 @@ use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// The directory of files on their way in; on the file system of the store, so that publishing is a rename.
+/// Directory of temporary files that are being written for the store. If the store is a directory, both lie on one file
+/// system, so that publishing a file is a rename.
 #[derive(Clone, Debug)]
 pub(crate) struct Staging {
     directory: PathBuf,
 }
 
-/// A file being written. Dropping it removes the file.
+/// A temporary file that is being written. Dropping it removes the file.
 #[derive(Debug)]
 pub(crate) struct StagedWriter {
     file: File,
@@ -22,7 +23,7 @@ pub(crate) struct StagedWriter {
     path: TemporaryPath,
 }
 
-/// A whole file with its digest, not yet published. Dropping it removes the file, unless it was published.
+/// A complete temporary file with its digest. Dropping it removes the file, unless the file was moved into the store.
 #[derive(Debug)]
 pub(crate) struct Staged {
     file: File,
@@ -42,26 +43,27 @@ impl Drop for TemporaryPath {
 }
 
 impl Staging {
-    /// Opens the directory; it must exist.
+    /// Uses an existing directory for temporary files.
     pub(crate) fn new(directory: impl Into<PathBuf>) -> Self {
         Self { directory: directory.into() }
     }
 
-    /// Starts a file. Blocking, like everything on it.
+    /// Creates a temporary file. This call and all calls on the file block the thread.
     pub(crate) fn begin(&self) -> Result<StagedWriter, StoreError> {
         let path = self.directory.join(uuid::Uuid::now_v7().simple().to_string());
         let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
         Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path: TemporaryPath(path) })
     }
 
-    /// Stages bytes that are in memory. Blocking.
+    /// Writes bytes that are in memory to a new temporary file. Blocks the thread.
     pub(crate) fn stage(&self, bytes: &[u8]) -> Result<Staged, StoreError> {
         let mut writer = self.begin()?;
         writer.write(bytes)?;
         writer.finish()
     }
 
-    /// Stages the bytes of `staged` again, also after it was published and its blob removed. Blocking.
+    /// Copies the bytes of `staged` to a new temporary file, even if `staged` was moved into the store and removed from
+    /// it. Blocks the thread.
     pub(crate) fn stage_again(&self, staged: &Staged) -> Result<Staged, StoreError> {
         // The open file keeps its bytes whatever became of its name.
         let mut from = staged.file.try_clone()?;
@@ -77,7 +79,7 @@ impl Staging {
         }
     }
 
-    /// Removes files last written more than `older_than` ago, and returns their number. Blocking.
+    /// Removes temporary files last written more than `older_than` ago, and returns their number. Blocks the thread.
     pub(crate) fn sweep(&self, older_than: Duration) -> Result<u64, StoreError> {
         let now = SystemTime::now();
         let mut removed = 0;
@@ -94,7 +96,7 @@ impl Staging {
 }
 
 impl StagedWriter {
-    /// Appends and hashes.
+    /// Appends bytes to the temporary file, and adds them to its digest.
     pub(crate) fn write(&mut self, piece: &[u8]) -> Result<(), StoreError> {
         self.file.write_all(piece)?;
         self.hasher.update(piece);
@@ -102,7 +104,7 @@ impl StagedWriter {
         Ok(())
     }
 
-    /// Ends the file. It becomes durable when it is published.
+    /// Completes the temporary file. The file becomes durable only when it is moved into the store.
     pub(crate) fn finish(mut self) -> Result<Staged, StoreError> {
         self.file.flush()?;
         let digest = Digest::from(self.hasher.finalize());
@@ -111,34 +113,34 @@ impl StagedWriter {
 }
 
 impl Staged {
-    /// Returns the digest of the bytes.
+    /// Returns the digest of the bytes of the temporary file.
     pub(crate) fn digest(&self) -> Digest {
         self.digest
     }
 
-    /// Returns the number of bytes.
+    /// Returns the size of the temporary file in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Returns the path of the file.
+    /// Returns the path of the temporary file.
     pub(crate) fn path(&self) -> &Path {
         &self.path.0
     }
 
-    /// Reads all bytes. Blocking.
+    /// Reads all bytes of the temporary file. Blocks the thread.
     pub(crate) fn read(&self) -> Result<Vec<u8>, StoreError> {
         let mut bytes = Vec::new();
         File::open(self.path())?.read_to_end(&mut bytes)?;
         Ok(bytes)
     }
 
-    /// The name of the file in the staging directory.
+    /// Returns the name of the temporary file, without its directory.
     pub(super) fn name(&self) -> &str {
         self.path().file_name().and_then(|name| name.to_str()).unwrap_or_default()
     }
 
-    /// Waits until the bytes are on stable storage.
+    /// Waits until the bytes of the temporary file are on stable storage.
     pub(super) async fn sync(&self) -> Result<(), StoreError> {
         let file = self.file.try_clone()?;
         Ok(tokio::task::spawn_blocking(move || file.sync_all()).await.map_err(std::io::Error::other)??)

@@ -8,14 +8,14 @@ use object_store::{ObjectStore, ObjectStoreExt, PutPayload};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-/// Bytes up to which an object is sent in one request. Raising it needs more memory for each upload.
+/// Size in bytes up to which an object is sent in one request. Raising it needs more memory for each upload.
 const WHOLE: u64 = 16 << 20;
 
-/// Bytes of each part of a larger object; the last may be shorter. Some servers accept only parts of equal length, and
-/// none accepts parts under 5 MiB.
+/// Size in bytes of each part of an object that is sent in parts; the last part may be shorter. Some servers accept
+/// only parts of equal length, and none accepts parts under 5 MiB.
 const PART: u64 = 8 << 20;
 
-/// Sends staged bytes as the object at `to`.
+/// Sends a staged (temporary) file to the object store, as the object with the path `to`.
 pub(super) async fn upload(store: &dyn ObjectStore, to: &Path, staged: &Staged) -> Result<(), StoreError> {
     let size = staged.bytes();
     if size <= WHOLE {

@@ -9,15 +9,16 @@ use futures::stream::{BoxStream, StreamExt, TryStreamExt};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Size in bytes up to which an object is read in one piece and verified before its first byte is passed on.
+/// Size in bytes up to which an object is read in one piece, and its digest checked, before its first byte is passed
+/// on. Raising it needs more memory.
 pub const WHOLE: u64 = 8 << 20;
 
-/// Size in bytes of the pieces in which larger objects are read.
+/// Size in bytes of the pieces in which a large object is read. Raising it needs more memory for each reader.
 const PIECE: u64 = 4 << 20;
 
-/// Operations that every store supports by its contract.
+/// Operations on objects of any store: reading with a check of the digest, streaming, and recomputing the digest.
 pub(crate) trait StoreExt: Store {
-    /// Returns the size of an object, asking the store if it is not known.
+    /// Returns the size of an object in bytes; asks the store if the size is not known.
     fn size_of(&self, object: &Object, known: Option<u64>) -> impl Future<Output = Result<u64, StoreError>> + Send {
         async move {
             match known {
@@ -27,7 +28,7 @@ pub(crate) trait StoreExt: Store {
         }
     }
 
-    /// Returns all bytes of an object, verified. One request, if the size is known.
+    /// Returns all bytes of an object, after checking its digest. Needs one request, if the size is known.
     fn get(&self, object: &Object, size: Option<u64>) -> impl Future<Output = Result<Bytes, StoreError>> + Send {
         async move {
             let (digest, size) = (object.digest(), self.size_of(object, size).await?);
@@ -49,8 +50,8 @@ pub(crate) trait StoreExt: Store {
         }
     }
 
-    /// Streams the bytes of `range` of an object of `size` bytes. A whole object is hashed on its way, and the stream
-    /// ends with [`StoreError::Corrupt`] on a mismatch; a part cannot be verified.
+    /// Streams the bytes of `range` of an object of `size` bytes. The digest of a whole object is checked on the way,
+    /// and the stream ends with [`StoreError::Corrupt`] on a mismatch. Part of an object cannot be checked.
     fn stream(
         self: Arc<Self>,
         object: Object,
@@ -81,7 +82,7 @@ pub(crate) trait StoreExt: Store {
         .boxed()
     }
 
-    /// Recomputes the digest of an object of any size in bounded memory, and returns its size.
+    /// Recomputes and checks the digest of an object of any size in bounded memory, and returns its size in bytes.
     fn verify(self: Arc<Self>, object: &Object) -> impl Future<Output = Result<u64, StoreError>> + Send
     where
         Self: 'static,

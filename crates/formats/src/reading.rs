@@ -34,7 +34,8 @@ pub enum ReadError {
     /// The manifest beside an array is not valid JSON.
     #[error("{}: the manifest is not valid JSON: {error}", path.display())]
     Manifest {
-        /// Path of the manifest.
+        /// Path of the manifest, a JSON file `NAME.axes.json` that states how the array `NAME.npy` beside it is
+        /// interpreted.
         path: PathBuf,
         /// Error message of the JSON parser, with the line and column in the manifest.
         error: String,

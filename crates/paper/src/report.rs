@@ -12,7 +12,8 @@ pub struct Table {
     pub number: u8,
     /// Title of the reproduced table, which says what its numbers are.
     pub title: String,
-    /// Data from which the errors were computed, and their differences from the data of the paper.
+    /// Text that names the data that this program compressed, and says how they differ from those of Claustres et al.
+    /// (2006).
     pub data: String,
     /// Descriptions of how each method selects wavelet coefficients, one sentence for each method.
     pub methods: Vec<String>,
@@ -36,7 +37,7 @@ pub struct Row {
     pub method: String,
     /// Cells of the row, one for each column of the table.
     pub cells: Vec<Cell>,
-    /// Wavelet bases or thresholds that the method chose, as text.
+    /// Wavelet bases that the compression method chose, or thresholds below which it drops coefficients, as text.
     pub detail: String,
 }
 
@@ -48,11 +49,11 @@ pub struct Cell {
     /// Number computed by this program for one cell of a reproduced table: an error in per cent unless the column says
     /// otherwise.
     pub ours: f64,
-    /// Number that Claustres et al. (2006) published in this cell of the table: an error in per cent unless the column
-    /// says otherwise. `None` if they published none.
+    /// Number that Claustres et al. (2006) published for the same cell of a reproduced table: an error in per cent
+    /// unless the column says otherwise. `None` if they published none.
     pub paper: Option<f64>,
-    /// Ratio of this program's number in this cell of the table to that of Claustres et al. (2006); `None` if they
-    /// published no positive number.
+    /// Ratio of this program's number for one cell of a reproduced table to that of Claustres et al. (2006); `None` if
+    /// they published no positive number.
     pub ratio: Option<f64>,
 }
 
@@ -85,8 +86,8 @@ impl Cell {
 }
 
 impl Table {
-    /// Computes, for every method of the table, statistics of the ratios of computed to published errors. Methods keep
-    /// the order of their first appearance.
+    /// Adds, for each compression method in this reproduced table, statistics of the ratios of computed to published
+    /// errors. Methods keep the order of their first appearance.
     pub(super) fn summarised(mut self) -> Self {
         let mut methods: Vec<&str> = Vec::new();
         for row in &self.rows {

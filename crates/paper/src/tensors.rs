@@ -123,8 +123,8 @@ pub(super) fn ratio_columns(ratios: &[usize]) -> Vec<String> {
     ratios.iter().flat_map(|ratio| ["L1", "L2"].map(|norm| format!("{ratio}:1 {norm}"))).collect()
 }
 
-/// Formats as text the thresholds below which a method of the paper drops wavelet coefficients, chosen for a wanted
-/// number of coefficients.
+/// Formats as text the thresholds below which a compression method of Claustres et al. (2006) drops wavelet
+/// coefficients. They were chosen so that a wanted number of coefficients remains.
 pub(super) fn thresholds(found: &[f64]) -> String {
     let shown: Vec<String> = found.iter().map(|t| format!("{t:.2e}")).collect();
     format!("({})", shown.join(", "))

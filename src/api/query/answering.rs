@@ -104,8 +104,10 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Calls `ask` for each run of pairs that agree in which directions they contain. `ask` answers a range of pairs
-    /// with the given incoming and outgoing directions. It refuses the whole range if one pair is invalid.
+    /// Answers queries by calls of `ask`, one for each run of consecutive queries with the same kinds of directions:
+    /// incoming, outgoing, both or none.
+    ///
+    /// `ask` answers a range of queries with the given directions. It refuses the whole range if one query is invalid.
     fn of_runs(
         pairs: &[Pair],
         mut ask: impl FnMut(Range<usize>, Option<Directions<'_>>, Option<Directions<'_>>) -> Result<(), Problem>,
@@ -127,7 +129,8 @@ impl Done {
         Self { answers, problem: None }
     }
 
-    /// Calls `ask` for a range of queries. If `ask` refuses it, bisects the range to find the first invalid query.
+    /// Answers a range of queries by a call of `ask`. If `ask` refuses the range, bisects it to answer the queries
+    /// before the first invalid one; returns their number and the error of the invalid one.
     fn up_to_refused(range: Range<usize>, ask: &mut impl FnMut(Range<usize>) -> Result<(), Problem>) -> Self {
         let problem = match ask(range.clone()) {
             Ok(()) => return Self { answers: range.len(), problem: None },

@@ -91,8 +91,8 @@ pub(super) struct Cutter {
 #[derive(Clone, Copy, Debug)]
 enum Form {
     Floats(Directions),
-    /// Queries as NDJSON, one on each line. The fields say how much of the received, uncut bytes was searched for line
-    /// ends, and how many complete lines were found.
+    /// Queries as NDJSON, one on each line. `seen` is the number of bytes searched for line ends so far, among those
+    /// that were received and not yet made a block of queries.
     Lines {
         seen: usize,
         /// Number of lines that end with a newline among the bytes of a request body scanned so far.

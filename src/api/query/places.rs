@@ -134,13 +134,15 @@ impl Places {
 /// Pairs of directions read before the first invalid query, and the error of that query.
 pub(super) struct Read {
     pub(super) pairs: Vec<Pair>,
-    /// Zero-based number, in the batch, of the query of each pair of directions (line number for NDJSON).
+    /// Zero-based numbers, in the batch, of the queries that were read: one for each pair of directions (line number
+    /// for NDJSON).
     pub(super) numbers: Vec<u64>,
     pub(super) problem: Option<Problem>,
 }
 
 impl Records {
-    /// Splits the queries into parts of at most `most` queries.
+    /// Splits this block of queries of a batch into parts of at most `most` queries, which threads evaluate in
+    /// parallel.
     pub(super) fn parts(&self, most: usize) -> Vec<Self> {
         match self {
             Self::Listed(places, range) => range

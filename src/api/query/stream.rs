@@ -28,8 +28,8 @@ const BLOCK: usize = 4096;
 /// Upper bound on the number of output values of a block of queries. Blocks of queries with many values each reach it
 /// before [`BLOCK`]. Raising it costs memory.
 const BLOCK_VALUES: usize = 1 << 19;
-/// Upper bound on the number of queries in a part of a block, which one thread evaluates. Raising it uses fewer
-/// threads.
+/// Upper bound on the number of consecutive queries of a batch that one thread evaluates together. Raising it uses
+/// fewer threads.
 const PART: usize = 512;
 /// Upper bound on the number of output values that one thread computes for its part of a block of queries. Parts with
 /// many values per query reach it before [`PART`]. Raising it uses fewer threads.

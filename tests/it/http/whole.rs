@@ -11,9 +11,13 @@ use wavelume::api::{ServeError, Server};
 async fn the_root_says_what_this_is_and_how_it_is() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
-    for (path, expected) in
-        [("/", "curl"), ("/healthz", "ok"), ("/readyz", "ready"), ("/metrics", "wavelume_uploads_running")]
-    {
+    for (path, expected) in [
+        ("/", "curl"),
+        ("/healthz", "ok"),
+        ("/readyz", "ready"),
+        ("/metrics", "wavelume_uploads_running"),
+        ("/metrics", "wavelume_http_request_duration_seconds_bucket{"),
+    ] {
         let response = service.get(path).send().await.unwrap();
         assert_eq!(response.status(), StatusCode::OK);
         assert!(response.headers().contains_key("request-id"));

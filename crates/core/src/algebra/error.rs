@@ -20,7 +20,7 @@ pub enum AlgebraError {
         what: &'static str,
         /// Number of samples of the signal.
         found: usize,
-        /// Largest number of samples of a signal for which such a table is computed.
+        /// Largest number of samples of a signal for which a table such as its Gram matrix is computed.
         most: usize,
     },
     /// The table of coupling coefficients (factors with which products of basis functions are expanded) would be too
@@ -50,7 +50,8 @@ pub enum AlgebraError {
     NotFinite {
         /// Name of the number that is not finite, for example `weight`.
         what: &'static str,
-        /// Position of the number that is not finite: from 0 in a list of samples, from 1 for the weights of operands.
+        /// Position of the sample or weight that is not finite. Samples of a signal count from 0; weights of the
+        /// materials in a weighted sum count from 1.
         index: usize,
         /// Number found: NaN or infinite.
         found: f64,
@@ -110,7 +111,7 @@ pub enum AlgebraError {
     Overflow {
         /// Index of the sample in row-major order, from 0.
         index: usize,
-        /// Weighted sum of the samples that the materials have at one index, a number beyond the range of f32.
+        /// Value of one sample of a weighted sum of materials: a number beyond the range of f32.
         found: f64,
     },
     /// Compressing the weighted sum of materials failed.

@@ -9,6 +9,6 @@ pub const MAX_GRAM: usize = 1024;
 /// Largest number of samples of a signal for which coupling coefficients of products are tabulated: n²/2 pairs of
 /// functions, each with up to n numbers.
 pub const MAX_COUPLED: usize = 512;
-/// Largest number of coupling coefficients in a table (128 MiB). A basis whose functions all overlap reaches it at 322
-/// samples. Raising it allows longer signals.
+/// Largest number of coefficients (128 MiB) in a table that expands the products of all pairs of basis functions in the
+/// basis itself. If all functions overlap, 322 samples reach it. Raising it allows longer signals.
 pub const MAX_COUPLINGS: usize = 1 << 24;

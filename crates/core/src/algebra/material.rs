@@ -280,8 +280,8 @@ fn common(operands: &[Operand<'_>]) -> Result<Result<Kept, String>, AlgebraError
     Ok(common.ok_or_else(|| "there is no material".to_owned()))
 }
 
-/// Returns the rule for interpolation between incoming directions that all operands share; `None` if they differ or a
-/// weight is not positive.
+/// Returns the common rule for interpolation between incoming directions of the materials in a weighted sum. Returns
+/// `None` if the rules differ or the weight of a material is not positive.
 fn common_between(operands: &[Operand<'_>], summaries: &[Summary]) -> Option<Between> {
     let (first, others) = summaries.split_first()?;
     let is_common = others.iter().all(|other| other.between == first.between);

@@ -24,7 +24,7 @@ impl SpectrumPool {
         Self { space: Arc::clone(space), indices: Vec::new(), values: Vec::new(), starts: vec![0] }
     }
 
-    /// Appends a sparse spectrum to the list and returns its number, from 0.
+    /// Appends a sparse spectrum to this pool of spectra. Returns its position in the pool, from 0.
     pub fn push(&mut self, spectrum: &SparseSpectrum) -> Result<usize, AlgebraError> {
         self.space.require(spectrum.space())?;
         let large = spectrum.entries().iter().find(|entry| !(entry.value as f32).is_finite());

@@ -41,8 +41,8 @@ pub struct Couplings {
     count: usize,
 }
 
-/// Run of coupling coefficients with consecutive k, the first of which is `first`. Values begin at `start` and end
-/// where those of the next run begin.
+/// Consecutive coefficients of the product of two basis functions, in the same basis; `first` is the index of the first
+/// one. The values of a run begin at `start` in the list of all values, and end where those of the next run begin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Run {
     first: u32,
@@ -152,7 +152,8 @@ impl Couplings {
         Ok(())
     }
 
-    /// Adds `factor · C(k; i, j)` to `sums[k]` for all k, where C are the coupling coefficients; i ≤ j.
+    /// Adds the product of basis functions `i` and `j`, times `factor`, to a signal: `sums` are the coefficients of the
+    /// signal in the same basis. Requires i ≤ j.
     fn add_pair(&self, i: usize, j: usize, factor: f64, sums: &mut [f64]) {
         // The rows before row i contain n, n − 1, … pairs.
         let pair = i * (2 * self.space.coefficients() - i + 1) / 2 + (j - i);

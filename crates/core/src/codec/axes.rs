@@ -348,8 +348,8 @@ fn read_list(r: &mut Reader<'_>, form: u8, limit: usize, what: &'static str) -> 
     values.collect::<Option<Vec<_>>>().ok_or_else(|| r.malformed(format!("{what} out of range")))
 }
 
-/// Encodes or decodes a list of integers below 2^32 as second differences. With `curved` they are coded unchanged,
-/// because they already are differences from a polynomial.
+/// Encodes or decodes a list of integers below 2^32 as second differences. If `curved` is true, the integers are coded
+/// directly, because they already are deviations of the entries of an axis from a fitted polynomial.
 fn code_differences<C: BitCoder>(coder: &mut C, curved: bool, integers: &mut [i64]) {
     let mut model = Model::new(3 * GOLOMB_SLOTS, 1);
     let (mut last, mut difference) = (0_i64, 0_i64);

@@ -83,7 +83,7 @@ impl<'a> Reader<'a> {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }
 
-    /// Reads the next `count` bytes.
+    /// Reads the next `count` bytes of the input. `expected` names these bytes in the error if the input is too short.
     pub(crate) fn take(&mut self, count: usize, expected: &'static str) -> Result<&'a [u8], CodecError> {
         let end = self.position.checked_add(count).filter(|&end| end <= self.bytes.len());
         let end = end.ok_or(CodecError::Truncated { at: self.offset(), expected })?;

@@ -31,8 +31,8 @@ pub(crate) struct Rows {
     pub lane_order: Vec<u32>,
     /// Wavelet level of each entry of a row of the coefficient tensor; 0 is the smooth part.
     pub lane_level: Vec<u8>,
-    /// Indices of the two coefficients of a row that serve as context of each one: its parent in the wavelet tree, and
-    /// the one coded before it. A missing one is [`NONE`].
+    /// Indices of the two context entries of each entry of a row (a run of the last axis of the coefficient tensor):
+    /// its parent in the wavelet tree, and the entry of the row coded before it. [`NONE`] stands for a missing one.
     pub lane_neighbours: Vec<[u32; 2]>,
 }
 
@@ -103,7 +103,8 @@ impl Rows {
 struct State {
     model: Model,
     payload: Payload,
-    /// Running mean of the coefficient magnitudes at each position of a row, in units of 1/256.
+    /// Running mean of the coefficient magnitudes coded so far at each index of the last axis of the coefficient
+    /// tensor. It is a fixed-point number: 256 stands for a magnitude of 1.
     activity: Vec<u32>,
 }
 

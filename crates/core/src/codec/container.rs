@@ -48,7 +48,8 @@ pub(crate) enum ChunkKind {
     Grid,
     /// Wavelet coefficients, quantised or exact.
     Coefficients,
-    /// Corrections that keep the integral of whole blocks of samples accurate.
+    /// Corrections that keep the light (albedo or flux) of each incoming direction and wavelength within an error
+    /// bound. Light is the integral of the samples over the outgoing directions.
     Light,
     /// Corrections of single samples that enforce a pointwise error bound.
     Corrections,
@@ -116,7 +117,7 @@ pub(crate) struct Announced {
 /// One chunk (section) of a compressed file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunk<'a> {
-    /// Kind of the chunk.
+    /// Kind of this section of a compressed file, such as header or coefficients.
     pub kind: ChunkKind,
     /// Content of the chunk; only its beginning if the file is truncated there.
     pub payload: &'a [u8],

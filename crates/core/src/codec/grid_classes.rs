@@ -26,7 +26,8 @@ pub(crate) struct ClassGrid {
     pub(crate) polar: usize,
     /// Number of outgoing azimuths.
     pub(crate) azimuths: usize,
-    /// Indices along the last axis (such as wavelength), in coding order.
+    /// Indices of the spectral channels (entries of the last axis of the tensor, such as wavelengths), in the order in
+    /// which their sample classes are coded.
     pub(crate) lanes: Vec<usize>,
 }
 

@@ -27,7 +27,7 @@ const STRETCH_LIMIT: i32 = 3072;
 const COUNT_LIMIT: u8 = 254;
 
 struct Tables {
-    /// Table of log-odds, indexed by the 12 high bits of a probability.
+    /// Table of log-odds ln(p / (1 − p)) in units of 1/256, indexed by the 12 high bits of the 22-bit probability p.
     stretch: [i16; 4096],
     /// Table of 16-bit probabilities, indexed by log-odds from −[`STRETCH_LIMIT`] on.
     squash: [u16; 2 * STRETCH_LIMIT as usize + 1],

@@ -13,7 +13,8 @@ const PER_OCTAVE: i32 = 8;
 /// Number of standard deviations for which logistic densities are tabulated: variances from 2^−10 to 2^22 squared
 /// quantiser steps.
 const SCALES: usize = 256;
-/// Index of the tabulated density whose variance is one squared quantiser step.
+/// Index, in the table of logistic densities of prediction errors, of the density for a variance of one squared
+/// quantiser step.
 const UNIT_SCALE: i32 = 80;
 /// Number of tabulated decisions on the magnitude of a residual: larger than 0, 1, 2, …, 15.
 const KINDS: usize = 16;
@@ -34,8 +35,8 @@ const BY_SCALE: usize = 0;
 const SCALE_CLASSES: usize = 40;
 const BY_NEAR: usize = BY_SCALE + KINDS * SCALE_CLASSES;
 const NEAR_CLASSES: usize = 24;
-/// Number of size classes of merged blocks that the adaptive probabilities of residuals distinguish, smallest first;
-/// larger blocks share the last class.
+/// Number of classes of the size of merged blocks of grid nodes. The class selects the adaptive probabilities for coded
+/// prediction errors. Class 0 has the smallest blocks; all blocks above a limit share the last class.
 pub(crate) const DEPTHS: usize = 4;
 const BY_PLACE: usize = BY_NEAR + KINDS * NEAR_CLASSES * DEPTHS;
 /// Number of contexts of a residual (quantised prediction error) by its place in the tensor: for each of 4 axes along
@@ -46,11 +47,16 @@ const ESCAPE: usize = BY_PLACE + KINDS * PLACES * PLACE_CLASSES;
 const SLOTS: usize = ESCAPE + GOLOMB_SLOTS;
 
 struct Tables {
-    /// Log-odds that a residual whose magnitude is above k − ½ quantiser steps is also above k + ½: for each tabulated
-    /// standard deviation a list by k, from 0 to 15.
+    /// Log-odds, in units of 1/256, that a prediction error with a magnitude above k − ½ quantiser steps is also above
+    /// k + ½.
+    ///
+    /// There is one list by k, from 0 to 15, for each tabulated standard deviation: 2^−5 to 2^11 quantiser steps.
     odds: Vec<[i16; KINDS]>,
-    /// Distances from the middle of a quantiser bin to the mean of the residual's density over it: for each tabulated
-    /// standard deviation a list by magnitude of the bin (the last entry is for 15 and more).
+    /// Distances, in units of 1/4096 quantiser step, from the middle of a quantiser bin to the mean of the prediction
+    /// errors in it.
+    ///
+    /// There is one list for each tabulated standard deviation, by the number of the bin, counted from 0 at a
+    /// prediction error of 0. Bins beyond 15 share the last entry.
     offsets: Vec<[i16; KINDS]>,
     /// Fractional part of a binary logarithm in units of [`octaves()`], by the 6 high bits of the mantissa.
     octaves: [i8; 64],

@@ -1,7 +1,8 @@
 //! Lists of angles determined by two ends and a count: even steps that decimals cannot represent, and even steps of the
 //! cosine.
 
-/// Formula for the entries of a list between its two ends, evaluated in f64.
+/// Formula that gives all entries of a list of angles from its first entry, its last entry and its length, evaluated in
+/// f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
     /// Even steps, `start + i · (end − start) / (count − 1)`, in which the product is evaluated first. The last entry

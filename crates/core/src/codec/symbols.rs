@@ -8,7 +8,8 @@ use super::range::BitCoder;
 pub(crate) const FINE: usize = 12;
 /// Number of coarse classes of an integer magnitude, used as contexts of adaptive probabilities.
 pub(crate) const COARSE: usize = 6;
-/// Bound below which magnitudes are coded in unary; larger ones follow as an Exp-Golomb code.
+/// Smallest magnitude of a coded integer, such as a quantised coefficient, that needs an Exp-Golomb code. Smaller
+/// magnitudes are coded in unary.
 const UNARY: u32 = 14;
 /// Largest exponent of an Exp-Golomb code, in bits: coded values stay below 2^31 − 1.
 const DOUBLINGS: u32 = 30;
@@ -66,8 +67,9 @@ impl MagnitudeSlots {
         Self { first }
     }
 
-    /// Initialises the probabilities of all decisions "is the magnitude larger than k" from a Laplacian density whose
-    /// scale follows from the fine class.
+    /// Sets the initial probabilities of the decisions "is the magnitude of the coded integer larger than k" for every
+    /// k that is coded in unary. They assume a Laplacian density whose scale follows from the class of the expected
+    /// magnitude.
     pub(crate) fn set_priors(self, model: &mut Model) {
         for step in 0..UNARY as usize {
             for (class, &larger) in LARGER.iter().enumerate() {
@@ -89,8 +91,8 @@ const LARGER: [u32; FINE] = [5_243, 5_243, 5_243, 6_554, 9_830, 16_384, 23_593, 
 pub(crate) const NONZERO: [u32; FINE] =
     [1_311, 3_277, 6_554, 13_107, 22_938, 32_768, 42_598, 52_429, 58_982, 62_259, 63_570, 64_225];
 
-/// Encodes or decodes a magnitude ≥ 1. Contexts are two fine classes of its expected size, `first` and `second`, and
-/// its level class `level`.
+/// Encodes or decodes the magnitude, at least 1, of an integer such as a quantised coefficient. The contexts are two
+/// classes of the expected magnitude, `first` and `second`, and the integer's wavelet or subdivision level, `level`.
 pub(crate) fn code_magnitude<C: BitCoder>(
     coder: &mut C,
     model: &mut Model,

@@ -21,8 +21,8 @@ const RETRO: u8 = 16;
 const ROUGHNESS: [f32; 2] = [1.0 / 1024.0, 4.0];
 /// Smallest and largest reflectance at normal incidence that a file can state.
 const REFLECTANCE: [f32; 2] = [1.0 / 8192.0, 1.0];
-/// Smallest and largest constant (diffuse) term that a file can state for a microfacet model whose specular term has
-/// the factor 1.
+/// Smallest and largest constant (diffuse) term that a file can state for a microfacet model, which is this term plus a
+/// specular term of fixed scale.
 const BASE: [f32; 2] = [0.0, 1_048_576.0];
 
 /// Function of incoming and outgoing direction by which samples are divided before their logarithms are interpolated
@@ -31,7 +31,7 @@ const BASE: [f32; 2] = [0.0, 1_048_576.0];
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Divisor {
-    /// Samples are not divided before interpolation: V = 1.
+    /// No function divides the samples before they are interpolated between incoming directions.
     #[default]
     None,
     /// Samples are divided by V = 1 / (c + d) before interpolation, with c and d the cosines of the incoming and the
@@ -58,7 +58,8 @@ pub enum Divisor {
         roughness: f32,
         /// Fresnel reflectance at normal incidence.
         reflectance: f32,
-        /// Constant (diffuse) term of the microfacet model, whose specular term has the factor 1.
+        /// Constant (diffuse) term that the microfacet model adds to its specular term, which is the product of the
+        /// Fresnel factor, the GGX distribution and masking over cosines.
         base: f32,
     },
 }
@@ -74,8 +75,8 @@ impl Divisor {
         }
     }
 
-    /// Returns the function that divides samples with its parameters as a file stores them: clamped to their bounds,
-    /// rounded to the high 16 bits of an f32.
+    /// Returns this divisor (function by which samples are divided before interpolation between incoming directions)
+    /// with its parameters as a file stores them: clamped to their bounds, rounded to the high 16 bits of an f32.
     #[must_use]
     pub fn stated(self) -> Self {
         let short = |x: f32, [low, high]: [f32; 2]| {
@@ -123,8 +124,11 @@ impl Between {
         (!self.is_default()).then(|| Self { divisor: self.divisor.stated(), ..*self })
     }
 
-    /// Returns true if a measurement on these axes can have this interpolation. It always needs incoming directions; a
-    /// divisor or retro-reflection also needs a BRDF.
+    /// Returns true if this way of interpolating between incoming directions suits a measurement of `quantity` on
+    /// `axes`.
+    ///
+    /// It needs incoming directions. Division of the samples by a function, and the treatment of retro-reflection, also
+    /// need a BRDF.
     pub(crate) fn fits(&self, quantity: Quantity, axes: &[Axis]) -> bool {
         let Ok(layout) = Layout::of(quantity, axes) else { return false };
         let is_reflected = quantity == Quantity::Brdf && layout.outgoing.is_some();

@@ -71,7 +71,8 @@ fn chunks(bytes: &[u8]) -> Vec<(ChunkKind, Vec<u8>)> {
     std::iter::once((ChunkKind::Header, header.write())).chain(present).collect()
 }
 
-/// Replaces the pyramid chunk of a file, and corrects the chunk's length in the header and its checksum.
+/// Replaces the chunk with the coded means and details of triangles (pyramid chunk) in a file. Adapts the chunk's
+/// length in the header, and recomputes the chunk's checksum.
 fn with_pyramid(bytes: &[u8], pyramid: Vec<u8>) -> Vec<u8> {
     let mut chunks = chunks(bytes);
     let header = header::Header::read(&mut crate::codec::Reader::new(&chunks[0].1, 0)).unwrap();

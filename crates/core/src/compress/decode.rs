@@ -174,7 +174,8 @@ pub struct DecodedBlock {
     pub summary: Summary,
 }
 
-/// Decodes the slice of one incoming direction: entry `block` (row-major) of the axes before the last directions.
+/// Decodes the samples of one incoming direction of a compressed material. `block` counts the incoming directions: the
+/// entries of all axes before the outgoing directions, in row-major order.
 ///
 /// The samples equal those of [`decode`] bit for bit, without a lobe beside the cells ([`DecodedBlock::whole`] has
 /// both). With random access only classes, basis and model are decoded besides the block. Any other material is decoded
@@ -227,8 +228,10 @@ pub fn decode_block(bytes: &[u8], block: usize) -> Result<DecodedBlock, CodecErr
     Ok(DecodedBlock { tensor, summary: Summary { axes, ..header.summary(metadata) } })
 }
 
-/// Returns the coded bytes behind the level index of a pyramid chunk if each block (incoming direction) in it can be
-/// decoded alone. `None` if not, or if samples have corrections.
+/// Returns the part of the pyramid chunk (samples on triangles, coded from coarse to fine) behind its table of
+/// lower-resolution levels.
+///
+/// `None` unless each incoming direction can be decoded alone, or if the file corrects the error of single samples.
 fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.predicted && header.correction_step == 0.0) else { return Ok(None) };
     let mut r = Reader::new(payload, 0);
@@ -237,8 +240,8 @@ fn random_pyramid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Opti
     Ok(predictive::is_random(&header.axes, coded)?.then_some(coded))
 }
 
-/// Returns the grid chunk if each incoming direction in it can be decoded alone; `None` otherwise, or if samples have
-/// corrections.
+/// Returns the grid chunk (coded samples on a grid of angles) if each incoming direction in it can be decoded alone.
+/// `None` otherwise, or if the file corrects the error of single samples.
 fn random_grid<'a>(header: &Header, payload: Option<&'a [u8]>) -> Result<Option<&'a [u8]>, CodecError> {
     let Some(payload) = payload.filter(|_| header.gridded && header.correction_step == 0.0) else { return Ok(None) };
     Ok(gridded::is_random(payload)?.then_some(payload))

@@ -22,7 +22,8 @@ pub(crate) struct Tally {
 }
 
 impl Tally {
-    /// Counts one trial that processes `samples` samples.
+    /// Counts one trial: a quantisation of `samples` samples with one step or threshold whose result is coded or
+    /// reconstructed.
     pub(crate) fn add(&self, samples: usize) {
         self.trials.fetch_add(1, Ordering::Relaxed);
         self.samples.fetch_add(samples as u64, Ordering::Relaxed);

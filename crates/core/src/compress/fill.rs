@@ -56,8 +56,11 @@ pub(crate) fn settle(axes: &[Axis], classes: &[Class], coefficients: &mut [f64])
     }
 }
 
-/// Removes the details of nodes with fewer than two live children from one triangle tree of rows of `inner`
-/// coefficients, from the leaves up. The change of a node's mean row is carried to its parent.
+/// Sets to 0 the bio-Haar details (differences of four sibling triangles from their mean) where fewer than two siblings
+/// have nonzero, unmasked samples, as `live` marks.
+///
+/// It works from the finest triangles up, and adds the change of each mean to the parent. `block` is `[triangle,
+/// inner]`.
 fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mut [f64]) {
     let mut areas = mesh.solid_angles();
     let mut growths: Vec<Option<Vec<f64>>> = vec![None; live.len()];
@@ -105,8 +108,10 @@ fn settle_tree(mesh: TriangleMesh, inner: usize, mut live: Vec<bool>, block: &mu
     }
 }
 
-/// Fills dead (zero or masked) rows of a triangle tree: averages live children upward, gives dead children their
-/// parent's mean downward. `block` is `[4^k · bases, inner]`.
+/// Fills NaN values (zero or masked samples) on a triangle mesh, from the coarsest level down: each takes the mean of
+/// those of its siblings that have values, or else that of its parent's siblings, and so on.
+///
+/// `block` is `[triangle, inner]`, with `inner` values for each of the finest triangles.
 fn fill_tree(block: &mut [f32], inner: usize) {
     let mut levels: Vec<Vec<f32>> = Vec::new();
     let mut rows = block.len() / inner;
@@ -197,8 +202,8 @@ mod tests {
         assert_eq!(dead, vec![0.0; 32]);
     }
 
-    /// Checks that a triangle node with one live child has no details on any triangle axis, because these are not
-    /// coded.
+    /// Checks that incoming triangles without valid samples take those of their only valid sibling, because a file
+    /// codes no differences between such siblings.
     #[test]
     fn dead_incoming_triangles_are_their_live_sibling() {
         let mesh = |level| Axis::Triangles(TriangleMesh::new(Domain::Hemisphere, level).unwrap());

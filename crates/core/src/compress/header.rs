@@ -61,11 +61,11 @@ pub(crate) struct Header {
     /// True if the last axis is in principal components of the data, stored in the basis chunk; its transform is then
     /// the identity.
     pub(crate) klt: bool,
-    /// True if means over triangles of the last mesh are predicted from coarse to fine, and only the residuals coded;
-    /// `transforms` then holds identities alone.
+    /// True if samples on the last triangle axis are coded as means over triangles: finer ones are predicted from
+    /// coarser ones, and only the residuals coded. The axis transforms in `transforms` are then all the identity.
     pub(crate) predicted: bool,
     /// True if the last axis of directions is a grid of angles whose samples are predicted from neighbouring angles,
-    /// and only the residuals coded; `transforms` then holds identities alone.
+    /// and only the residuals coded. The axis transforms in `transforms` are then all the identity.
     pub(crate) gridded: bool,
     /// Share of straight lines in the interpolation between measured directions, in 255ths; the rest is cubics of
     /// logarithms.
@@ -439,8 +439,10 @@ impl Header {
 /// Number of bytes by which a header grows when it states the error of samples that are excluded from relative errors.
 pub(crate) const UNSCORED_BYTES: usize = 3;
 
-/// Map from decoded values to magnitudes, to be applied while decoding. `None` if corrections of light or samples must
-/// be added to the logarithms first.
+/// Conversion of decoded values to magnitudes (the exponential, if logarithms are coded) that can be applied while
+/// decoding.
+///
+/// `None` if corrections of the total light (albedo, flux) or of single samples must be added to the values first.
 pub(super) fn finish_of(header: &Header) -> Option<Values> {
     (header.light_step == 0.0 && header.correction_step == 0.0).then(|| header.values())
 }

@@ -55,8 +55,9 @@ impl Light {
         samples / self.weights.len()
     }
 
-    /// Integrates the samples over directions: light of each incoming direction and wavelength, `[blocks, entries
-    /// behind the directions]`.
+    /// Integrates the samples over the last axis of directions, weighted by solid angle (projected for quantities that
+    /// go with a cosine). Returns the light (albedo, flux) `[incoming direction, wavelength]`. Masked samples count as
+    /// 0.
     pub(crate) fn sums(&self, samples: &[f32]) -> Vec<f64> {
         let block = self.weights.len() * self.inner;
         let mut sums = vec![0.0; samples.len() / self.weights.len()];
@@ -76,8 +77,8 @@ impl Light {
         sums
     }
 
-    /// Adds corrections of the light (albedo, flux), given in steps, to the logarithms of the samples of every incoming
-    /// direction and wavelength.
+    /// Corrects the light (albedo, flux): adds to the natural logarithms of the samples the number of correction steps
+    /// that `steps` holds for their incoming direction and wavelength. `how` gives the size of a step.
     pub(crate) fn add(&self, how: Correcting<'_>, steps: &[i32], logs: &mut [f32]) {
         let block = self.weights.len() * self.inner;
         for (number, (logs, steps)) in logs.chunks_exact_mut(block).zip(steps.chunks_exact(self.inner)).enumerate() {
@@ -111,8 +112,11 @@ impl Light {
         LightReport { largest, rms: if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }, brightest }
     }
 
-    /// Computes for each incoming direction and wavelength the number of steps of the logarithm that brings the light
-    /// of `decoded` within `bound` (relative) of that of `original`; 0 where it already is.
+    /// Computes corrections of the light (albedo, flux) for each incoming direction and wavelength: numbers of steps,
+    /// each `step` in the samples' natural logarithms. They bring the relative error of the light of `decoded` down to
+    /// `bound`.
+    ///
+    /// A correction is 0 where that error is within 0.9 · `bound` already.
     ///
     /// With a negative step, the negative samples of a block take the correction if they can, because their errors are
     /// not bounded. Otherwise the positive samples take it.
@@ -159,25 +163,29 @@ impl Light {
     }
 }
 
-/// Parameters of corrections to the light (directional albedo, flux): their step, and the negative samples, which can
-/// take corrections of their own.
+/// Rule by which decoded samples are changed so that the total light (directional albedo, flux) keeps its bound: step
+/// of the corrections of the samples' natural logarithms, and treatment of negative samples.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correcting<'a> {
-    /// Step of the corrections to the light (albedo, flux), which are added to logarithms of samples. If it is
-    /// negative, its magnitude counts, and the lowest bit of a correction tells if negative samples take it (1) or all
-    /// others (0).
+    /// Step of the corrections to the light (albedo, flux), which are added to natural logarithms of samples.
+    ///
+    /// If it is negative, its magnitude counts, and the lowest bit of a correction tells if negative samples take it
+    /// (1) or all others (0).
     step: f32,
-    /// Class (positive, negative, zero or masked) of each sample on a grid of angles; `None` if a correction of the
-    /// light (albedo, flux) applies to all samples. With classes and a positive correction step, it skips negative
-    /// samples.
+    /// Class (positive, negative, zero or masked) of each sample on a grid of angles; `None` if corrections of the
+    /// light (albedo, flux) are added to positive and negative samples alike.
+    ///
+    /// With classes and a positive step, corrections leave negative samples unchanged.
     classes: Option<&'a [Class]>,
-    /// Upper bound on the logarithm of a negative sample's magnitude.
+    /// Upper bound on the natural logarithm of a negative sample's magnitude.
     bound: f32,
 }
 
 impl<'a> Correcting<'a> {
-    /// Builds the parameters of corrections to the light (albedo, flux). `bound` is the largest logarithm of a negative
-    /// sample's magnitude. Without it `classes` is ignored, and a correction applies to all samples alike.
+    /// Builds the rule for corrections to the light (albedo, flux). `classes` tells which samples are negative, and
+    /// `bound` is the largest natural logarithm of a negative sample's magnitude.
+    ///
+    /// Without `bound`, `classes` is ignored, and positive and negative samples take the same corrections.
     pub(crate) fn new(step: f32, classes: Option<&'a [Class]>, bound: Option<f32>) -> Self {
         Self { step, classes: classes.filter(|_| bound.is_some()), bound: bound.unwrap_or(f32::MAX) }
     }
@@ -191,16 +199,18 @@ struct Negative {
 }
 
 impl Negative {
-    /// Magnitude of the total light of the negative samples after `shift` is added to the logarithms of their
-    /// magnitudes.
+    /// Total light of the negative samples, as a positive number, after `shift` is added to the natural logarithms of
+    /// their magnitudes: the sum of weight · magnitude, with (projected) solid angles as weights. Magnitudes stay
+    /// within their bound.
     fn light(&self, shift: f64) -> f64 {
         let factor = libm::exp(shift);
         self.samples.iter().map(|(weight, size)| weight * (factor * size).min(self.largest)).sum()
     }
 
-    /// Largest integer k such that the summed light of the negative samples (its magnitude) does not exceed `wanted`
-    /// after k · `step` is added to the logarithms of their magnitudes. Only integers that float32 holds exactly are
-    /// considered.
+    /// Largest integer k such that the total light of the negative samples, as a positive number, is at most `wanted`
+    /// after k · `step` is added to the natural logarithms of their magnitudes.
+    ///
+    /// Only integers that float32 holds exactly are considered.
     fn nearest(&self, wanted: f64, step: f64) -> i32 {
         let most = (MOST_SHIFT / step).min(MOST_STEPS) as i32;
         let (mut low, mut high) = (-most, most);
@@ -212,10 +222,11 @@ impl Negative {
     }
 }
 
-/// Fraction of the allowed light error within which light is left uncorrected; the remainder allows for rounding.
+/// Fraction of the allowed relative error of the light (albedo, flux) up to which decoded samples are not corrected.
+/// The remainder allows for rounding.
 const NEAR: f64 = 0.9;
-/// Ratio of the step by which non-negative samples correct the light (albedo, flux) to that of negative samples. These
-/// need finer steps, because their light may be many times the total.
+/// Ratio of the step that corrects logarithms of non-negative samples to that of negative ones, to keep the light
+/// (albedo, flux). These need finer steps, because the light may be a small difference of two large sums.
 const PARTS: f64 = 16.0;
 /// Largest amount added to the logarithm of a negative sample's magnitude to correct the light (albedo, flux). It makes
 /// the sample negligible or takes it to its bound.
@@ -224,9 +235,11 @@ const MOST_SHIFT: f64 = 20.0;
 /// light (albedo, flux). Float32 holds every integer up to it.
 const MOST_STEPS: f64 = (1 << 24) as f64;
 
-/// Decodes correction `k` of the light (albedo, flux): the change of a logarithm, and true if negative samples take it.
-/// A negative step encodes its absolute value. An even k is then twice the steps of non-negative samples. An odd k is
-/// twice the steps of negative samples plus 1, each a sixteenth as large.
+/// Decodes correction `k` of the light (albedo, flux): true if it is for samples marked as negative, false if for the
+/// others, and the change of their natural logarithms. With `step` ≥ 0 the others change by k · `step`.
+///
+/// With `step` < 0, an even k changes the others by k/2 · |`step`|, and an odd k changes negative samples by (k − 1)/2
+/// · |`step`| / 16.
 fn shift(step: f32, k: i32) -> (bool, f32) {
     match (step < 0.0, k & 1) {
         (false, _) => (false, k as f32 * step),

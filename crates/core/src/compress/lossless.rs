@@ -27,7 +27,8 @@ pub struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    /// Returns true if factor × number reproduces every sample bit for bit.
+    /// Returns true if the common factor times the number that the measured file states for a sample, rounded to f32,
+    /// equals the sample bit for bit, for all samples.
     fn stand_for(&self, samples: &[f32]) -> bool {
         let is_same = |(&number, &sample): (&f32, &f32)| {
             number.is_nan() && sample.is_nan() || scaled(number, self.factor).to_bits() == sample.to_bits()

@@ -87,11 +87,13 @@ const MAX_BLOCKS: usize = 2048;
 const ROUNDS: usize = 6;
 /// Smallest number of coefficients for a noise estimate; 96 give it a standard error of 12 %.
 const FEWEST: usize = 96;
-/// Smallest ratio assumed, in a noise-free signal, of coefficients of polynomial degree 3 to those of higher degrees.
-/// Raising it attributes more to noise.
+/// Smallest ratio assumed between standard deviations of a noise-free signal: coefficients of polynomial degree 3 to
+/// those of higher degrees. Raising it attributes more to noise.
 const DECAY: f64 = 2.5;
-/// Smallest ratio assumed, in a noise-free signal, of coefficients of polynomial degree 3 to those of higher degrees if
-/// neighbours are compared along one axis only; rough signals decay slowly there. Raising it attributes more to noise.
+/// Smallest ratio assumed between standard deviations of a noise-free signal, compared along one axis only:
+/// coefficients of polynomial degree 3 to those of higher degrees. Raising it attributes more to noise.
+///
+/// Rough signals decay slowly along a single axis.
 const DECAY_ALONE: f64 = 1.5;
 /// Divisor of the number of blocks of samples: only the 1/`QUIETEST` of them with the least curvature serve to estimate
 /// noise along a single axis.
@@ -141,8 +143,8 @@ fn lines(axes: &[Axis]) -> Vec<Axis> {
 struct Fit {
     axis: usize,
     place: Place,
-    /// Index of the first entry of each block of neighbours into which the axis is cut for the noise estimate; then the
-    /// length of the axis.
+    /// Index of the first axis entry of each block for the noise estimate, then the length of the axis. Each block is a
+    /// run of neighbouring entries; together they cover the axis.
     starts: Vec<usize>,
     spectral: bool,
     /// One polynomial basis for each block of neighbouring entries of the axis, computed when first needed. Each serves
@@ -225,14 +227,17 @@ fn on_two_axes(mut blocks: Vec<Block>, decay: f64) -> Option<Noise> {
     Some(noise(relative, all, high_high.len(), common))
 }
 
-/// Estimates the noise from blocks of triangles alone, without a second axis.
+/// Estimates the noise of samples on a triangle mesh from how samples of neighbouring triangles differ, without
+/// comparing them along a second axis such as wavelength.
 fn on_triangles_alone(mut blocks: Vec<Block>) -> Option<Noise> {
     let (relative, all, coefficients) = on_one_axis(&mut blocks, 0.0)?;
     Some(noise(relative, all, coefficients, 0.0))
 }
 
-/// Estimates the noise of means over wavelengths beyond that which noise of variance `own` in single samples explains.
-/// Returns its standard deviation, that of the means' coefficients of polynomial degree above 3 (signal included), and
+/// Estimates the noise that neighbouring wavelengths share: the standard deviation of means of logarithms over them,
+/// beyond what noise of variance `own` in single samples explains.
+///
+/// Returns it, the standard deviation of the means' polynomial coefficients of degree above 3 (noise and signal), and
 /// the number of these coefficients.
 ///
 /// One axis explains little. Only the quietest blocks are used, and their signal is assumed to decay slowly.
@@ -412,8 +417,8 @@ fn block_coefficients(samples: &[f32], base: usize, floor: f32, row: &Line<'_>, 
     })
 }
 
-/// Drops the row or column of a block with the largest fraction of unusable samples until all remaining samples are
-/// usable.
+/// Drops rows and columns of an array of samples until no zero, negative, masked or too small sample remains. Each time
+/// it drops the row or column with the largest fraction of such samples.
 fn keep_whole(rows: &mut Vec<usize>, columns: &mut Vec<usize>, usable: impl Fn(usize, usize) -> bool) {
     let worst = |lines: &[usize], across: &[usize], usable: &dyn Fn(usize, usize) -> bool| {
         let bad = |line: usize| across.iter().filter(|&&other| !usable(line, other)).count();

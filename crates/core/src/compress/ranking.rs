@@ -27,7 +27,8 @@ const MOST_FOR_KLT: usize = 4096;
 const LEAST_FOR_KLT: usize = 32;
 /// Largest number of samples for which every spectral basis is tried on all of them. Raising it costs trials.
 const SMALL: usize = 1 << 13;
-/// Number of spectral bases tried on all samples of a large measurement. Raising it costs one search each.
+/// Number of spectral bases that get a full search on all samples of a large measurement: the best in trials on a
+/// subset of its spectra. Raising it costs one search each.
 const FINALISTS: usize = 4;
 /// Number of spectral bases tried on all samples of a small measurement for a wanted file size: one quantisation each,
 /// then a full search of the best few. Raising it costs trials; at this value a wanted size takes at most four times as

@@ -9,8 +9,8 @@ use super::unreachable_error::UnreachableError;
 use crate::codec::CodecError;
 use crate::domain::Measurement;
 
-/// Builds the error for a bound that a basis does not reach however small the step, with logarithms or (`linear`)
-/// samples coded.
+/// Builds the error for a bound on the error of the samples that no file with this spectral basis keeps, however small
+/// the quantiser step. `linear` is true if samples are coded, false if their logarithms are.
 pub(super) fn cannot_follow(
     (option, wanted): (&'static str, f64),
     closest: f64,

@@ -60,8 +60,10 @@ pub(crate) fn live_entries(axes: &[Axis], axis: usize, classes: &[Class]) -> Vec
     live
 }
 
-/// Marks the positions of a triangle tree with `bases` base triangles that carry a coefficient: the smooth part, and
-/// details of nodes with two or more live (nonzero, unmasked) children.
+/// Marks the wavelet coefficients on a triangle mesh that a file codes: means over the `bases` base triangles, and
+/// details of triangles with samples (neither zero nor masked) in two or more of their four children.
+///
+/// `live` marks the finest triangles with such samples.
 fn coded_indices(live: &[bool], bases: usize) -> Vec<bool> {
     let mut coded = vec![true; live.len()];
     let mut live = live.to_vec();
@@ -121,8 +123,9 @@ impl AxisNeighbours {
     }
 }
 
-/// Extends the coding order and the coded neighbours of coefficients from the axes of `outer` to one more axis, `axis`,
-/// which varies fastest.
+/// Extends the coding order of a tensor's wavelet coefficients by one more axis, whose entries vary fastest.
+///
+/// `outer` holds the order on the axes before it, and the neighbours of each coefficient that are coded earlier.
 fn nest(outer: Rows, axis: &AxisNeighbours, level: &[u8]) -> Rows {
     let n = axis.before.len() as u32;
     let mut order = Vec::with_capacity(outer.order.len() * axis.order.len());

@@ -47,15 +47,15 @@ impl Scales {
         Self { rows: single(rows), lanes: single(lanes) }
     }
 
-    /// Returns norms of 1 for the synthesis functions of `lanes` coefficients on a single axis, so that one quantiser
-    /// step treats them all alike.
+    /// Builds the table of coefficient norms for a single axis of `lanes` coefficients whose basis functions all have
+    /// norm 1. One quantiser step then treats all coefficients alike.
     pub(crate) fn uniform(lanes: usize) -> Self {
         let one = Scale { norm: 1.0, inverse: 1.0 };
         Self { rows: vec![one], lanes: vec![one; lanes] }
     }
 
-    /// Calls `each(coefficient, norm, result)` for every coefficient of a tensor, rows in parallel. `norm` is that of
-    /// the coefficient's synthesis function, `result` the element of `to` that the call sets.
+    /// Calls `each(coefficient, norm, result)` for every coefficient in `from`, in parallel, with the norm of its
+    /// synthesis function. The call sets `result`, the element of `to` with the same index.
     fn for_each<A: Sync, B: Send>(&self, from: &[A], to: &mut [B], each: impl Fn(&A, Scale, &mut B) + Sync) {
         let n = self.lanes.len();
         // Blocks of whole rows, large enough to be worth a task.
@@ -116,8 +116,8 @@ impl Scales {
         *magnitudes.select_nth_unstable_by(last, |a, b| b.total_cmp(a)).1
     }
 
-    /// Squared error of the coefficients when `count` of them are kept, quantised with the step that keeps this number.
-    /// For an orthonormal basis this is the squared error of the samples.
+    /// Squared error of the samples, in an orthonormal basis, if `coefficients` are quantised with the step at which
+    /// `count` of them do not become 0.
     pub(crate) fn lost(&self, count: usize, coefficients: &[f32]) -> f64 {
         let least = self.threshold_of_count(count, coefficients);
         let step = (least / (0.5 + DEAD_ZONE)).clamp(f32::MIN_POSITIVE, f32::MAX);

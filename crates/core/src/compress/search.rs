@@ -55,7 +55,7 @@ pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64
 /// halving is too little evidence where the error is close to rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
-    /// Last quantiser step tried, and the smallest error up to now.
+    /// Last quantiser step tried while steps are halved, and smallest error of all steps tried.
     last: Option<(f64, f64)>,
     stood: u32,
 }
@@ -122,8 +122,8 @@ pub(crate) const NEAR: f64 = 4.0;
 const LARGE: f64 = 1000.0;
 /// Assumed octaves by which a file shrinks for each octave of its quantiser step, until two sizes give the slope.
 const USUAL_SLOPE: f64 = 0.8;
-/// Largest change of the quantiser step from one trial to the next, in 128ths of a doubling (a factor of 256), until
-/// both a file within the wanted size and a larger one have been found.
+/// Largest change of the quantiser step from one trial to the next: 8 doublings, given in 128ths of a doubling. It
+/// holds until both a file within the wanted size and a larger one have been found.
 const FARTHEST: f64 = 8.0 * DOUBLING;
 
 /// Condition that ends a search for the finest quantiser step whose file fits a size.
@@ -140,8 +140,10 @@ pub(crate) enum Until {
     Exact,
 }
 
-/// Finds the finest quantiser step, not below `finest`, whose size is at most `most`, assuming that sizes fall as steps
-/// grow. `None` if even the coarsest does not fit. The returned step was itself tried.
+/// Finds the finest quantiser step, not below `finest`, at which `size` (bytes of the file, or number of coefficients)
+/// is at most `most`; `None` if there is none.
+///
+/// It assumes that sizes fall as steps grow. The returned step was itself tried.
 ///
 /// Sizes are nearly powers of the step. The next trial is therefore where a straight line through the logarithms of the
 /// last sizes meets `most`. A search takes a handful of trials instead of one for each bit of the answer.

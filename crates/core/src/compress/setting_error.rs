@@ -38,7 +38,7 @@ pub enum SettingError {
     NeedsRd {
         /// Option in the settings that only the rate–distortion policy (`rd`) supports.
         option: RdOption,
-        /// Policy found in the settings.
+        /// Compression policy in the settings, which does not support the option.
         policy: Policy,
     },
     /// Requested bound on the error of albedos that cannot be kept with the other settings, or that the target already
@@ -166,7 +166,7 @@ pub enum AlbedoConflict {
          for er_l2 or er_l1"
     )]
     Bounded,
-    /// Axes without outgoing directions, over which light could be summed.
+    /// Measurement without outgoing directions, so that there is no albedo or flux to bound.
     #[error("the axes have no directions over which to integrate an albedo; leave albedo_error out")]
     NoDirections,
 }

@@ -21,8 +21,8 @@ pub struct Settings {
     /// Floor as a fraction of the largest sample. Smaller samples are excluded from relative errors, and their absolute
     /// error stays below the floor.
     pub floor: Option<f64>,
-    /// Upper bound on the relative error of the light (directional albedo, flux) of any block and wavelength; policy
-    /// `rd` only.
+    /// Upper bound on the relative error of the light (directional albedo, flux) of every incoming direction and
+    /// wavelength. Only the rate–distortion policy (`rd`) supports it.
     pub albedo_error: Option<f64>,
     /// Text for the optional metadata chunk: a JSON object. Labels of index axes are added to it.
     pub metadata: Option<String>,
@@ -37,8 +37,8 @@ pub struct Settings {
     /// Interpolation between incoming directions; `evaluate::interpolation_between` finds the one that predicts the
     /// measured ones best.
     pub between: Between,
-    /// Analytic lobe of a BRDF, already subtracted from the samples of the measurement; evaluation adds it back. Errors
-    /// and levels are those of the samples without the lobe.
+    /// Analytic lobe of a BRDF, already subtracted from the samples of the measurement; evaluation adds it back. Stated
+    /// errors and coarser resolution levels are those of the samples without the lobe.
     pub lobe: Option<Lobe>,
 }
 

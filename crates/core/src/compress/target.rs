@@ -128,8 +128,8 @@ impl Bound {
 }
 
 impl Target {
-    /// Returns the error of the samples that this target bounds, for example er(L2), with its upper bound. `None` if
-    /// the target bounds no such error, for example a size.
+    /// Returns the error figure that this compression target bounds, for example er(L2), with its upper bound. `None`
+    /// if the target bounds no error of the samples, for example if it is a file size.
     pub(crate) fn bound(self) -> Option<Bound> {
         let (at_most, figure): (_, fn(&ErrorReport) -> f64) = match self {
             Self::ErL1(most) => (most, |e| e.er_l1),

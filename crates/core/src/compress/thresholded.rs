@@ -143,7 +143,8 @@ impl<'a> Work<'a> {
         Ok(Self { measurement, settings, plan, transforms, scales, rows, coefficients, classes, basis, floor, tally })
     }
 
-    /// Figure of an error report that the target bounds; `None` for lossless, which thresholds cannot reach.
+    /// Error figure that the compression target bounds, with its upper bound. `None` for a target without such a
+    /// figure, and for lossless, which no threshold on coefficients reaches.
     fn bound(&self) -> Option<Bound> {
         self.settings.target.bound().filter(|_| self.settings.target != Target::Lossless)
     }
@@ -253,8 +254,10 @@ impl<'a> Work<'a> {
         assemble(parts, metadata.as_deref()).len() + if unscored { UNSCORED_BYTES } else { 0 }
     }
 
-    /// Finds thresholds that meet the target, one for each axis, on coefficients that are functions of the later axes
-    /// (policies generic and adaptive). Returns the parts of a file with the coefficients they keep.
+    /// Finds one threshold for each axis so that the file meets the target, for the policies `generic` and `adaptive`.
+    /// Returns the content of a file with the coefficients kept.
+    ///
+    /// These policies transform the samples along one axis after another, and drop coefficients after each.
     fn find_generic(&self, samples: &[f32], rule: Rule, progress: &dyn Progress) -> Result<Parts, CompressError> {
         let axes = self.measurement.tensor.axes();
         let transform = GenericTransform::new(axes, &self.transforms, samples, true).map_err(SettingError::from)?;

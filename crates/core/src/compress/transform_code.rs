@@ -3,7 +3,7 @@
 use crate::codec::{CodecError, Reader, Writer};
 use crate::transform::{AxisTransform, Boundary, LineBasis, SphereBasis, Weights};
 
-/// File codes of the axis transforms that are not wavelets on a line.
+/// Numbers that stand for axis transforms in a file, for all but wavelets along an axis of ordered entries.
 const FIXED: [(u64, AxisTransform); 4] = [
     (0, AxisTransform::Identity),
     (1, AxisTransform::Sphere(SphereBasis::BioHaar)),
@@ -11,10 +11,11 @@ const FIXED: [(u64, AxisTransform); 4] = [
     (3, AxisTransform::Sphere(SphereBasis::Orthonormal(Weights::Count))),
 ];
 
-/// File code of the first wavelet basis on a line; the code of basis n is this plus n.
+/// Number that stands for the first wavelet basis on a line (axis of ordered entries such as wavelengths) in a file.
+/// The one for the basis with code n is larger by n.
 const FIRST_LINE: u64 = 16;
 
-/// Writes the file code of an axis transform.
+/// Writes the number that stands for an axis transform in a file.
 pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
     if let AxisTransform::Line { basis, boundary } = transform {
         w.varint(FIRST_LINE + u64::from(basis.code()));
@@ -24,7 +25,7 @@ pub(super) fn write_transform(w: &mut Writer, transform: AxisTransform) {
     }
 }
 
-/// Reads the file code of an axis transform; rejects unknown codes.
+/// Reads the number that stands for an axis transform in a file; rejects unknown ones.
 pub(super) fn read_transform(r: &mut Reader<'_>) -> Result<AxisTransform, CodecError> {
     let code = r.varint("transform")?;
     if let Some((_, transform)) = FIXED.iter().find(|(known, _)| *known == code) {

@@ -31,7 +31,7 @@ pub enum UnreachableError {
     /// Bound on the error of every sample, too small for float32 to resolve.
     #[error("{}", below_rounding(*target, *largest))]
     BelowRounding {
-        /// Target with the bound on every sample.
+        /// Compression target that bounds the error of every sample.
         target: Target,
         /// Largest magnitude of a sample.
         largest: f64,
@@ -176,7 +176,9 @@ pub enum UnreachableError {
         reason: CodecError,
     },
     /// File that does not decode, so that its colour differences cannot be checked.
-    #[error("delta_e: the file does not decode ({0}); use lossless")]
+    #[error(
+        "delta_e: no colour difference can be computed, because the compressed file does not decode ({0}); use lossless"
+    )]
     Colours(CodecError),
 }
 

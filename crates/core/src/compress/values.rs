@@ -11,8 +11,8 @@ use crate::codec::Class;
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Fraction of the floor to which smaller positive samples are raised before coding, so that their error stays below
-/// the floor.
+/// Fraction of the floor (smallest sample whose relative error counts) to which smaller positive samples are raised
+/// before coding, so that their absolute error stays below the floor.
 const FLOORED: f64 = 0.7;
 
 /// Returns true if every sample is above 0, so that none is masked.
@@ -55,9 +55,10 @@ impl Values {
         matches!(self, Self::Samples { .. })
     }
 
-    /// Returns the class (positive, negative, zero or masked) of a sample. Negative samples smaller than the floor
-    /// become zeros if logarithms are coded. Coding their sign would cost more than it is worth, and their error stays
-    /// below the floor.
+    /// Returns the class (positive, negative, zero or masked) of a sample. If logarithms are coded, a negative sample
+    /// of magnitude below the floor (smallest sample whose relative error counts) becomes a zero.
+    ///
+    /// Coding its sign would cost more than it is worth, and its error stays below the floor.
     pub(crate) fn class_of(self, sample: f32, floor: f32) -> Class {
         if sample.is_nan() {
             Class::Masked

@@ -41,13 +41,13 @@ pub enum AxisError {
     /// The number of samples, the product of the lengths of the axes, exceeds the limit.
     #[error("axes of lengths {shape:?} make more than the limit of {MAX_SAMPLES} samples")]
     TooManySamples {
-        /// Number of entries of each axis.
+        /// Number of entries on each axis of the refused tensor.
         shape: Vec<usize>,
     },
     /// An axis of elevations or of numbered entries is invalid.
     #[error("axis {axis}: {reason}")]
     Malformed {
-        /// Position of the invalid axis, from 0.
+        /// Position of the invalid axis among the axes of the tensor, from 0.
         axis: usize,
         /// Text that names the fault of the axis and what was expected.
         reason: String,
@@ -166,11 +166,12 @@ pub fn check_axes(axes: &[Axis]) -> Result<usize, AxisError> {
 pub struct Layout {
     /// Number of leading index axes (axes of numbered entries without geometry).
     pub indices: usize,
-    /// Position of the axis of incoming directions, if there is one.
+    /// Position of the axis of incoming directions among the axes of the tensor, from 0, if there is one.
     pub incoming: Option<usize>,
-    /// Position of the axis of outgoing directions, if there is one.
+    /// Position of the axis of outgoing directions among the axes of the tensor, from 0, if there is one.
     pub outgoing: Option<usize>,
-    /// Position of the spectral axis (wavelengths or colour channels), the last one, if there is one.
+    /// Position of the spectral axis (wavelengths or colour channels) among the axes of the tensor, from 0, if there is
+    /// one; it is the last axis.
     pub spectral: Option<usize>,
 }
 

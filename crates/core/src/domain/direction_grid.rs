@@ -129,7 +129,8 @@ named!(AzimuthExtent, "extent of azimuths", {
 });
 
 impl AzimuthExtent {
-    /// Returns the range, in degrees, in which all azimuths of a file must lie if they cover this part of the circle.
+    /// Returns the range of azimuths, in degrees, that a grid of directions may have if its azimuths cover the given
+    /// part of the circle, for example 0° to 90° for a quadrant.
     fn range(self) -> (f64, f64) {
         match self {
             Self::Circle | Self::Closed | Self::Sector => (-LARGEST_AZIMUTH, LARGEST_AZIMUTH),
@@ -292,7 +293,8 @@ pub enum DirectionGridError {
         /// Upper end of the range of polar angles that the grid is stated to cover, in degrees.
         high: f64,
     },
-    /// A grid that is to be mirrored across the equator starts below it, or its frame has no latitudes.
+    /// A grid of directions cannot be mirrored across the equator: its first polar angle lies below the equator, or its
+    /// polar angles are measured from a pole and not from the equator.
     #[error("latitudes to be mirrored start at {found} degrees, expected 0 or more, in a frame with latitudes")]
     Mirrored {
         /// First polar angle of the grid that was to be mirrored, in degrees: measured from the equator, or from a pole

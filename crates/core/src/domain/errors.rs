@@ -61,8 +61,8 @@ struct Sums {
 const BLOCK: usize = 1 << 16;
 
 impl ErrorReport {
-    /// Measures the errors of `decoded` against `original`; both have NaN where masked. `floor` is absolute (in the
-    /// unit of a sample).
+    /// Measures the errors of the samples `decoded` against `original`; masked samples are NaN in both. Original
+    /// samples below `floor`, in the unit of a sample, do not count in relative errors.
     ///
     /// # Panics
     /// If the lengths differ.

@@ -25,14 +25,14 @@ pub enum Values {
     SwitchOff,
     /// Option that takes a number within limits.
     Number {
-        /// Placeholder for the number in the help text, such as `E`.
+        /// Placeholder in the help text for the number that the user gives as the option's value, such as `E`.
         shown: &'static str,
         /// Range of accepted numbers.
         limits: Limits,
     },
     /// Option that takes a whole number in a range, both ends included.
     Whole {
-        /// Placeholder for the whole number in the help text, such as `N`.
+        /// Placeholder in the help text for the whole number that the user gives as the option's value, such as `N`.
         shown: &'static str,
         /// Smallest whole number that the option accepts.
         least: u64,
@@ -41,7 +41,7 @@ pub enum Values {
     },
     /// Option that takes one of a list of names.
     Name {
-        /// Placeholder for the name in the help text, such as `BASIS`.
+        /// Placeholder in the help text for the name that the user gives as the option's value, such as `BASIS`.
         shown: &'static str,
         /// Names that the option accepts.
         names: fn() -> Vec<&'static str>,
@@ -50,7 +50,7 @@ pub enum Values {
     },
     /// Option that takes a text of the user, which a function checks.
     Text {
-        /// Placeholder for the text in the help text, such as `NAME`.
+        /// Placeholder in the help text for the text that the user gives as the option's value, such as `NAME`.
         shown: &'static str,
         /// Text that is the default value of the option; `None` if there is no default.
         default: Option<&'static str>,
@@ -59,12 +59,12 @@ pub enum Values {
     },
     /// Bytes of a file: its path on the command line, the id of uploaded bytes over HTTP.
     File {
-        /// Placeholder in the help text.
+        /// Placeholder in the help text for the path that the user gives as the option's value, such as `SPD`.
         shown: &'static str,
     },
     /// JSON document: the path of a file with it on the command line, the document itself over HTTP.
     Document {
-        /// Placeholder in the help text.
+        /// Placeholder in the help text for the path that the user gives as the option's value, such as `MANIFEST`.
         shown: &'static str,
     },
 }

@@ -8,7 +8,7 @@ pub struct UnknownName {
     pub what: &'static str,
     /// Name found in the input that is not in the list of known names, for example of known units.
     pub found: String,
-    /// List of the known names, separated by commas.
+    /// Names that would have been accepted in the place of the unknown one, separated by commas.
     pub expected: String,
 }
 

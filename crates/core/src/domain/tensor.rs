@@ -21,11 +21,11 @@ pub enum TensorError {
     /// The number of samples is not the product of the lengths of the axes.
     #[error("{found} samples on axes of lengths {shape:?}, expected {expected} samples")]
     Count {
-        /// Number of samples that were given for the axes.
+        /// Number of samples given, which does not fit the axes of the tensor.
         found: usize,
         /// Number of samples expected: the product of the lengths of the axes.
         expected: usize,
-        /// Number of entries of each axis.
+        /// Number of entries on each axis of the refused tensor.
         shape: Vec<usize>,
     },
     /// A sample of the tensor is infinite.
@@ -63,7 +63,7 @@ impl Tensor {
         &self.axes
     }
 
-    /// Returns the lengths of the axes of the tensor.
+    /// Returns the number of entries of each axis of this tensor, outermost axis first.
     pub fn shape(&self) -> Vec<usize> {
         self.axes.iter().map(Axis::len).collect()
     }

@@ -28,7 +28,7 @@ pub enum WavelengthError {
     /// The number of wavelengths exceeds the limit.
     #[error("{found} wavelengths are more than the limit of {MAX_WAVELENGTHS}")]
     TooMany {
-        /// Number of wavelengths found.
+        /// Number of wavelengths in the list that is too long.
         found: usize,
     },
     /// A wavelength is not positive or not finite.

@@ -24,11 +24,11 @@ pub enum Side {
 /// integral is masked.
 #[derive(Debug, Default)]
 pub(super) struct Albedos {
-    /// Integral over all outgoing directions for each incoming direction and wavelength; empty if the data have no
-    /// outgoing axis.
+    /// Integrals of the measured function (times |cos θo| for a BRDF, BTDF or BSDF) over all outgoing directions,
+    /// `[incoming direction, wavelength]`. Empty if the outgoing axis is not a triangle mesh.
     both: Vec<f32>,
-    /// Integrals over the outgoing directions above and below the horizon. Empty unless the data cover the whole sphere
-    /// and the quantity has a factor |cos θo|.
+    /// Integrals of the measured function times |cos θo| over the outgoing directions above, then below the horizon.
+    /// Empty unless the data cover the whole sphere and the quantity has a factor |cos θo|.
     halves: [Vec<f32>; 2],
     /// Domain of outgoing directions (hemisphere or sphere); `None` if the outgoing axis is not a triangle mesh.
     domain: Option<Domain>,

@@ -86,14 +86,14 @@ impl Arrived {
         &self.around
     }
 
-    /// Rotates outgoing directions about the normal, from the frame in which `wi` has azimuth 0 to the frame of the
-    /// query.
+    /// Rotates the outgoing direction of each query about the normal by the azimuth of the query's incoming direction
+    /// `wi`. This leads from the frame of isotropic data, in which `wi` has azimuth 0, to the frame of the query.
     pub(super) fn turn(&self, directions: &mut Vectors) {
         turn_block(directions, &self.turns);
     }
 
-    /// Rotates outgoing directions about the normal, to the frame in which `wi` has azimuth 0; undoes
-    /// [`Arrived::turn`].
+    /// Rotates the outgoing direction of each query about the normal by minus the azimuth of the query's incoming
+    /// direction `wi`. This leads to the frame of isotropic data, in which `wi` has azimuth 0.
     pub(super) fn turn_back(&self, directions: &mut Vectors) {
         let [cos, sin] = self.turns;
         turn_block(directions, &[cos, sin.map(|sin| -sin)]);

@@ -13,14 +13,14 @@ const CORNER: f64 = 1e-24;
 /// Number of intervals along a triangle's edge between the points at which the smooth function is tested for nonzero
 /// values in the triangle. More intervals find narrower nonzero areas.
 const STEPS: u32 = 24;
-/// Distance of the probe points of a triangle from its edges, in intervals of the probe lattice. It keeps them from
-/// lying exactly on an edge.
+/// Distance from a triangle's edges of the nearest points at which the smooth function is tested for nonzero values, in
+/// intervals between these points. It keeps them from lying exactly on an edge.
 const INSIDE: f64 = 1e-5;
-/// Distance in radians of eight probe points from an interpolation node. Each lies in another of the interpolation
-/// patches that meet at the node.
+/// Distance in radians, from an interpolation node, of eight points around it at which the smooth function is tested
+/// for nonzero values. Each lies in another of the interpolation patches that meet at the node.
 const BESIDE: f64 = 1e-5;
-/// Offsets of eight probe points around an interpolation node, in units of [`BESIDE`] along two tangents that are not
-/// parallel.
+/// Offsets from an interpolation node of the eight points around it at which the smooth function is tested, in units of
+/// [`BESIDE`] along two tangents that are not parallel.
 const WAYS: [[f64; 2]; 8] =
     [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
 

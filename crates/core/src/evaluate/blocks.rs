@@ -20,7 +20,8 @@ use rayon::prelude::*;
 /// Number of queries (pairs of directions) that a thread takes at a time.
 const SHARE: usize = 4096;
 
-/// Block of queries: the lookups of their incoming directions, and those of smooth interpolation.
+/// Block of pairs of directions to evaluate, with the search results for each pair: the sample to which its incoming
+/// direction belongs, and the nodes and weights of smooth interpolation.
 pub(super) struct Places {
     arrived: Arrived,
     seen: SeenBlock,

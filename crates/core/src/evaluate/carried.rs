@@ -18,8 +18,8 @@ pub(super) struct Carried {
     side: f64,
     from: Vector,
     to: Vector,
-    /// Cosine and sine of the rotation about the normal from the azimuth of `to` to the azimuth of `from`. It is the
-    /// identity unless the alignment turns lobes with the azimuth.
+    /// Cosine and sine of the rotation about the normal from the azimuth of the queried incoming direction, `to`, to
+    /// that of the interpolation node, `from`. It is the identity except for [`Alignment::TurnedHalfVector`].
     turn: [f64; 2],
     /// Incoming direction `to`, rotated about the normal to the azimuth of `from`.
     turned: Vector,
@@ -98,9 +98,10 @@ impl Carried {
         (if stays { wo } else { unit(way.there) }, stays)
     }
 
-    /// Returns the outgoing direction that moves to `wo` when lobes follow the incoming direction from `from` to `to`,
-    /// and the factor by which this motion changes the sampling density (0 without such a direction). The third number
-    /// is the fraction of directions drawn at `wo` that do not move away.
+    /// Finds the outgoing direction under the incoming direction `from` that moves to `wo` if its lobe follows the
+    /// incoming direction to `to`. The second number times the sampling density there is its contribution to the
+    /// density at `wo` (0 without such a direction). The third is the fraction of directions drawn at `wo` that stay at
+    /// `wo`.
     #[inline(always)]
     pub(super) fn origin(&self, wo: Vector) -> (Vector, f64, f64) {
         let back = self.back(wo);
@@ -166,12 +167,12 @@ fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
     [cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b]
 }
 
-/// Fraction of an interpolation node's sampling density that stays unmapped near the horizon, in the band that a lobe
-/// leaves when the alignment lifts it. No direction maps into that band, yet the function is nonzero there.
+/// Fraction of the directions drawn in a band near the horizon that stay where they are drawn. No direction moves into
+/// that band if lobes rise with the incoming direction, yet the material's function is nonzero there.
 pub(super) const STAYING: f64 = 0.5;
 
-/// Incoming directions of a block of queries: for each query, the direction of one interpolation node and the queried
-/// direction.
+/// Incoming directions for a block of queries (batch evaluated together): for each query, one at which values are
+/// tabulated, `from`, and the queried one, `to`. Outgoing directions are mapped from the first to the second.
 pub(super) struct CarriedBlock {
     alignment: Alignment,
     /// Sign of z on the hemisphere of the outgoing directions; 0 if they cover the whole sphere.
@@ -184,8 +185,8 @@ impl CarriedBlock {
     pub(super) const NOWHERE: Self =
         Self { alignment: Alignment::None, side: 0.0, from: [[0.0; BLOCK]; 3], to: [[0.0; BLOCK]; 3] };
 
-    /// Sets the alignment of lobes and the queried incoming directions of the block. One alignment serves both sides of
-    /// the horizon.
+    /// Sets the rule by which lobes move with the incoming direction, and the queried incoming directions of the block.
+    /// One rule serves outgoing directions above and below the horizon.
     pub(super) fn set(&mut self, (alignment, domain): Carry, to: &Vectors) {
         (self.alignment, self.side) = side_by(alignment, domain, 1.0);
         self.to = *to;
@@ -217,10 +218,9 @@ impl CarriedBlock {
         stays
     }
 
-    /// Finds, for each query of a block (batch evaluated together), the outgoing direction that moves to `wo` when
-    /// lobes follow the incoming direction from an interpolation node to the query. Also gives the factor by which this
-    /// motion changes the sampling density, and the fraction of directions drawn at `wo` that do not move away; see
-    /// [`Carried::origin`].
+    /// Finds, for each query of a block (batch evaluated together), the outgoing direction under an interpolation
+    /// node's incoming direction that moves to `wo` with its lobe. Also gives the factor on the sampling density there
+    /// and the fraction of directions drawn at `wo` that stay at `wo`; see [`Carried::origin`].
     ///
     /// The result is a local value, because the loop is vectorised only without aliasing.
     pub(super) fn origins(&self, wo: &Vectors) -> Origins {

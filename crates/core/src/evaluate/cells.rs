@@ -41,9 +41,9 @@ impl Function {
         }
     }
 
-    /// Sum over wavelengths of `weights` times the smooth function at a mesh vertex, under one sampled incoming
-    /// direction. `cell` is the direction's number, counted over all combinations of indices (positions on the axes
-    /// before the directions).
+    /// Sum over wavelengths of `weights` times the material's smoothly interpolated function at a mesh vertex (outgoing
+    /// direction), under one sampled incoming direction. `cell` is the row-major number of the pair of a combination of
+    /// indices (positions on the axes before the directions) and an incoming direction.
     pub(super) fn vertex_value(&self, cell: usize, vertex: u32, d: Vector, weights: &[f32]) -> f32 {
         let [n_in, n_out, _] = self.geometry().shape();
         let (entry, incoming) = (cell / n_in, cell % n_in);
@@ -83,7 +83,8 @@ impl Function {
     }
 
     /// Number of sampling trees for one combination of indices (positions on the axes before the directions): one for
-    /// each incoming sample direction and for each interpolation node between them.
+    /// each sampled incoming direction. If these are interpolated between triangles, one more for each vertex of their
+    /// mesh.
     pub(super) fn trees_of_entry(&self) -> usize {
         let [own, ..] = self.geometry().shape();
         match self.form() {

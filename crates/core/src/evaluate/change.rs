@@ -3,11 +3,12 @@
 use crate::domain::vector::Vector;
 use rayon::prelude::*;
 
-/// Offset added to a change of shape (standard deviation of a logarithm) before averaging its logarithm. It makes
-/// smaller changes count as equal.
+/// Offset added to the standard deviation of ln(f₁ / f₂) before its geometric mean over pairs of incoming directions;
+/// f₁ and f₂ are the function's values under a pair. It makes smaller deviations count as equal.
 const NO_CHANGE: f64 = 0.02;
-/// Approximate maximum number of neighbouring pairs of incoming directions between which the change of the function's
-/// shape is measured. Raising it gives a more reliable change and takes longer.
+/// Approximate maximum number of pairs of neighbouring incoming directions over which the standard deviation of ln(f₁ /
+/// f₂) is averaged; f₁ and f₂ are the function's values under a pair. A higher maximum makes the average more reliable
+/// and takes longer.
 const MOST_PAIRS: usize = 256;
 
 /// Change of the function's shape between neighbouring incoming directions; 0 if values differ by a constant factor.

@@ -325,8 +325,8 @@ impl Chosen<'_> {
         Ok(())
     }
 
-    /// Multiplies the values of f by `share` (|cos θo| / pdf). Masked values become 0, because the sampling density
-    /// treats them as dark.
+    /// Multiplies values of the material's function by `share`, |cos θo| / pdf of a drawn direction, which gives sample
+    /// weights. Masked values become 0, because the sampling density treats them as dark.
     #[inline]
     fn weights(&self, mut values: [f32; FEW], share: f32) -> [f32; FEW] {
         for (value, factor) in values.iter_mut().zip(self.factors) {

@@ -9,8 +9,8 @@ use super::number::Number;
 use crate::domain::vector::{Vector, unit};
 use crate::domain::{Domain, TriangleMesh};
 
-/// Subdivision level of the triangle mesh from which interpolation patches are twice as wide as triangles. Raising it
-/// costs memory on fine meshes.
+/// Least subdivision level of a triangle mesh at which interpolation patches (triangles with six nodes) are twice as
+/// wide as the mesh's triangles; at coarser levels both are equally wide. Raising it costs memory on fine meshes.
 const HALVED_LEVEL: u8 = 6;
 /// Number of nodes of a quadratic interpolation patch: three corners, then the midpoints of the edges 01, 02 and 12.
 pub(super) const NODES: usize = 6;
@@ -41,7 +41,7 @@ impl<const N: usize> Patches<N> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Elements {
     domain: Domain,
-    /// Number of patches along an edge of an octant of the sphere.
+    /// Number of interpolation patches (triangles with six nodes) along an edge of an octant of the sphere.
     patches: u32,
     octant: u32,
 }
@@ -91,7 +91,8 @@ impl Elements {
         Patch { nodes: patches.nodes.map(|[node]| node), weights: patches.weights.map(|[weight]| weight) }
     }
 
-    /// Writes the interpolation patches around one direction, or four, into SIMD lanes `at` and following.
+    /// Finds the interpolation patch (triangle with six nodes) around each of one or four directions. Writes the nodes
+    /// and their weights into the SIMD lanes of `to` from number `at` on.
     #[inline(always)]
     pub(super) fn write<T: Number, const N: usize>(self, [x, y, z]: [T; 3], to: &mut Patches<N>, at: usize) {
         let (zero, one) = (T::of(0.0), T::of(1.0));

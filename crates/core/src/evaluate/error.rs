@@ -48,7 +48,8 @@ pub enum QueryError {
     /// Index beyond the end of its axis.
     #[error("index {found} on axis {axis} of {length} entries, expected 0 to {}", length - 1)]
     Index {
-        /// Index that the query gives, counted from 0.
+        /// Index that the query gives, counted from 0, on an axis of the samples before those of directions and
+        /// wavelength.
         found: usize,
         /// Position, counted from 0, of the axis concerned among the index axes (axes of the samples before those of
         /// directions and wavelength).
@@ -99,7 +100,7 @@ pub enum QueryError {
     /// Arrays of x, y and z coordinates of unequal lengths.
     #[error("{argument} has {} x, {} y and {} z coordinates, expected {expected} each", found[0], found[1], found[2])]
     Coordinates {
-        /// Batch of directions concerned: incoming or outgoing.
+        /// Directions whose arrays of coordinates have the wrong length: incoming or outgoing.
         argument: Argument,
         /// Numbers of elements in the arrays of x, of y and of z coordinates that the caller passes for a batch of
         /// directions.
@@ -110,7 +111,7 @@ pub enum QueryError {
     /// The batch has not as many unit vectors as pairs or points.
     #[error("{argument} has {found} directions, expected {expected}: as many as the rest of the batch")]
     Count {
-        /// Batch of directions concerned: incoming or outgoing.
+        /// Directions of which the query gives the wrong number: incoming or outgoing.
         argument: Argument,
         /// Number of unit vectors that the query gives.
         found: usize,
@@ -136,7 +137,8 @@ pub enum QueryError {
          and {expected} weights", points[0], points[1]
     )]
     Drawings {
-        /// Lengths of the arrays that hold the first and the second coordinates of the points of the unit square.
+        /// Lengths of the arrays of first and of second coordinates of the points in the unit square from which
+        /// directions are drawn.
         points: [usize; 2],
         /// First length, among the arrays of coordinates and densities, that differs from the number of points; that
         /// number if none does.
@@ -212,7 +214,7 @@ pub enum QueryError {
     /// Request to integrate over triangles of a higher subdivision level than triangle meshes can have.
     #[error("integration at level {found} of triangle subdivision, expected at most {MAX_LEVEL}")]
     Level {
-        /// Requested subdivision level.
+        /// Requested subdivision level of the triangles to integrate over.
         found: u8,
     },
     /// Random point outside the unit square.
@@ -280,7 +282,7 @@ pub enum Buffer {
 }
 
 impl Buffer {
-    /// Fails if a buffer does not have the expected length.
+    /// Fails unless the caller's array for results, scratch space or weights has the expected number of elements.
     #[inline]
     pub(super) fn check(self, found: usize, expected: usize) -> Result<(), EvaluateError> {
         if found == expected { Ok(()) } else { unfit(QueryError::Length { buffer: self, found, expected }) }

@@ -12,13 +12,14 @@ use crate::domain::{Measurement, Quantity, Sampling};
 /// Interpolation between incoming directions, as far as the user or the file specifies it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Course {
-    /// Alignment of lobes between incoming directions; `None` selects the best one for the data.
+    /// Rule by which lobes move with the incoming direction in interpolation; `None` selects the best one for the data.
     pub(super) alignment: Option<Alignment>,
     pub(super) between: Between,
 }
 
 impl Course {
-    /// Alignments of lobes between incoming directions among which the best one for the data is selected.
+    /// Rules by which lobes may move with the incoming direction in interpolation. The best one for the data is
+    /// selected.
     pub(super) fn candidates(&self, quantity: Quantity) -> Vec<Alignment> {
         match self.alignment {
             Some(alignment) => vec![alignment],
@@ -63,7 +64,8 @@ impl Form {
     }
 }
 
-/// Alignments of lobes between incoming directions to choose from if neither the user nor the file specifies one.
+/// Rules by which lobes may move with the incoming direction in interpolation, if neither the user nor the file
+/// specifies one.
 fn candidates(quantity: Quantity) -> Vec<Alignment> {
     match quantity {
         Quantity::Brdf | Quantity::Bsdf => vec![Alignment::None, Alignment::HalfVector, Alignment::TurnedHalfVector],

@@ -19,7 +19,8 @@ pub(super) struct Function {
 }
 
 impl Function {
-    /// Function of a measurement whose axes are described by `geometry`.
+    /// Builds the function of directions and wavelength that a measurement samples. `geometry` describes the
+    /// measurement's axes.
     pub(super) fn new(measurement: Measurement, geometry: Geometry, course: Course) -> Self {
         let form = Form::of(measurement, &geometry, course);
         Self { geometry, form }

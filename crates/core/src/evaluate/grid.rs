@@ -17,8 +17,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Value in place of a plane's number that marks a cubic cell of the search grid with more than two candidate
-    /// triangles; no mesh has a plane of this number.
+    /// Marker in place of the number of the plane that separates two candidate triangles, for a cube of the search grid
+    /// with more than two. No mesh has a plane of this number.
     const MANY: u16 = u16::MAX;
 
     fn many(node: usize, level: u8) -> Self {
@@ -183,7 +183,8 @@ impl Grid {
         d.map(|x| (x * self.fine + ROUND).to_bits() as u32)
     }
 
-    /// Number of the column of grid cubes whose first two integer coordinates are `i` and `j`.
+    /// Number of a column of cubes along z in the search grid over unit vectors of the first octant; the cubes have
+    /// integer x and y coordinates `i` and `j`.
     #[inline(always)]
     pub(super) fn column(&self, i: u32, j: u32) -> u32 {
         i * self.side + j
@@ -198,7 +199,8 @@ impl Grid {
         [i * f32x4::splat(self.side as f32) + j, k].map(|numbers| numbers.fast_trunc_int().to_array())
     }
 
-    /// Candidate leaf triangles of the grid cube with third integer coordinate `k` in a column.
+    /// Mesh triangles that may contain the directions inside a cube of the search grid: the cube with integer z
+    /// coordinate `k` in column number `column` along z.
     #[inline(always)]
     pub(super) fn place(&self, column: u32, k: u32) -> Place {
         let start = self.starts.get(column as usize).copied().unwrap_or(u16::MAX);
@@ -236,7 +238,8 @@ mod tests {
         is_inside.then(|| first + lookup.leaf_at(Place::many(0, 0), [x, y, z.abs()]))
     }
 
-    /// Checks the lookup of one vector in f64, and of four in f32, against a search from the base triangle.
+    /// Checks which mesh triangle the search grid gives for a vector, in f64 and as one of four vectors in f32. A
+    /// search down from the base triangle must give the same.
     fn check(lookup: &MeshLookup, d: Vector) {
         assert_eq!(lookup.locate_vector(d), searched(lookup, d), "{:?} {d:?}", lookup.mesh());
         let single = d.map(|x| x.abs() as f32);
@@ -245,7 +248,8 @@ mod tests {
         assert_eq!(lookup.leaf_at(place, exact), lookup.leaf_at(Place::many(0, 0), exact), "{single:?}");
     }
 
-    /// Checks the lookup of a vector and of its neighbours one unit in the last place away, in octants of all kinds.
+    /// Checks which mesh triangles the search grid gives for a vector of the first octant and its neighbours one unit
+    /// in the last place away. Tests them also mirrored into three other octants, one of them below the horizon.
     fn check_near(lookup: &MeshLookup, d: Vector) {
         for step in 0..27 {
             let near = |x: f64, step: u64| if x > 0.0 { f64::from_bits(x.to_bits() + step - 1) } else { x };

@@ -32,7 +32,8 @@ pub(super) const NEARLY_BACK: f32 = -0.999;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {
-    /// Outgoing directions stay in place when the incoming direction changes.
+    /// Lobes do not move: values are interpolated between equal outgoing directions under different incoming
+    /// directions.
     #[default]
     None,
     /// Reflected light keeps its half vector, so that a gloss lobe moves with the mirror direction and keeps its shape
@@ -54,7 +55,7 @@ pub(super) struct Around {
 }
 
 impl Around {
-    /// Placeholder before a lookup: interpolation node 0 with weight 1.
+    /// Placeholder until the interpolation nodes around an incoming direction are found: node 0 with weight 1.
     pub(super) const NOWHERE: Self = Self { nodes: [0; 3], weights: [1.0, 0.0, 0.0], count: 1 };
 
     fn one(node: u32) -> Self {
@@ -66,7 +67,7 @@ impl Around {
 /// values derive from the samples around.
 #[derive(Debug)]
 pub(super) enum Nodes {
-    /// Single node, for data that do not depend on an incoming direction.
+    /// Single interpolation node, for data that do not depend on an incoming direction.
     One,
     /// One node for data that depend on the incoming direction only by alignment; the function at any incoming
     /// direction is that of the node, rotated.
@@ -179,8 +180,8 @@ impl Nodes {
         }
     }
 
-    /// Sampled incoming directions from which a node's value derives, with weights that sum to 1; a sampled direction
-    /// derives from itself.
+    /// Numbers of the sampled incoming directions from which the values under interpolation node `node` derive, with
+    /// weights that sum to 1. A node that is itself a sampled direction derives from it alone.
     pub(super) fn sources(&self, node: usize) -> Vec<(usize, f32)> {
         match self {
             Self::Triangles(triangles) if node >= triangles.cells => triangles.sources[node - triangles.cells].clone(),
@@ -188,7 +189,8 @@ impl Nodes {
         }
     }
 
-    /// Numbers of the sampled incoming directions adjacent to number `node`; for elevations only the next larger one.
+    /// Numbers of the sampled incoming directions adjacent to sampled incoming direction number `node`; on an axis of
+    /// elevations only the next larger one.
     pub(super) fn neighbours(&self, node: usize) -> Vec<usize> {
         match self {
             Self::One | Self::Same(_) => Vec::new(),
@@ -236,7 +238,8 @@ impl Nodes {
         }
     }
 
-    /// Like [`Nodes::around`], with the number of the triangle that contains the incoming direction already known.
+    /// Up to three interpolation nodes around the incoming direction `wi`, with their weights. Like [`Nodes::around`],
+    /// but saves a search by the number `entry` of the incoming triangle that contains `wi`.
     #[inline(always)]
     pub(super) fn around_in(&self, entry: usize, wi: Vector) -> Option<Around> {
         match self {
@@ -397,8 +400,9 @@ pub(super) fn carried(alignment: Alignment, domain: Domain, wi: Vector, to: Vect
     (there.map(|x| f64::from(x.to_array()[0])), worth.to_array()[0])
 }
 
-/// Outgoing directions to which `wo` moves when lobes follow the incoming direction from `wi` to each of four
-/// directions `to`, and factors on the interpolation weights of these four, as [`carried`] returns them.
+/// Outgoing directions under each of four incoming directions `to` that correspond to `wo` under the incoming direction
+/// `wi`, if lobes follow the incoming direction. Also returns a factor on the interpolation weight of each of the four:
+/// 1, but nearly 0 towards the horizon.
 #[inline(always)]
 pub(super) fn carried_to_four(
     alignment: Alignment,
@@ -416,9 +420,9 @@ pub(super) fn carried_to_four(
     carried_to(alignment, is_free, wi.everywhere(), Origin::four(to), stays)
 }
 
-/// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to `to`, and a factor on
-/// the interpolation weight of `to`, as [`carried`] returns them. `alignment` is the rule on the side of the horizon of
-/// `wo`; `is_free` is true if no horizon limits outgoing directions.
+/// Outgoing direction under the incoming direction `to` that corresponds to `wo` under `wi` if lobes follow the
+/// incoming direction by the rule `alignment`. Also returns a factor on the interpolation weight of `to`, as
+/// [`carried`] does. `is_free` is true if no horizon limits outgoing directions.
 #[inline(always)]
 pub(super) fn carried_to<T: Number>(
     alignment: Alignment,

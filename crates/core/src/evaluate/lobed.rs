@@ -120,8 +120,9 @@ impl Lobed {
         lobe_means(&self.lobe, wi, (lookup.mesh(), geometry.sampling()), samples);
     }
 
-    /// Lobe under `wi` as a component of the sampling mixture, beside sampled data of total light `cells`; `None` if
-    /// the lobe has no light. `colour` is the lobe's colour in the weighting that drives sampling.
+    /// Component of the sampling mixture that draws from the analytic lobe under `wi`; `None` if the lobe has no light.
+    /// `cells` is the integral of the sampled data over outgoing directions; `colour` is the lobe's factor for the
+    /// spectral weights by which sampling sums over wavelengths.
     pub(super) fn part(&self, wi: Option<Direction>, colour: f32, cells: f64) -> Option<LobePart> {
         let wi = wi?;
         let under = self.lobe.under(wi)?;
@@ -152,7 +153,8 @@ impl Lobed {
 }
 
 impl LobePart {
-    /// Density in sr⁻¹ of the mixture of the lobe and the sampled data, given the density `cells` of the sampled data.
+    /// Probability density in sr⁻¹ with which the mixture of analytic lobe and sampled data draws `wo`. `cells` is the
+    /// density with which the sampled data alone draw it.
     #[inline]
     pub(super) fn density(&self, wo: Direction, cells: f64) -> f64 {
         self.part * self.under.density(wo) + (1.0 - self.part) * cells

@@ -27,7 +27,7 @@ fn lobe(centre: LobeCentre, width: f64) -> Lobe {
     .unwrap()
 }
 
-/// Diffuse base that is darker at grazing directions.
+/// Test BRDF without a lobe: nearly diffuse, and darker towards grazing outgoing directions.
 fn cells(incoming: Axis) -> Measurement {
     let mesh = mesh(3);
     let axes =
@@ -74,7 +74,8 @@ fn points(count: usize) -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-/// Pairs of directions near the lobe and far from it.
+/// Pairs of directions at which the tests evaluate: in two of three the outgoing direction is drawn from `lobe`, in the
+/// third it lies anywhere up to 89° from the normal.
 fn pairs(lobe: &Lobe) -> Vec<(Direction, Direction)> {
     let mut pairs = Vec::new();
     for (i, u) in points(60).enumerate() {

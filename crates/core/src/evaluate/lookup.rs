@@ -56,8 +56,8 @@ pub(super) struct MeshLookup {
     below: u32,
     /// Binary logarithm of the number of leaf triangles in an octant.
     shift: u32,
-    /// For each inner triangle, level by level: the normals of the three planes that cut off its corners, positive on
-    /// the corner's side.
+    /// For each triangle that is subdivided, coarsest level first: normals of the three planes that cut off the
+    /// children at its corners, each pointing to the corner's side.
     cuts: Vec<Vector>,
     /// For each leaf triangle of the first octant: three vectors whose inner products with a direction are proportional
     /// to its barycentric coordinates.
@@ -260,7 +260,8 @@ pub(super) fn octant(level: u8) -> impl Iterator<Item = [Vector; 3]> {
     mesh.into_iter().flat_map(move |mesh| (0..1_usize << (2 * u32::from(level))).map(move |i| mesh.vertices(i)))
 }
 
-/// Normal of the plane through `a`, `b` and the origin, positive on the side of `corner`.
+/// Normal, not of unit length, of the plane through `a`, `b` and the origin; it points to the side of the plane on
+/// which `corner` lies.
 fn cut(a: Vector, b: Vector, corner: Vector) -> Vector {
     let plane = cross(a, b);
     if dot(plane, corner) < 0.0 { plane.map(|x| -x) } else { plane }

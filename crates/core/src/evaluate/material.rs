@@ -90,12 +90,13 @@ impl Material {
         Ok(compress::levels(bytes)?)
     }
 
-    /// Opens a measurement and selects the best alignment of lobes for interpolation between incoming directions.
+    /// Opens a measurement. Selects the rule, the best one for the data, by which lobes move with the incoming
+    /// direction in interpolation.
     pub fn of(measurement: Measurement) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course::default())
     }
 
-    /// Opens a measurement with a given alignment of lobes for interpolation between incoming directions.
+    /// Opens a measurement with a given rule by which lobes move with the incoming direction in interpolation.
     pub fn with_alignment(measurement: Measurement, alignment: Alignment) -> Result<Self, EvaluateError> {
         Self::on_course(measurement, Course { alignment: Some(alignment), ..Course::default() })
     }
@@ -197,7 +198,7 @@ impl Material {
         self.geometry().unit()
     }
 
-    /// Axes of the samples.
+    /// Axes of the material's array of samples, outermost first.
     pub fn axes(&self) -> &[Axis] {
         self.geometry().axes()
     }
@@ -272,9 +273,9 @@ impl Material {
         }
     }
 
-    /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
-    /// samples of the spectrum at `place`; `beyond` decides outside the measured range. A value is NaN (masked) if one
-    /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
+    /// Writes the values at the indices and directions of `place`, at `wavelengths` in nm, into `out`, which has the
+    /// same length. Values are linear between the measured wavelengths; `beyond` decides outside their range. A value
+    /// is NaN (masked) if one of the two samples between which it lies is. Fails for RGB and monochromatic data.
     #[inline]
     pub fn at_wavelengths(
         &self,
@@ -290,8 +291,8 @@ impl Material {
         }
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, one for each sample: for example a luminance, the power
-    /// in a band, or a mean. NaN if a sample with a nonzero weight is masked.
+    /// Inner product of the spectrum at the indices and directions of `place` with `weights`, one for each sample: for
+    /// example a luminance, the power in a band, or a mean. NaN if a sample with a nonzero weight is masked.
     pub fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         match &self.body {
             Body::Cells(cells) => cells.weighted(place, how, weights),
@@ -353,9 +354,10 @@ impl Material {
         self.sampler()?.pdf(index, wi, wo, options.into())
     }
 
-    /// Draws an outgoing direction from the point `u` of the unit square, in proportion to the mean over wavelengths.
-    /// `None` if there is no light, and for the few points whose direction is masked. `options` may be a
-    /// [`SampleOptions`] or the triangle level at which sampling stops following the function.
+    /// Draws an outgoing direction from the point `u` of the unit square, in proportion to the material's function
+    /// (times |cos θo| for a BRDF, BTDF or BSDF), averaged over wavelengths. `None` if there is no light, and for the
+    /// few points whose direction is masked. `options` may be a [`SampleOptions`] or the level of the triangles inside
+    /// which directions no longer follow the function.
     pub fn sample(
         &self,
         index: &[usize],

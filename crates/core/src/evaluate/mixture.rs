@@ -115,8 +115,9 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// Number of the spectrum of an outgoing triangle under the first incoming node, which is the one of piecewise
-    /// constant evaluation.
+    /// Index, among all stored spectra, of that of outgoing triangle `leaf` under the incoming direction of the
+    /// mixture's first sampling tree. In piecewise constant evaluation that is the sampled direction to which the
+    /// queried one belongs.
     #[inline(always)]
     pub(super) fn cell(&self, leaf: usize) -> usize {
         let incoming = if let Parts::Few(shares) = &self.parts { shares.nodes[0] as usize } else { 0 };
@@ -135,9 +136,9 @@ impl<'a> Mixture<'a> {
         sum
     }
 
-    /// Calls `work` for each of the sampling trees from which outgoing directions are drawn, until it returns true.
-    /// `work` receives the number of the tree, the number of the tree's incoming direction, and the probability of
-    /// drawing from the tree.
+    /// Calls `work` for the sampling trees from which outgoing directions are drawn, one after the other, and stops
+    /// when `work` returns true. Passes the tree's number, the number of the incoming direction for which the tree is
+    /// built, and the probability of drawing from the tree.
     #[inline(always)]
     fn each(&self, mut work: impl FnMut(usize, usize, f64) -> bool) {
         match &self.parts {
@@ -168,7 +169,8 @@ impl<'a> Mixture<'a> {
         Some(Carried::over(alignment, domain, z, self.function.node_direction(node), to))
     }
 
-    /// Sampling options of a single tree, without the defensive component.
+    /// Options for drawing from one sampling tree: those of the mixture, but with no directions drawn independently of
+    /// the function.
     #[inline(always)]
     fn own(&self) -> SampleOptions {
         SampleOptions { defensive: 0.0, ..self.options }
@@ -229,8 +231,9 @@ impl<'a> Mixture<'a> {
         }
     }
 
-    /// Point of the unit square from which [`Mixture::draw`] draws a direction: that of the first node whose tree draws
-    /// it, else of the defensive component.
+    /// Point of the unit square from which [`Mixture::draw`] draws the direction `wo`. Of several points it is the one
+    /// for the first of the mixture's sampling trees that can draw `wo`. If none can, it is the one at which `wo` is
+    /// drawn independently of the function's values.
     pub(super) fn invert(&self, wo: Direction) -> Option<[f64; 2]> {
         let (own, warps) = (self.own(), self.trees.warps());
         let (mut start, mut found) = (0.0, None);
@@ -259,7 +262,8 @@ impl<'a> Mixture<'a> {
     }
 }
 
-/// Checks the sampling options and returns the row-major position of the query's indices.
+/// Checks the sampling options. Returns the row-major number of the query's indices among all combinations of positions
+/// on the axes before those of directions and wavelength.
 #[inline]
 pub(super) fn sampled_entry(
     function: &Function,

@@ -102,8 +102,8 @@ fn cut_lamp(mesh: TriangleMesh, is_lit: impl Fn(usize) -> bool, rng: &mut impl R
     Material::of(Measurement::new(Quantity::Edf, Unit::Relative, Sampling::Average, tensor).unwrap()).unwrap()
 }
 
-/// Tests that the sampling density is positive wherever smooth interpolation gives light. It does so even in dark
-/// triangles that touch no lit one.
+/// Tests that the sampling density of a luminaire is positive wherever smooth interpolation gives light. Interpolation
+/// gives light even in dark triangles that touch no lit one.
 #[test]
 fn luminaires_with_dark_cells_have_a_density_wherever_they_shine() {
     let mut rng = Pcg32::new(77, 1);

@@ -26,7 +26,7 @@ pub(super) trait Number:
     fn is_finite(self) -> bool;
     /// Reads one number into each lane, from position `at` of a slice on.
     fn read(from: &[f32], at: usize) -> Self;
-    /// Writes the first lanes to a slice, as many as it has room for.
+    /// Writes the numbers in the first SIMD lanes to a slice, as many as the slice has room for.
     fn write_some(self, to: &mut [f32]);
     /// Writes all lanes to a slice, from position `at` on.
     fn write(self, to: &mut [f32], at: usize);

@@ -53,8 +53,8 @@ pub(super) struct Planes {
     width: usize,
     /// Spectral basis for whole spectra: `[block of wavelengths][mean, then basis vectors][lane]`.
     blocks: Vec<[f32; LANES]>,
-    /// Spectral basis for single wavelengths, `[wavelength][basis vector]`, and the mean spectrum; the last wavelength
-    /// is repeated.
+    /// Spectral basis in the order that suits evaluation at one wavelength, `[wavelength][basis vector]`; then the mean
+    /// spectrum. Both repeat the last wavelength.
     columns: Vec<f32>,
     mean: Vec<f32>,
     /// Spectral coefficients, `[pair of sampled directions][coefficient]`.
@@ -391,7 +391,8 @@ impl Planes {
     }
 }
 
-/// Methods compiled for each number of spectral coefficients and each machine, which requires inlining.
+/// Evaluation of spectra from coefficients. Methods are inlined, so that the compiler makes a version of each for every
+/// possible number of coefficients and for every instruction set.
 impl Planes {
     /// Samples (or logarithms) that spectral coefficients represent, at a block of wavelengths or at chosen ones.
     #[inline(always)]
@@ -493,7 +494,9 @@ impl Planes {
     }
 }
 
-/// Interpolates linearly between the samples below each wavelength and those above, times `scale`.
+/// Interpolates linearly, for each requested wavelength, between the values at the measured wavelengths below and
+/// above, and multiplies by `scale`. `values` holds all values below, then all above; `shares` are the weights of those
+/// above.
 #[inline(always)]
 fn between(values: &[f32; LANES], shares: &[f32; FEW], scale: f32) -> [f32; FEW] {
     let mut between = [0.0; FEW];

@@ -31,8 +31,9 @@ pub(super) struct Cells {
     vertices: Vec<[Vector; 3]>,
 }
 
-/// Upper bound on Σ|weight| / Σ weight of a fit some of whose triangles are missing. Beyond the bound the fit
-/// extrapolates, which logarithms amplify. Fits with all triangles around have 1.2 to 1.8.
+/// Upper bound on Σ|weight| / Σ weight of a quadratic fit to the triangles around a node, if some of these are left out
+/// as zero or masked. Beyond the bound the fit extrapolates, which logarithms amplify. Fits to all triangles around
+/// have 1.2 to 1.8.
 pub(super) const STEEPEST: f32 = 2.0;
 
 /// Tolerance of an inner product within which a direction counts as lying on a triangle's edge.
@@ -160,8 +161,9 @@ fn mean(near: &[(f64, u32)], reach: f64) -> Weights {
     near.iter().map(|&(distance, cell)| (cell, (nearness(distance, reach) / sum) as f32)).collect()
 }
 
-/// Weights, for each interpolation node, of the triangles that determine its value, among those that `is_live` accepts.
-/// If some triangles around are rejected and a quadratic would extrapolate, the value is a mean.
+/// For each interpolation node, weights of the nearby triangles whose values determine the value at the node. Only
+/// triangles that `is_live` accepts enter. The weights are those of a quadratic fit, or of a mean if a nearby triangle
+/// is rejected and the quadratic would extrapolate.
 pub(super) fn node_weights(
     cells: &Cells,
     lookup: &MeshLookup,

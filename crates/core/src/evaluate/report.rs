@@ -29,8 +29,8 @@ pub struct OpenedReport {
 }
 
 impl OpenedReport {
-    /// Reports memory, spectral coefficients, alignment of lobes and leave-one-out error of a material with samples
-    /// over triangles. `memory` is the total memory of the opened material in bytes.
+    /// Reports memory, spectral coefficients, motion of lobes with the incoming direction, and leave-one-out error of a
+    /// material with samples over triangles. `memory` is the total memory of the opened material in bytes.
     pub(super) fn of(form: &Form, memory: usize) -> Self {
         let (planes, smooth) = match form {
             Form::Planes { planes, smooth } => (Some(planes), Some(smooth)),
@@ -46,8 +46,8 @@ impl OpenedReport {
         }
     }
 
-    /// Reports memory and alignment of lobes of a material with samples on a grid of angles. `memory` is the total
-    /// memory of the opened material in bytes.
+    /// Reports memory, and motion of lobes with the incoming direction, of a material with samples on a grid of angles.
+    /// `memory` is the total memory of the opened material in bytes.
     pub(super) fn of_lines(lines: &Lines, memory: usize) -> Self {
         Self {
             memory,

@@ -26,9 +26,9 @@ pub struct DirectionSample {
     pub direction: Direction,
     /// Probability density of the drawn direction in sr⁻¹.
     pub pdf: f64,
-    /// Weight f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise. f is the mean over the wavelengths that
-    /// are not masked, 0 if that mean is negative. It is piecewise constant for
-    /// [`Density::Uniform`](super::Density::Uniform), otherwise smooth.
+    /// Weight f · |cos θo| / pdf for a BRDF, BTDF or BSDF, f / pdf otherwise. f is the material's function, averaged
+    /// over the wavelengths that are not masked, or 0 if that mean is negative. f is piecewise constant in the
+    /// directions for [`Density::Uniform`](super::Density::Uniform), otherwise smoothly interpolated.
     pub weight: f64,
 }
 
@@ -269,7 +269,8 @@ impl<'a> Sampler<'a> {
         Ok(lobe.point_of(asked).or_else(|| mixture.invert(wo).map(|point| lobe.of_cells(point))))
     }
 
-    /// Draws an outgoing direction with its density, but without a weight.
+    /// Draws a random outgoing direction by importance sampling. Returns it with its probability density in sr⁻¹,
+    /// without the weight f · |cos θo| / pdf.
     pub(super) fn draw(
         &self,
         index: &[usize],

@@ -56,7 +56,7 @@ impl Samples {
         &self.values[cell * self.shape[2]..][..self.shape[2]]
     }
 
-    /// Finds the samples that determine the value for a pair of directions.
+    /// Finds the stored spectra whose weighted mean is the value of the material's function for a pair of directions.
     pub(super) fn find(
         &self,
         geometry: &Geometry,

@@ -44,9 +44,9 @@ impl Function {
         Ok(())
     }
 
-    /// Writes the values at `wavelengths` in nm into `out`, which has the same length. Values are linear between the
-    /// samples of the spectrum at `place`; `beyond` decides outside the measured range. A value is NaN (masked) if one
-    /// of its two samples is. Fails for RGB and monochromatic data, which have no wavelengths.
+    /// Writes the values at the indices and directions of `place`, at `wavelengths` in nm, into `out`, which has the
+    /// same length. Values are linear between the measured wavelengths; `beyond` decides outside their range. A value
+    /// is NaN (masked) if one of the two samples between which it lies is. Fails for RGB and monochromatic data.
     #[inline]
     pub(super) fn at_wavelengths(
         &self,
@@ -88,8 +88,8 @@ impl Function {
         Ok(())
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, one for each sample: for example a luminance, the power
-    /// in a band, or a mean. NaN if a sample with a nonzero weight is masked.
+    /// Inner product of the spectrum at the indices and directions of `place` with `weights`, one for each sample: for
+    /// example a luminance, the power in a band, or a mean. NaN if a sample with a nonzero weight is masked.
     pub(super) fn weighted(&self, place: Place<'_>, how: Interpolation, weights: &[f32]) -> Result<f32, EvaluateError> {
         let geometry = self.geometry();
         Buffer::Weights.check(weights.len(), geometry.lambdas())?;
@@ -98,8 +98,8 @@ impl Function {
         })
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, one for each sample. Masked samples are skipped and the
-    /// remaining weights renormalised; 0 if all are masked.
+    /// Inner product of the spectrum at the indices and directions of `place` with `weights`, one for each sample.
+    /// Masked samples are skipped and the remaining weights renormalised; 0 if all are masked.
     pub(super) fn weighted_known(
         &self,
         place: Place<'_>,
@@ -110,9 +110,9 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum })
     }
 
-    /// Inner product with `weights` of the sum of two spectra: the one at `place`, and `beside`, a function of the
-    /// number of the spectral sample. Samples masked in the first are skipped in both and the remaining weights
-    /// renormalised; 0 if all are masked.
+    /// Inner product with `weights` of the sum of two spectra: the material's at the indices and directions of `place`,
+    /// and one whose sample number n is `beside(n)`. Samples masked in the first are skipped in both and the remaining
+    /// weights renormalised; 0 if all are masked.
     pub(super) fn weighted_known_beside(
         &self,
         place: Place<'_>,
@@ -129,8 +129,9 @@ impl Function {
         Ok(if sum.is_nan() { 0.0 } else { sum + more })
     }
 
-    /// Inner product of the spectrum at `place` with `weights`, computed by `sum` if all samples are stored. With
-    /// spectral coefficients it is NaN if the place is masked.
+    /// Inner product with `weights` of the spectrum at the indices and directions of `place`. If all samples are
+    /// stored, `sum` computes it from a function of the sample's number. From spectral coefficients it is NaN where the
+    /// spectrum is masked.
     fn weighted_by(
         &self,
         place: Place<'_>,

@@ -80,16 +80,16 @@ struct MixedBlock {
     defensive: Block,
     /// True while directions are drawn, false while densities of given directions are computed.
     is_drawn: bool,
-    /// Density with which the sampling tree chosen for each query drew its direction: in the first array if the
-    /// direction then moved with its lobe to the queried incoming direction, in the second if it stayed in place. All
+    /// Probability density in sr⁻¹ with which a sampling tree drew direction `i` of the block: in `[0][i]` if the
+    /// direction then moved with its lobe to the queried incoming direction, in `[1][i]` if it stayed in place. All
     /// other entries are 0.
     drawn: [Block; 2],
 }
 
 impl Sampler<'_> {
-    /// Returns true if directions can be drawn block by block. That requires descents of sampling trees to their finest
-    /// triangles, no added analytic lobe, spectral coefficients, and the same rule above and below the horizon by which
-    /// lobes follow the incoming direction.
+    /// Returns true if directions can be drawn many at a time, in blocks of [`BLOCK`]. That requires sampling down to
+    /// the finest triangles, no added analytic lobe, spectral coefficients, and one rule above and below the horizon by
+    /// which lobes move with the incoming direction.
     pub(super) fn is_staged(&self, options: SampleOptions) -> bool {
         let is_alike = |(alignment, domain)| domain != Domain::Sphere || alignment == Alignment::Rotation;
         options.level.is_none()
@@ -191,8 +191,8 @@ impl Sampler<'_> {
         room.defend(trees, options.density, count);
     }
 
-    /// Writes the probability densities with which sampling trees draw a block of directions, if these are moved after
-    /// the draw, along with lobes that follow the incoming direction.
+    /// Writes the probability densities in sr⁻¹ of a block of directions, for sampling in which a direction drawn from
+    /// a sampling tree then moves, together with the lobe around it, to the queried incoming direction.
     fn write_carried_densities(&self, carry: Carry, count: usize, room: &mut Room) {
         let (function, trees) = (self.function(), self.trees());
         let Room { places, draws, mixed, carried } = room;
@@ -316,7 +316,7 @@ impl Sampler<'_> {
         Ok(())
     }
 
-    /// Draws directions for up to [`BLOCK`] points of the unit square.
+    /// Draws one random outgoing direction for each of up to [`BLOCK`] points, given in the unit square.
     fn draw_block(&self, u: &[[f64; 2]], options: SampleOptions, room: &mut Room) -> Result<(), EvaluateError> {
         let (function, trees) = (self.function(), self.trees());
         let Some(lookup) = function.geometry().mesh() else { return Ok(()) };

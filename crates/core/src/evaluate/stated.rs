@@ -79,7 +79,8 @@ impl Stated {
         self.geometry.memory() + self.lines.memory()
     }
 
-    /// Row-major position of a query's indices, and the incoming and outgoing direction in the frame of the grid.
+    /// Row-major number of the query's indices (positions on the axes before the directions), and the query's incoming
+    /// and outgoing direction as the grid of angles counts them: with `wi` at azimuth 0 if the data are isotropic.
     #[inline]
     fn asked(&self, place: Place<'_>) -> Result<(usize, [Vector; 2]), EvaluateError> {
         let entry = self.geometry.entry_of(place)?;
@@ -259,9 +260,9 @@ impl Stated {
         sums.into_iter().map(|sum| sum as f32).collect()
     }
 
-    /// Integrals over all outgoing directions, summed over wavelengths, for one combination of indices (positions on
-    /// the axes before the directions). The first uses cubics of logarithms, the second straight lines between the
-    /// samples.
+    /// Integrals of the sampled function over all outgoing directions, summed over wavelengths, for one combination of
+    /// indices (positions on the axes before the directions). Between the samples, the first integral follows cubics of
+    /// logarithms, the second straight lines.
     pub(super) fn fluxes(&self, entry: usize) -> [f64; 2] {
         [0.0, 1.0].map(|straight| {
             let mut sums = vec![0.0; self.geometry.lambdas()];

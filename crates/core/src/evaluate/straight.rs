@@ -6,10 +6,11 @@ use super::geometry::Geometry;
 use super::stated::Stated;
 use crate::domain::{Measurement, Quantity};
 
-/// Relative difference from the zonal flux (the flux integrated with straight lines between the angles) up to which
-/// cubic interpolation alone is used.
+/// Relative difference of the flux with cubic interpolation between the angles from the zonal flux (with straight lines
+/// between them), up to which cubic interpolation alone is used.
 const TOLERATED: f64 = 0.003;
-/// Denominator of the fraction of linear interpolation, which a file stores as an integer.
+/// Denominator of the share of linear interpolation in a blend with cubic interpolation; a file stores only the
+/// numerator.
 const ALL: f64 = 255.0;
 
 /// Returns the least fraction of linear interpolation, in 255ths, that keeps the flux of an emission or a phase
@@ -40,8 +41,8 @@ pub fn straight_lines_for_flux(measurement: &Measurement) -> Result<u8, Evaluate
     Ok(shares.fold(0.0, f64::max).min(ALL) as u8)
 }
 
-/// Least fraction of linear interpolation, in 255ths, rounded up, that brings the flux within the tolerance of the flux
-/// of straight lines. The flux is linear in the fraction.
+/// Least share of linear interpolation in a blend with cubic interpolation, in 255ths, rounded up, for which the flux
+/// differs from that of linear interpolation alone by no more than the tolerance. The flux is linear in the share.
 fn share_of([curved, straight]: [f64; 2]) -> f64 {
     let difference = (curved - straight).abs();
     let tolerated = TOLERATED * straight.abs();

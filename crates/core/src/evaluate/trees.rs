@@ -43,12 +43,14 @@ impl Trees {
         Self { warps, per_entry, background, weights, carry: None, has_masked }
     }
 
-    /// Sets the alignment that moves drawn directions with the lobes; `None` leaves directions in place.
+    /// Sets the rule by which a drawn direction moves, with the lobe around it, to the queried incoming direction;
+    /// `None` leaves drawn directions in place.
     pub(super) fn carried_by(self, carry: Option<Carry>) -> Self {
         Self { carry, ..self }
     }
 
-    /// Builds sampling trees of the inner product of spectra with `weights`, otherwise like `self`.
+    /// Builds sampling trees for the sum over wavelengths of `weights` times the material's function. Takes all else
+    /// over from `self`, the trees for other weights.
     pub(super) fn by(&self, function: &Function, lookup: &MeshLookup, weights: &[f32]) -> Self {
         Self {
             warps: Self::warps_by(self.warps.mesh(), function, lookup, weights),

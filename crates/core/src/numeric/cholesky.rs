@@ -164,12 +164,13 @@ impl GramFactor {
         Self { n, lower }
     }
 
-    /// Returns true if a column was used in the factorisation, not skipped.
+    /// Returns false if the factorisation skipped a column of the set to be made orthonormal, because the column
+    /// depends linearly on earlier ones or was excluded.
     pub(crate) fn keeps(&self, column: usize) -> bool {
         self.lower[column * self.n + column] > 0.0
     }
 
-    /// Multiplies `x` in place by L⁻¹, where L is the Cholesky factor.
+    /// Multiplies `x` in place by L⁻¹, where L·Lᵀ is the Gram matrix of the columns. Skipped columns get 0.
     pub(crate) fn solve(&self, x: &mut [f64]) {
         for i in 0..self.n {
             let row = &self.lower[i * self.n..][..self.n];
@@ -178,7 +179,7 @@ impl GramFactor {
         }
     }
 
-    /// Multiplies `x` in place by L⁻ᵀ, where L is the Cholesky factor.
+    /// Multiplies `x` in place by L⁻ᵀ, where L·Lᵀ is the Gram matrix of the columns. Skipped columns get 0.
     pub(crate) fn solve_transposed(&self, x: &mut [f64]) {
         for i in (0..self.n).rev() {
             let row = &self.lower[i * self.n..][..self.n];

@@ -27,7 +27,8 @@ pub(crate) struct Recursive {
     /// Weighted number of examples (feature vectors with target numbers) from which the predictor has learned so far;
     /// earlier examples can be given a lower weight.
     count: f64,
-    /// Weighted number of examples at which the least-squares system is solved again.
+    /// Weighted number of examples (feature vectors with target numbers) from which on the coefficients of the
+    /// predictor are due to be computed again.
     next: f64,
     factor: Vec<f64>,
     coefficients: Vec<f64>,

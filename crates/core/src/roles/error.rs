@@ -30,8 +30,8 @@ pub enum RoleError {
         /// function.
         expected: &'static str,
     },
-    /// The material lacks incoming or outgoing directions that the view needs, or has directions that the view does not
-    /// take.
+    /// The material lacks incoming or outgoing directions that its requested use as a surface, light source, phase
+    /// function or spectrum needs. Or it has directions that this use does not allow.
     #[error("directions of this {quantity}: found {found}, expected {expected}")]
     Directions {
         /// Radiometric quantity of the material.

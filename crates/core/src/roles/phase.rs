@@ -91,8 +91,8 @@ impl<'a> Phase<'a> {
     }
 }
 
-/// View of a phase function at chosen wavelengths. Queries do not allocate, except the first sample or density of a
-/// material, which builds its sampling trees.
+/// View of a material as a phase function at chosen wavelengths. Queries do not allocate memory, except the first one
+/// for a sampled direction or its density: it builds the trees from which directions of this material are drawn.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {

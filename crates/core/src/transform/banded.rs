@@ -7,8 +7,8 @@ pub(super) struct Banded {
     n: usize,
     head: usize,
     tail: usize,
-    /// Nonzero entries of the matrix rows far from its ends, where all even rows are alike, and all odd rows. Each
-    /// entry is a pair (column − row, weight).
+    /// Nonzero entries of an even and of an odd row of the matrix away from its top and bottom, where every second row
+    /// has the same entries, shifted along the diagonal. Each entry is a pair (column − row, weight).
     stencils: [Vec<(i64, f64)>; 2],
     /// Nonzero entries of the first and of the last rows of the matrix, which do not repeat with a period: first rows,
     /// then last rows. Each entry is a pair (column, weight).
@@ -18,7 +18,8 @@ pub(super) struct Banded {
 /// One row of a sparse matrix.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Row<'a> {
-    /// Row near the top or bottom of the matrix, where rows do not repeat with a period: pairs of column and weight.
+    /// Row near the top or bottom of a sparse matrix, which is not the shifted copy of another row: pairs (column,
+    /// value).
     Edge(&'a [(usize, f64)]),
     /// Row far from the top and bottom of the matrix, where every second row has the same weights, shifted along the
     /// diagonal: index of the row, and pairs of (column − row, weight).
@@ -26,7 +27,7 @@ pub(super) enum Row<'a> {
 }
 
 impl Row<'_> {
-    /// Returns the entries of a matrix row as pairs of column and weight.
+    /// Returns the entries of one row of a sparse matrix as pairs (column, value).
     pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
         let edge = if let Row::Edge(edge) = *self { edge } else { &[] };
         let (row, inner) = if let Row::Inner(row, inner) = *self { (row as i64, inner) } else { (0, [].as_slice()) };
@@ -131,8 +132,8 @@ impl Window {
         self.iter().filter(|(_, w)| *w != 0.0).map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Returns the linear combination of matrix rows `Σ vector[j] · row(place(j))`, and true if no row near an end of
-    /// the matrix entered it. Rows near the ends do not repeat like the others.
+    /// Returns the sum of the matrix rows with the indices `place(j)`, each times entry j of this vector. The flag is
+    /// true if all rows with a nonzero factor are inner ones, whose entries repeat in every second row.
     pub(super) fn through(&self, matrix: &Banded, place: impl Fn(usize) -> usize) -> (Self, bool) {
         let mut inner = true;
         let (mut first, mut last) = (usize::MAX, 0);

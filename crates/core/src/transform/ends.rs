@@ -55,14 +55,17 @@ impl Sequence {
         self.length
     }
 
-    /// Changes the description of the smooth coefficients to those of the next coarser wavelet level, after a level
-    /// with the same filters up to both ends of the signal.
+    /// Advances this description from the input of a wavelet level to that of the next coarser one: half as many smooth
+    /// coefficients, rounded up. The level just passed has no special filters near the ends of the signal.
     pub(super) fn pass_regular(&mut self) {
         *self = Self::new(self.length.div_ceil(2));
     }
 
-    /// Changes the description of the smooth coefficients to those of the next coarser wavelet level, after a level
-    /// with the filters `ends` near the ends of the signal.
+    /// Advances this description of the smooth coefficients from the input of a wavelet level to that of the next
+    /// coarser one. The level just passed has the low-pass filter `low`, and special filters `ends` near the ends of
+    /// the signal.
+    ///
+    /// Values for polynomial signals are advanced only if `keeps` is true.
     fn pass(&mut self, low: &Taps, ends: &Ends, keeps: bool) {
         let n = self.length;
         let length = n.div_ceil(2);
@@ -195,7 +198,9 @@ impl Side<'_> {
         ends.analysis.extend(rows.into_iter().map(|(m, row)| (m, window(row))));
     }
 
-    /// Returns `count` orthonormal vectors that span the orthogonal complement of the unmodified filters `taps`.
+    /// Returns `count` orthonormal vectors, over the samples near one end of the signal, that are orthogonal to all
+    /// filters of the coefficients `inner`. These coefficients lie away from the ends and use the ordinary filters
+    /// `taps`.
     fn complement(&self, taps: &[Taps; 2], inner: &Range<usize>, count: usize) -> Vec<Vec<f64>> {
         let width = self.columns.len();
         let mut filters = Vec::new();

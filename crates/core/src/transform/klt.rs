@@ -151,12 +151,14 @@ impl Klt {
         Ok(klt)
     }
 
-    /// Returns the number of samples of a row of data.
+    /// Returns the number of samples in each row that the Karhunen–Loève transform accepts, for example the number of
+    /// wavelengths of a spectrum.
     pub fn length(&self) -> usize {
         self.mean.len()
     }
 
-    /// Returns the number of coefficients of a row of data, which is the number of basis vectors.
+    /// Returns the number of basis vectors of the Karhunen–Loève transform, which is the number of coefficients of each
+    /// transformed row of samples.
     pub fn rank(&self) -> usize {
         self.vectors.len()
     }
@@ -327,7 +329,8 @@ fn eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<Vec<f64>>) {
     ((0..n).map(|i| a[i * n + i]).collect(), vectors)
 }
 
-/// Returns the mean of the rows of data; fails unless `rows` consists of whole rows of finite numbers.
+/// Returns the mean row: for each position in a row, the mean over all rows. Fails unless `rows` consists of whole rows
+/// of `length` finite numbers.
 fn mean_of(rows: &[f32], length: usize) -> Result<Vec<f64>, KltError> {
     if length == 0 || rows.is_empty() || !rows.len().is_multiple_of(length) {
         return Err(KltError::Shape { samples: rows.len(), length });

@@ -90,7 +90,8 @@ impl LinePlan {
         self.descend(index, |level| &level.analysis).0
     }
 
-    /// Returns the weight of each wavelet coefficient in sample `index`.
+    /// Returns the nonzero weights of the wavelet coefficients in the sum that reconstructs sample `index` of the
+    /// signal, as pairs of coefficient index and weight.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::new();
         let mut smooth = Window::unit(index);
@@ -164,7 +165,8 @@ impl LinePlan {
     }
 }
 
-/// Multiplies every `stride`-th row, taken together as a vector, by `matrix`.
+/// Replaces every `stride`-th row of samples by a linear combination of these rows, with the weights in row m of
+/// `matrix` for the m-th of them.
 fn apply(matrix: &Banded, rows: &mut [&mut [f32]], stride: usize, scratch: &mut Vec<f32>) {
     let width = rows.first().map_or(0, |row| row.len());
     scratch.resize(matrix.len() * width, 0.0);
@@ -242,7 +244,8 @@ fn places(n: usize, stride: usize, parity: Parity) -> impl Iterator<Item = (Opti
     (first..n).step_by(2 * stride).map(move |i| (i.checked_sub(stride), i, Some(i + stride).filter(|&r| r < n)))
 }
 
-/// Applies one lifting step: adds `c` times the sum of both neighbours to each even (or each odd) sample.
+/// Applies one lifting step to rows counted in steps of `stride`: adds `c` times the sum of both neighbours to every
+/// second row, starting at row 0 or 1 as `parity` says. At the ends the only neighbour counts twice.
 fn gather(rows: &mut [&mut [f32]], stride: usize, parity: Parity, c: f32) {
     for (left, i, right) in places(rows.len(), stride, parity) {
         let (before, rest) = rows.split_at_mut(i);

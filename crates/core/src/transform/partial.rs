@@ -9,14 +9,14 @@ use super::plan::{Operator, Plan};
 use super::rows::Pass;
 use std::ops::Range;
 
-/// Part of the samples along one axis that an inverse transform reconstructs.
+/// Part of the samples along one axis of a tensor that an inverse wavelet transform reconstructs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Selects all samples along the axis, reconstructed from all coefficients.
+    /// Selects all samples along the axis, reconstructed from all wavelet coefficients of the axis.
     All,
-    /// Selects the sample at one index of the axis; the result does not have this axis.
+    /// Selects the samples at one index of the axis; the reconstructed tensor does not have this axis.
     At(usize),
-    /// Selects all samples along the axis, reconstructed from the coefficients of a range of wavelet levels only (0 is
+    /// Selects all samples along the axis, reconstructed only from the wavelet coefficients of a range of levels (0 is
     /// the smooth level, 1 the coarsest details).
     Levels(Range<usize>),
 }
@@ -71,8 +71,8 @@ impl Plan {
         self.reconstruct(coefficients, &parts)
     }
 
-    /// Reconstructs a part of the samples from all wavelet coefficients: along each axis all samples, one sample, or
-    /// the share of chosen levels in all. The result is row-major over the axes not reduced to one sample.
+    /// Reconstructs from wavelet coefficients, along each axis, all samples, one sample, or the contribution of a range
+    /// of wavelet levels to all samples. The result is row-major over the axes not reduced to one sample.
     ///
     /// An axis that is reduced to one sample is summed in f64.
     ///

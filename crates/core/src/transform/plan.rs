@@ -61,11 +61,11 @@ pub enum PlanError {
     /// A wavelet transform does not apply to this kind of axis.
     #[error("axis {axis}: transform `{transform}` on {found}, expected {expected}")]
     Unfit {
-        /// Position of the unsuitable axis, from 0.
+        /// Position, from 0, of the axis of the tensor to which the requested wavelet basis does not apply.
         axis: usize,
         /// Name of the requested wavelet basis.
         transform: &'static str,
-        /// Description of the axis found.
+        /// Description, in words, of the axis to which the requested wavelet basis does not apply.
         found: String,
         /// Kinds of axis to which the wavelet basis applies.
         expected: &'static str,

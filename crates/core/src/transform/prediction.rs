@@ -173,8 +173,8 @@ fn weights(i: usize, around: &[u32], nodes: &[Moments], children: &[Moments]) ->
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Householder {
     siblings: usize,
-    /// Entry `alpha` of the Householder vector at all siblings but the last; `beta` is the entry at the last one, and
-    /// `scale` is 2 / the squared norm.
+    /// Value 1/√n of all entries but the last of the Householder vector v, for the reflection that maps (1, …, 1)/√n to
+    /// the last unit vector; n is 2, 3 or 4. `beta` is the last entry, and `scale` is 2 / |v|².
     alpha: f32,
     beta: f32,
     scale: f32,

@@ -13,14 +13,14 @@ pub(super) enum Pass {
     Forward,
     /// Inverse transform `W⁻¹`: coefficients to samples.
     Inverse,
-    /// Transpose `Wᵀ` of the forward transform.
+    /// Transpose `Wᵀ` of the forward wavelet transform `W`.
     ForwardTransposed,
-    /// Transpose `W⁻ᵀ` of the inverse transform.
+    /// Transpose `W⁻ᵀ` of the inverse `W⁻¹` of the wavelet transform `W`.
     InverseTransposed,
 }
 
-/// Number of samples below which a row is narrow; narrow rows are packed side by side into a scratch buffer, to fill
-/// the SIMD lanes.
+/// Number of samples below which a row (all samples with one index of the transformed axis, contiguous in memory)
+/// counts as narrow. Narrow rows are packed side by side into a scratch buffer, to fill the SIMD lanes.
 const NARROW: usize = 16;
 const LANES: usize = 32;
 /// Number of samples in a block of columns of a large array, chosen to fit the second-level cache.
@@ -183,8 +183,8 @@ pub(super) fn reflect_four(a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut 
     }
 }
 
-/// Replaces the first of four rows by the mean with weights `w`, and the other three by their differences from that
-/// mean.
+/// Replaces the first of four rows of samples, entry by entry, by the mean of the four with the weights `w`, and the
+/// other three by their differences from that mean.
 pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = (w[0] * *a + w[1] * *b) + (w[2] * *c + w[3] * *d);
@@ -195,8 +195,8 @@ pub(super) fn mean_and_rest(w: [f32; 4], a: &mut [f32], b: &mut [f32], c: &mut [
     }
 }
 
-/// Restores four rows from their mean and three differences, the inverse of [`mean_and_rest`]. `w` are the weights of
-/// the last three rows divided by that of the first.
+/// Restores four rows of samples from their weighted mean and three differences, the inverse of [`mean_and_rest`]. `w`
+/// are the weights of the last three rows in the mean divided by the weight of the first.
 pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {
         let mean = *a;

@@ -16,8 +16,11 @@ type Exact = [[f64; 4]; 4];
 pub(super) struct SphereTables {
     basis: SphereBasis,
     level: u8,
-    /// Forward and inverse 4 × 4 matrix of each parent triangle; the outer index is the level of the parent, coarsest
-    /// first. A level with a single pair of matrices uses it for all parents.
+    /// Pair of 4 × 4 matrices of each parent triangle: the forward one maps the smooth values of its four children to
+    /// its own smooth value and three details, the second is its inverse.
+    ///
+    /// The outer index is the level of the parent, coarsest first. A level with a single pair of matrices uses it for
+    /// all parents.
     nodes: Vec<Vec<(Matrix, Matrix)>>,
     /// Factor by which the forward transform multiplies the samples of an undivided mesh (level 0): the root of the
     /// triangle area for bases that are orthonormal by area, 1 for others.
@@ -73,8 +76,8 @@ impl SphereTables {
         }
     }
 
-    /// Applies the wavelet transform below one triangle of the hierarchy, depth first for cache locality; `rows` has
-    /// one row per finest triangle.
+    /// Applies the wavelet transform to all triangles into which one triangle of the mesh is subdivided, depth first
+    /// for cache locality. `rows` has one row of samples for each of the finest of them.
     fn pass_node(&self, rows: &mut [&mut [f32]], level: u8, node: usize, pass: Pass) {
         if level == self.level {
             return;
@@ -124,12 +127,14 @@ impl SphereTables {
         self.descend(index, 1.0 / f64::from(self.bare), |(_, inverse), coefficient, child| inverse[child][coefficient])
     }
 
-    /// Returns the weight of each finest triangle in coefficient `index`.
+    /// Returns the nonzero weights of the samples in wavelet coefficient `index`, as pairs of index and weight; there
+    /// is one sample for each triangle of the mesh.
     pub(super) fn analysis_row(&self, index: usize) -> Vec<(u32, f64)> {
         self.descend(index, f64::from(self.bare), |(forward, _), coefficient, child| forward[coefficient][child])
     }
 
-    /// Returns the weight of each coefficient in the value of the finest triangle `index`.
+    /// Returns the nonzero weights of the wavelet coefficients in the sum that reconstructs the sample of triangle
+    /// `index` of the mesh, as pairs of coefficient index and weight.
     pub(super) fn synthesis_row(&self, index: usize) -> Vec<(u32, f64)> {
         let mut row = Vec::with_capacity(3 * usize::from(self.level) + 1);
         let mut smooth = 1.0 / f64::from(self.bare);
@@ -149,8 +154,10 @@ impl SphereTables {
         row.into_iter().map(|(i, w)| (i as u32, w)).collect()
     }
 
-    /// Computes the weights of a coefficient at the finest triangles, from its own triangle down the hierarchy.
-    /// `weight` selects the matrix entry for a coefficient and a child.
+    /// Computes the weights that connect a wavelet coefficient with the finest triangles, level by level down from the
+    /// coefficient's parent triangle.
+    ///
+    /// `weight` takes the entry for a coefficient and a child from a parent's forward or inverse 4 × 4 matrix.
     fn descend(
         &self,
         index: usize,

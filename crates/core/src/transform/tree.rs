@@ -23,7 +23,8 @@ pub struct AxisTree {
 }
 
 impl AxisTree {
-    /// Returns the number of levels of the coefficient tree, including the smooth one.
+    /// Returns the number of levels of the tree of wavelet coefficients: the levels of details, and one level of smooth
+    /// coefficients.
     pub fn levels(&self) -> usize {
         self.starts.len() - 1
     }

@@ -10,7 +10,7 @@ use crate::domain::{Axis, ErrorReport, Measurement};
 use crate::evaluate::{EvaluateError, QueryError};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, manifest_of, write_npy};
 
-/// Writer of arrays.
+/// Writer of the export format `npy`: the samples of a material as a NumPy array in a file.
 pub(super) const NPY: Writer = Writer {
     name: "npy",
     other_names: &[],

@@ -105,14 +105,14 @@ pub enum OptionError {
         format: &'static str,
     },
     /// The requested step between neighbouring angles in the exported file is out of range.
-    #[error("step: found {found} degrees between angles, expected 0.1 to 45")]
+    #[error("option `step`: found {found} degrees between angles, expected 0.1 to 45")]
     Step {
         /// Requested step in degrees between neighbouring directions in the exported file: the incident directions of a
         /// BRDF or the directions of a luminaire.
         found: f64,
     },
     /// The requested number of nodes along a side of a table of directions is out of range.
-    #[error("side: found {found} nodes along a side of the exported table, expected {low} to {high}")]
+    #[error("option `side`: found {found} nodes along a side of the exported table, expected {low} to {high}")]
     Side {
         /// Requested number of nodes along a side of the square table of directions in the exported file.
         found: usize,
@@ -122,7 +122,7 @@ pub enum OptionError {
         high: usize,
     },
     /// The number of scattering cosines requested for the exported table of a phase function is out of range.
-    #[error("side: found {found} scattering cosines of a phase function, expected 2 to {most}")]
+    #[error("option `side`: found {found} scattering cosines of a phase function, expected 2 to {most}")]
     Cosines {
         /// Number of scattering cosines (table entries) requested for the exported phase function.
         found: usize,

@@ -18,7 +18,7 @@ pub struct Exported {
 pub struct Summary {
     /// Name of the format.
     pub format: &'static str,
-    /// Sampling of the material, as text for people: for example the number of angles.
+    /// Resolution at which the export sampled the material, in words: for example the number of angles.
     pub resolution: String,
     /// Unit of the numbers in the exported file.
     pub unit: String,

@@ -77,17 +77,20 @@ fn describe(material: &Material) -> String {
     format!("{article} {directions}{quantity} {spectral} in {}", material.unit())
 }
 
-/// Returns the axis of incoming directions, as cells.
+/// Returns the axis of incoming directions of a material. For samples on a grid of angles it is the axis of the
+/// triangles over which they are averaged.
 pub(super) fn incoming(material: &Material) -> Option<&Axis> {
     material.layout().incoming.map(|axis| &cell_axes(material)[axis])
 }
 
-/// Returns the axis of outgoing directions, as cells.
+/// Returns the axis of outgoing directions of a material. For samples on a grid of angles it is the axis of the
+/// triangles over which they are averaged.
 pub(super) fn outgoing(material: &Material) -> Option<&Axis> {
     material.layout().outgoing.map(|axis| &cell_axes(material)[axis])
 }
 
-/// Returns true if the directions of an axis have one of these domains.
+/// Returns true if the directions of an axis cover one of `domains`: the upper or lower hemisphere, or the whole
+/// sphere.
 pub(super) fn is_on(axis: Option<&Axis>, domains: &[Domain]) -> bool {
     match axis {
         Some(Axis::Triangles(mesh)) => domains.contains(&mesh.domain()),

@@ -1,6 +1,6 @@
 //! The formats that are written, made from the table of writers.
 
-/// Makes the formats that are written: a variant for each writer of the table.
+/// Declares the enum of export formats from a list of names and writers, with one variant for each format.
 macro_rules! writers {
     ($($format:ident = $writer:path,)+) => {
         /// The formats that are written.
@@ -10,7 +10,7 @@ macro_rules! writers {
         }
 
         impl ExportFormat {
-            /// All formats that are written, in the order of the table.
+            /// All export formats, in the order in which their writers are listed.
             pub const ALL: &'static [Self] = &[$(Self::$format),+];
 
             fn writer(self) -> &'static writer::Writer {
@@ -22,12 +22,12 @@ macro_rules! writers {
                 self.writer().name
             }
 
-            /// Returns a description in one line.
+            /// Returns a description of the export format in one line.
             pub fn description(self) -> &'static str {
                 self.writer().description
             }
 
-            /// The usual file extension.
+            /// Returns the usual extension of files in the export format, without a dot.
             pub fn extension(self) -> &'static str {
                 self.writer().extension
             }

@@ -10,7 +10,7 @@ const DEFAULTS: [(&str, &str); 4] = [
     ("wavelength", " Default: the mean over wavelengths."),
 ];
 
-/// Returns the help text of the format: each name with its description.
+/// Returns the help text of the option that chooses the export format: the name of each format with its description.
 pub(super) fn of_formats<'a>(writers: impl Iterator<Item = &'a Writer>) -> String {
     let formats: Vec<String> = writers.map(|writer| format!("`{}` ({})", writer.name, writer.description)).collect();
     format!("Format to write: {}", one_of(&formats))

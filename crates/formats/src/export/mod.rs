@@ -90,7 +90,7 @@ pub fn fitting(material: &Material) -> Vec<ExportFormat> {
     ExportFormat::ALL.iter().copied().filter(|format| (format.writer().fits)(material)).collect()
 }
 
-/// Returns the help text of the format: each name with its description.
+/// Returns the help text of the option that chooses the export format: the name of each format with its description.
 pub fn format_help() -> String {
     help::of_formats(writers())
 }

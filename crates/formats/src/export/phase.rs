@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 /// scattering angle. Raising them costs time.
 const MEANS: (usize, usize) = (16, 8);
 
-/// Writer of phase functions over the cosine.
+/// Writer of the export format `tabphase`: a phase function as a table over the cosine of the scattering angle.
 pub(super) const TABPHASE: Writer = Writer {
     name: "tabphase",
     other_names: &[],
@@ -114,7 +114,8 @@ fn weights(material: &Material, options: &ExportOptions) -> Result<Vec<f64>, Exp
     }
 }
 
-/// Returns incident directions spread over the incoming axis of a phase function.
+/// Returns up to 16 incident directions, spread evenly over the incoming axis of a phase function. The exported values
+/// are averages over them.
 fn incident(material: &Material) -> Vec<Direction> {
     let pick = |length: usize, at: &dyn Fn(usize) -> Direction| {
         let count = MEANS.0.min(length);

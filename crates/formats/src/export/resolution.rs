@@ -17,8 +17,8 @@ const AZIMUTHS: f64 = 5.0;
 /// Steps of incident elevations and of incident azimuths, in degrees, to which incident directions are thinned before
 /// nodes of outgoing directions are, so that an export meets its size limit. Raising them keeps more nodes.
 const FEWEST: (f64, f64) = (7.5, 10.0);
-/// Upper bound on the step of incident azimuths, in degrees, to which it is widened once the nodes for outgoing
-/// directions are at their minimum. Raising it lets more exports meet the size limit.
+/// Limit on doubling the step between the incident azimuths of an exported BRDF, in degrees, the last means of meeting
+/// the size limit of the file: only a smaller step is doubled. Raising it lets more exports meet the size limit.
 const WIDEST_AZIMUTHS: f64 = 22.5;
 /// Lower and upper bound on the default number of nodes along a side (RGL) or of polar angles (MBSDF) of an exported
 /// table.

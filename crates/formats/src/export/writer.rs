@@ -6,35 +6,37 @@ use super::options::ExportOptions;
 use crate::domain::Measurement;
 use crate::evaluate::Material;
 
-/// Writer of a format.
+/// Description of an export format: its name, the materials that it can hold, its options, and the function that writes
+/// a material to a file.
 pub(super) struct Writer {
-    /// Stable name.
+    /// Permanent name of the export format on the command line and over HTTP.
     pub(super) name: &'static str,
-    /// Other names of the format that are accepted.
+    /// Other names of the export format that are accepted.
     pub(super) other_names: &'static [&'static str],
-    /// Description in one line, without a full stop.
+    /// Description of the export format in one line, without a full stop.
     pub(super) description: &'static str,
-    /// Usual file extension.
+    /// Usual extension of files in the export format, without a dot.
     pub(super) extension: &'static str,
-    /// Media type of the bytes.
+    /// Media type of files in the export format.
     pub(super) media_type: &'static str,
     /// Materials that the format holds, in words.
     pub(super) holds: &'static str,
     /// Returns true if the format holds the material.
     pub(super) fits: fn(&Material) -> bool,
-    /// Options that have an effect, each with its meaning for this format.
+    /// Names of the export options that the format accepts, each with the meaning of its value in this format.
     pub(super) options: &'static [(&'static str, &'static str)],
-    /// Function that writes.
+    /// Function that writes a material to a file in the export format.
     pub(super) write: Write,
 }
 
-/// Function that writes a file.
+/// Function that writes a material, or its decoded samples, to a file in an export format.
 #[derive(Clone, Copy)]
 pub(super) enum Write {
-    /// Writes one entry of an opened material.
+    /// Function that writes one entry (one of several spectra or specimens) of an opened material to an exported file.
     Entry(fn(&Material, &ExportOptions) -> Result<Exported, ExportError>),
-    /// Writes every entry of an opened material, or the one that an index selects.
+    /// Function that writes every entry (spectrum or specimen) of an opened material to an exported file, or the one
+    /// entry that an index selects.
     Entries(fn(&Material, &ExportOptions) -> Result<Exported, ExportError>),
-    /// Writes every sample of a decoded material.
+    /// Function that writes every sample of a decoded material to an exported file.
     Samples(fn(&Measurement, &ExportOptions) -> Result<Exported, ExportError>),
 }

@@ -133,7 +133,7 @@ pub(super) fn lifted(direction: Vector) -> Direction {
 /// absent axes; NaN = missing.
 #[derive(Clone, Debug)]
 pub struct AngleGrid {
-    /// Leading axes that number the entries, for example several samples in one file.
+    /// Leading axes of the values, which number the specimens or spectra that one file holds together.
     pub index: Vec<Axis>,
     /// Incoming angles; without azimuth the data are isotropic and `phi_o` is relative to the incoming azimuth.
     pub incoming: Option<Angles>,
@@ -199,7 +199,7 @@ pub enum Outside {
 /// 683 lm/W · V(λ)).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpectralFactor {
-    /// Wavelengths at which the spectral factors are given.
+    /// Wavelengths at which the factors of the lamp's spectrum are given.
     pub grid: WavelengthGrid,
     /// Factor by which the intensities are multiplied at each wavelength, in nm⁻¹; for candela in W·sr⁻¹·nm⁻¹ per cd.
     pub factors: Vec<f64>,
@@ -212,8 +212,8 @@ pub struct ParseReport {
     pub notes: Vec<Note>,
     /// Keywords and header fields of the file, in the order of the file.
     pub metadata: Vec<(String, String)>,
-    /// Indices of the notes that apply only if the grid is averaged over triangles, not to the file's own grid: seams
-    /// merged, poles averaged, angles resampled.
+    /// Indices in `notes` of the notes on changes of the samples that only averages over triangles need, not the file's
+    /// own grid of angles: seams merged, poles averaged, angles resampled.
     #[serde(skip)]
     unfolding: Vec<usize>,
 }
@@ -224,7 +224,8 @@ impl ParseReport {
         self.notes.push(note.into());
     }
 
-    /// Adds a note on a change that is needed only if the grid is averaged over triangles.
+    /// Adds a note to the parser's report: on a change of the samples, such as a merged seam, that is needed only if
+    /// they are averaged over triangles.
     pub(super) fn note_unfolding(&mut self, note: impl Into<Note>) {
         self.unfolding.push(self.notes.len());
         self.note(note);

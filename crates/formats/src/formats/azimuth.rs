@@ -14,7 +14,8 @@ pub(super) enum Closing {
     Gap,
 }
 
-/// Classifies the step from the last azimuth to the first + 360°, which closes the circle.
+/// Classifies the step from the last azimuth to the first + 360°: no step (one azimuth is listed twice), a step like
+/// the others, or a larger gap.
 pub(super) fn closing(phi: &[f64]) -> Closing {
     let &[first, .., last] = phi else { return Closing::Gap };
     if last - first == 360.0 {

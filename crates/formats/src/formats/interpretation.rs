@@ -12,8 +12,8 @@ use utoipa::openapi::{RefOr, schema::Schema};
 #[cfg(feature = "schema")]
 use utoipa::{PartialSchema, ToSchema};
 
-/// Declares the options of reading: each once, with its name, help text, type and values. Fields `beside` them are
-/// options of something else.
+/// Declares the options for reading a measured file, each once with its name, help text, type and values. Fields in the
+/// block `beside` are stored with them, but belong to options that are declared elsewhere.
 macro_rules! reading {
     ($(#[$meta:meta])* pub struct Interpretation {
         $($(#[doc = $help:literal])+ pub $name:ident: $type:ty => $values:expr,)+
@@ -35,7 +35,8 @@ macro_rules! reading {
         }
 
         impl Interpretation {
-            /// Options of reading a file, in the order of the help text: the spectrum to join, then the fields.
+            /// Options for reading a measured file, in the order of the help text: the option for a lamp's spectrum
+            /// first, then one option for each declared field.
             pub const OPTIONS: &'static [Declared] = &[Self::SPECTRUM, $(
                 Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
             )+];
@@ -48,7 +49,8 @@ macro_rules! reading {
                 stated
             }
 
-            /// Returns the schema of the values of each field: the name of the option, that of the schema, the schema.
+            /// Returns the options for reading a measured file, each as three parts: its name, the name of the schema
+            /// of its values, and that schema.
             #[cfg(feature = "schema")]
             pub fn schemas() -> Vec<(&'static str, Cow<'static, str>, RefOr<Schema>)> {
                 vec![$((stringify!($name), <$type as ToSchema>::name(), <$type as PartialSchema>::schema())),+]
@@ -58,7 +60,8 @@ macro_rules! reading {
 }
 
 reading! {
-    /// Interpretation of a file given by the user; every field is optional.
+    /// Options by which a user states what a measured file leaves open, such as its quantity or unit; every field is
+    /// optional.
     ///
     /// The help texts of the command line and the description of the HTTP interface are the documentation of these
     /// fields.
@@ -100,7 +103,8 @@ reading! {
 }
 
 impl Interpretation {
-    /// Spectrum that is read beside the file.
+    /// Option that names a further file with the spectrum of a lamp, by which the intensities of a luminaire are
+    /// multiplied.
     pub const SPECTRUM: Declared = Declared {
         name: "spectrum",
         help: "Spectrum to join with a luminaire: its file, or over HTTP the id of the uploaded measurement.",

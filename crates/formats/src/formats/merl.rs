@@ -55,7 +55,8 @@ fn dimensions(bytes: &[u8]) -> Option<[(bool, [i32; 3]); 2]> {
     Some([(false, little), (true, little.map(i32::swap_bytes))])
 }
 
-/// Returns the number of cells along the azimuth `phi_d`; `None` if these are not the dimensions of a MERL table.
+/// Returns the number of cells along the azimuth `phi_d`, which is the third dimension of a MERL table; `None` if the
+/// three given dimensions are not those of a MERL table.
 fn azimuths([half, difference, azimuth]: [i32; 3]) -> Option<usize> {
     let azimuth = usize::try_from(azimuth).ok()?;
     let known = half == HALF as i32 && difference == DIFFERENCE as i32;

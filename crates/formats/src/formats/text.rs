@@ -205,7 +205,8 @@ enum Kind {
     Part,
     Blank,
     Comma,
-    /// First byte of a non-ASCII character, which has to be decoded to know its role.
+    /// First byte of a character outside ASCII, which can be a blank or part of a word: only the decoded character
+    /// tells.
     Unknown,
 }
 

@@ -164,7 +164,8 @@ const DATA: &str = "SpectralData";
 
 /// XML element that is not closed yet.
 struct Open {
-    /// Name of the XML element without prefix; empty if `wavelength` is set, because the name is known then.
+    /// Name of an open XML element without its namespace prefix; left empty for a `SpectralData` element, which is
+    /// recognised by its wavelength.
     name: String,
     text: String,
     /// Wavelength in nm of the value in a `SpectralData` element; `None` for other elements.

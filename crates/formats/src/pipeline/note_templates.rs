@@ -7,7 +7,7 @@ use crate::notes::{
 };
 use crate::{compress, evaluate};
 
-/// Declarations of all notes, grouped by subject.
+/// Declarations of all notes that tell users how their file was read and compressed, grouped by subject.
 const SUBJECTS: &[(&str, &[NoteTemplate])] = &[
     ("Text, lines and columns", TextNote::TEMPLATES),
     ("Numbers, units and quantities", ValueNote::TEMPLATES),

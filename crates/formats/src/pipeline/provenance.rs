@@ -5,8 +5,9 @@ use super::request::Request;
 use super::source::Source;
 use crate::formats::Note;
 
-/// Returns the lengths of runs of cells (positions in the tensor), alternating between cells not filled and cells
-/// filled by a rule without samples. The first run is not filled and may be 0. A last run of unfilled cells is omitted.
+/// Returns the lengths of runs of equal flags in `filled`. A flag is true for a cell (position in the tensor) without
+/// samples, whose values follow from other cells by a rule such as mirroring. Runs alternate between false and true;
+/// the first one is false and may have length 0. A last run of false is omitted.
 pub fn runs(filled: &[bool]) -> Vec<usize> {
     let (mut runs, mut now, mut start) = (Vec::new(), false, 0);
     for (i, &is) in filled.iter().enumerate() {

@@ -137,9 +137,10 @@ options! {
         /// coarser resolution levels.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub random_access: bool = false => Values::Switch,
-        /// Interpolation between the directions of a grid of angles, written into the file. `cubic` interpolates
-        /// logarithms, blended with enough linear interpolation to keep a luminaire's flux within 0.3 % of the zonal
-        /// flux of its samples; `linear` interpolates linearly.
+        /// Method, stored in the file, for interpolating between the directions of a grid of angles. `cubic`
+        /// interpolates logarithms of the values, blended with enough linear interpolation to keep the flux of
+        /// luminaires and phase functions within 0.3 % of the zonal flux of the samples; `linear` interpolates
+        /// linearly.
         #[serde(default, skip_serializing_if = "Curve::is_default")]
         pub interpolation: Curve = Curve::Cubic => Values::Name {
             shown: "cubic|linear",

@@ -40,8 +40,8 @@ pub struct IncidenceLight {
     pub channels: [usize; 2],
     /// Number of compared sample values, rejected outliers included.
     pub values: u64,
-    /// Weighted sum of the samples under one incident direction, averaged over the channels of a group. Isolated
-    /// outliers are left out.
+    /// Sum of the samples under one incident direction, each times the solid angle that it represents (where known) and
+    /// |cos θ|. It is averaged over the channels of a group of wavelength bands, and leaves out isolated outliers.
     pub light: f64,
     /// Largest fraction of `light`, the weighted sum of samples, that a single sample contributes. Where it is large,
     /// the sum is uncertain: a sample on the peak of a narrow lobe represents more area than the lobe has.

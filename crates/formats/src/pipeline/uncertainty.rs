@@ -67,8 +67,9 @@ pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, decod
     within.share()
 }
 
-/// Projects `grid`, the values or the uncertainties of a file, in the same way as the material was made. Returns `None`
-/// unless the result is on a grid of directions and has the axes of `decoded`, the decoded material.
+/// Projects `grid`, the values or the uncertainties of a file, onto the axes of `request`, as the samples of the
+/// material were projected. Returns `None` unless the result is on a grid of directions and has the axes of `decoded`,
+/// the decoded material.
 fn on_axes_of(acquisition: &Acquisition, grid: AngleGrid, request: &Request, decoded: &Tensor) -> Option<Tensor> {
     let numbers = Acquisition {
         format: acquisition.format,

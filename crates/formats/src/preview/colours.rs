@@ -17,8 +17,8 @@ const MOST_COLOURS: usize = 4096;
 /// Request for colours of a material: the entry and the directions at which they are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Question<'a> {
-    /// Entry of a material, one number for each leading index axis. Without it a table without directions gives a
-    /// colour for every entry.
+    /// Index of the one entry (spectrum or specimen) of a material whose colour is requested: its position on each
+    /// leading index axis. Without an index, a table without directions gives a colour for every entry.
     pub index: Option<&'a [usize]>,
     /// Incoming direction; normal incidence by default.
     pub wi: Option<Direction>,

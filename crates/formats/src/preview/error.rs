@@ -34,7 +34,7 @@ pub enum QuestionError {
     /// The request has no index, but one entry of the material has to be chosen.
     #[error("found no index, expected one number for each index axis of the material, {expected} in all")]
     MissingIndex {
-        /// Number of index axes of the material, each of which needs a number.
+        /// Number of index axes of the material; a request has to name a position on each of them.
         expected: usize,
     },
     /// The requested index is outside the index axes of the material.

@@ -109,7 +109,8 @@ impl Averages {
         self.zeros.len()
     }
 
-    /// Returns true if no sample contributes to the triangle `cell`: its average is 0 or masked for any samples.
+    /// Returns true if no sample takes part in the average over triangle number `cell`. The average then is 0 or NaN,
+    /// independent of the values of the samples.
     pub(super) fn is_empty(&self, cell: usize) -> bool {
         self.starts[cell] == self.starts[cell + 1]
     }

@@ -24,7 +24,8 @@ pub enum ProjectionError {
         /// Reason for which the polar angles and azimuths of the file are refused.
         angles: AnglesError,
     },
-    /// The samples at scattered directions are invalid.
+    /// The list of samples at scattered directions is empty or too long, or its directions are incomplete or out of
+    /// range.
     #[error("unusable samples at scattered directions: {0}")]
     Scattered(#[from] ScatteredError),
     /// The requested wavelengths, or the spectrum by which the data are to be multiplied, do not fit the data.
@@ -96,7 +97,8 @@ pub enum Role {
 }
 
 impl Role {
-    /// Returns the name of the role, `incoming` or `outgoing`.
+    /// Returns the word for the light whose directions an axis holds: `incoming` for arriving, `outgoing` for leaving
+    /// light.
     pub fn name(self) -> &'static str {
         match self {
             Self::Incoming => "incoming",
@@ -117,7 +119,7 @@ impl std::fmt::Display for Role {
 pub enum LevelError {
     /// The requested subdivision level is above the limit.
     AboveLimit {
-        /// Requested subdivision level.
+        /// Requested subdivision level of the triangle mesh of directions.
         found: u8,
     },
     /// The request gives a subdivision level for incoming or outgoing triangles, but the data have no such directions.
@@ -134,7 +136,7 @@ pub enum LevelError {
     },
     /// The requested subdivision level is finer than the triangles of the data.
     TooFine {
-        /// Requested subdivision level.
+        /// Requested subdivision level of the triangle mesh of directions.
         found: u8,
         /// Triangle mesh of the data.
         mesh: TriangleMesh,
@@ -185,9 +187,9 @@ pub enum AnglesError {
     Order {
         /// Angle (theta or phi) whose values do not increase.
         angle: Angle,
-        /// Value in degrees that is not larger than the value before it.
+        /// Polar angle or azimuth, in degrees, that is not larger than the one before it in the list.
         found: f64,
-        /// Value in degrees that precedes the value at fault.
+        /// Polar angle or azimuth, in degrees, after which the list fails to increase.
         before: f64,
     },
     /// The range of theta that the file says it covers excludes some of the samples.
@@ -273,7 +275,7 @@ pub enum ScatteredError {
     /// The file contains no sample.
     #[error("no sample, expected at least one")]
     Empty,
-    /// The number of directions differs from the number of samples.
+    /// The file lists a number of incoming or outgoing directions that is neither 0 nor the number of samples.
     #[error("{found} {role} directions, expected {expected} or none: one for each sample")]
     Count {
         /// Role of the directions whose number is wrong: incoming or outgoing.

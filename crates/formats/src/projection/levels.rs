@@ -109,10 +109,10 @@ impl Choice {
     }
 }
 
-/// Number of positions on one direction axis of a tensor: fixed by the file, or that of triangles whose subdivision
-/// level may be lowered to limit the size of the tensor.
+/// Number of positions on one direction axis of a tensor. It is fixed, or that of triangles whose subdivision level may
+/// be lowered to limit the size of the tensor.
 pub(super) enum Entries<'a> {
-    /// Fixed number of positions on the axis, given by the file.
+    /// Number of positions on a direction axis without triangles, such as one of polar angles; it is never lowered.
     Fixed(usize),
     /// Triangles of a chosen subdivision level, which may be lowered.
     Chosen(&'a mut Choice),

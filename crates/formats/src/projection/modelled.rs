@@ -39,7 +39,8 @@ enum Incoming<'a> {
     Triangles(Choice),
 }
 
-/// Direction that represents a part of a triangle, and its weight in the average.
+/// Direction that represents a part of a triangle of directions, and the weight of this part in the average of a
+/// function over the triangle.
 type Part = (Direction, f64);
 
 /// Projects a function that the model of a file defines, `modelled`, onto the requested axes.

@@ -14,8 +14,9 @@ pub struct Projected {
     pub measurement: Measurement,
     /// Coverage of the direction cells (triangles, grid directions, or pairs of them) by samples.
     pub coverage: Coverage,
-    /// Marks of cells that were filled (continued, mirrored or exchanged, not measured): one for each spectrum of the
-    /// tensor, row-major. Empty if no cell is filled.
+    /// One flag for each spectrum of the tensor, in row-major order: true if its values are filled in, neither measured
+    /// nor interpolated. They are continued from samples nearby, mirrored in the plane of incidence, or taken from
+    /// exchanged directions, f(ωo, ωi). Empty if no spectrum is filled in.
     pub filled: Vec<bool>,
     /// Numbers as a file writes them if it states a separate factor, on the axes of the measurement. `None` if the
     /// factor is 1 or the numbers were resampled.
@@ -45,12 +46,14 @@ pub struct Coverage {
     pub cells: u64,
     /// Number of direction cells that contain a sample, or of all cells for data already on their final axes.
     pub measured: u64,
-    /// Number of direction cells without a sample that lie between samples.
+    /// Number of direction cells (triangles, grid directions, or pairs of them) that contain no sample, but have values
+    /// interpolated from samples around.
     pub interpolated: u64,
     /// Number of direction cells in holes or beyond the outermost samples, filled by a rule that the notes declare.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub filled: u64,
-    /// Number of direction cells outside the measured range: masked, or 0 if the standard of the file format says so.
+    /// Number of direction cells (triangles, grid directions, or pairs of them) outside the measured range. Their
+    /// values are masked (NaN), or 0 if the standard of the file format prescribes 0 there.
     pub empty: u64,
     /// Remarks for the user on why the program chose the axes of the resampled data. JSON holds the sentence of each
     /// remark only.

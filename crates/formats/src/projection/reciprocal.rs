@@ -10,8 +10,8 @@ pub struct Reciprocal {
     /// Measurement on the axes of the original in which each value f(ωi, ωo) is replaced by the mean of f(ωi, ωo) and
     /// f(ωo, ωi).
     pub measurement: Measurement,
-    /// Median of |f(ωi, ωo) − f(ωo, ωi)| in the original, relative to the mean of both values where it is positive.
-    /// `None` if there is no such pair.
+    /// Median of |f(ωi, ωo) − f(ωo, ωi)|, each divided by the mean of both values, in the measurement before they are
+    /// averaged. `None` if no pair of directions ωi and ωo has two measured values with a positive mean.
     pub difference: Option<f64>,
 }
 
@@ -66,10 +66,10 @@ pub fn reciprocal(measurement: &Measurement) -> Result<Reciprocal, ProjectionErr
 /// Index arithmetic that finds the position of f(ωo, ωi) from that of f(ωi, ωo) in an array.
 #[derive(Clone, Copy)]
 enum Exchange {
-    /// Isotropic array `[incoming polar angle, outgoing polar angle, azimuth between them]`, whose values do not depend
-    /// on the sign of the azimuth.
+    /// Array `[incoming polar angle, outgoing polar angle, azimuth between them]` of the reflectance of an isotropic
+    /// surface, which does not depend on the sign of the azimuth.
     Isotropic { count: usize, azimuths: usize },
-    /// Anisotropic array `[incoming direction, outgoing direction]`.
+    /// Array `[incoming direction, outgoing direction]` of the reflectance of an anisotropic surface.
     Anisotropic { count: usize },
 }
 

@@ -32,7 +32,8 @@ pub(super) enum Channels {
     Multiplied(Vec<f64>),
 }
 
-/// Resampling of an array `[outer, incoming, outgoing, spectral]` along its last three axes.
+/// Conversion of measured values, `[outer, incoming, outgoing, spectral]`, to the directions and wavelengths of a
+/// tensor. The outer axis stays as it is.
 pub(super) struct Resampling {
     pub(super) outer: usize,
     pub(super) incoming: Directions,

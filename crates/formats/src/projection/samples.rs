@@ -17,7 +17,8 @@ const PIECE: usize = 1 << 20;
 /// Index of a direction in the file, and index of the position on the tensor axis that contains it.
 type Pair = (usize, usize);
 
-/// Mapping of the samples of a file `[index, incoming, outgoing, spectral]` to positions in a tensor.
+/// Assignment of the measured values of a file, `[index, incoming, outgoing, spectral]`, to the positions in a
+/// resampled tensor with which they are compared.
 struct Pairing<'a> {
     values: &'a [f32],
     /// Sizes of the sample array of the file: incoming directions, outgoing directions and channels.

@@ -111,7 +111,8 @@ impl FirstLayer for AdaptiveLayer<'_> {
     }
 }
 
-/// Decodes logarithms from a basis chunk (spectral vectors) and a coefficients chunk.
+/// Decodes the natural logarithms of the samples' magnitudes from two chunks: one with the vectors of the spectral
+/// basis, one with the spectra's wavelet coefficients on these vectors.
 pub(crate) fn decode(
     axes: &[Axis],
     transforms: &[AxisTransform],

@@ -127,7 +127,8 @@ impl<'a> Candidate<'a> {
         self.plane.values.finish(values);
     }
 
-    /// Computes the corrections that decoded values need to keep the bound on albedo or flux, in steps.
+    /// Computes the numbers of correction steps to add to the decoded logarithms of each incoming direction and
+    /// wavelength, to keep the bound on the error of albedo or flux. `step` is the size of a step.
     fn light_steps(&self, light: &Light, step: f32, values: &[f32]) -> Vec<i32> {
         let mut samples = values.to_vec();
         self.plane.values.finish(&mut samples);
@@ -261,8 +262,8 @@ fn magnitude_error(original: &[f32], magnitudes: &[f32], classes: &[Class], floo
     mean(0).or(mean(1)).unwrap_or(0.0)
 }
 
-/// Returns k − 1, k or k + 1: the number of correction steps, each `step`, that comes nearest to the original logarithm
-/// `wanted` when added to the decoded one, `log`, in f32 as a decoder does.
+/// Returns the integer among k − 1, k and k + 1 whose product with `step`, added to the decoded logarithm `log` in f32,
+/// comes nearest to the original logarithm `wanted`. `k` is nearest but for f32 rounding in the decoder's sum.
 fn nearest_in_f32(log: f32, k: i32, step: f32, wanted: f64) -> i32 {
     let distance = |k: i32| {
         let mut sum = [log];

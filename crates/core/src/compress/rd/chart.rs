@@ -96,8 +96,8 @@ impl Chart {
         self.incoming.len() * self.outgoing.len()
     }
 
-    /// Evaluates the basis functions for the next direction pairs; entries beyond the last pair repeat the first of
-    /// them.
+    /// Evaluates the basis functions of the scattering model at the next pairs of incoming and outgoing direction, one
+    /// for each element of `entries`. If pairs run out, the remaining elements repeat the first one.
     fn fill(&self, rows: impl Iterator<Item = usize>, entries: &mut [Entries; LANES]) {
         let mut rows = rows.take(LANES);
         let first = rows.next().unwrap_or(0);

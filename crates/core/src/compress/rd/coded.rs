@@ -6,7 +6,8 @@ use crate::codec::{ChunkKind, Encoder};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Result of coding a measurement with one quantiser setting, before corrections.
+/// Result of coding a measurement with one quantiser setting, before the decoded light (albedo, flux) or single samples
+/// are corrected to keep their error bounds.
 pub(super) struct Coded {
     pub(super) basis: Option<Basis>,
     pub(super) chunks: Vec<(ChunkKind, Vec<u8>)>,
@@ -23,8 +24,8 @@ pub(super) struct Coded {
 pub(super) struct LastCoded(Mutex<Option<(Fineness, Arc<Coded>)>>);
 
 impl LastCoded {
-    /// Returns the measurement coded with the quantiser setting `fineness`: the cached result if the last call had the
-    /// same setting, otherwise a new one from `code`.
+    /// Returns the measurement coded with the quantiser setting `fineness` (step, number of spectral vectors). Reuses
+    /// the result of the last call if the setting is the same, otherwise calls `code`.
     pub(super) fn get(&self, fineness: Fineness, code: impl FnOnce() -> Coded) -> Arc<Coded> {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match &*last {

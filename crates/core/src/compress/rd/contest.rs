@@ -15,10 +15,11 @@ use super::steps::Steps;
 use super::target_steps::{find_steps, refined, risk};
 use crate::domain::Progress;
 
-/// Number of samples per byte of a file above which it holds no noise; fixed bases, which win on noise, are then
-/// skipped.
+/// Smallest number of samples per byte of the best file so far at which a measurement counts as free of noise. Bases
+/// that do not depend on the data, which win on noise, are then not tried.
 const FEW: f64 = 128.0;
-/// Largest number of coding schemes that are all searched for their best step; raising it costs trials.
+/// Largest number of coding schemes for each of which a search finds the best quantiser step. From more, one trial of
+/// each may first select a few. Raising it costs trials.
 const FEW_SCHEMES: usize = 6;
 /// Largest number of samples for which coding schemes are shortlisted by one trial each. In larger noisy measurements
 /// one trial misjudges a scheme, whose error hardly changes over a wide range of file sizes.

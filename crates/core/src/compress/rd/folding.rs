@@ -99,9 +99,10 @@ pub(super) fn transposed(values: &[f32], rows: usize, columns: usize) -> Cow<'_,
     Cow::Owned(turned)
 }
 
-/// Collects spectra for the principal component analysis. Each occurs as often as the number of blocks it represents.
-/// Spectra without a live (nonzero, unmasked) sample are left out, because their filling is no spectrum. Above `most`
-/// samples, they are subsampled.
+/// Collects spectra of the coded incoming directions for the principal component analysis. A spectrum occurs once for
+/// each incoming direction that the symmetries map to its own, itself included.
+///
+/// Spectra of only zero or masked samples are left out. Above `most` samples in all, evenly spaced spectra are taken.
 pub(super) fn spectra(
     shape: &Shape,
     group: &Group,

@@ -46,7 +46,8 @@ use rayon::prelude::*;
 use std::mem::replace;
 use std::sync::Arc;
 
-/// Largest logarithm of a negative sample's magnitude, rounded down.
+/// Largest natural logarithm of a negative sample's magnitude, lowered by two f32 steps; `None` without negative
+/// samples.
 fn largest_negative(classes: &[Class], values: &[f32]) -> Option<f32> {
     let negative = classes.iter().zip(values).filter(|(class, _)| **class == Class::Negative);
     negative.map(|(_, &value)| value).reduce(f32::max).map(|largest| largest.next_down().next_down())
@@ -87,7 +88,8 @@ pub(super) struct Form {
     /// True to predict details by adaptive least squares in addition to the fixed filters.
     pub(super) learns: bool,
     pub(super) model: Behind,
-    /// Typical quantiser step, for which the order in which axes are halved is chosen.
+    /// Typical quantiser step of the values (natural logarithms or samples) at which the costs of coding are compared,
+    /// to choose the order in which the angle axes are halved.
     pub(super) step: f64,
 }
 
@@ -105,8 +107,8 @@ pub(crate) struct GridLayer<'a> {
     values: Vec<f32>,
     pyramids: Vec<PairPyramid>,
     model: Option<GridModel>,
-    /// Start of the coded stream of a grid of angles that does not depend on the quantiser step: repeated slices and
-    /// the order in which axes are halved.
+    /// Beginning of the coded stream, equal for all quantiser steps: which angles repeat the samples of others, and the
+    /// order in which the angle axes are halved.
     opening: Encoder,
     /// Original means and details that each byte stream codes, if these do not depend on the quantiser step.
     sources: Option<Vec<Source>>,

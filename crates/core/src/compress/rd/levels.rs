@@ -26,7 +26,8 @@ use crate::domain::{Axis, ErrorReport, Measurement, Quantity, TriangleMesh};
 use crate::numeric::wide;
 use rayon::prelude::*;
 
-/// Step of the brightness correction of a coarser level, in natural-log units.
+/// Step, in natural-log units, of the factor that brings the total light of a lower-resolution version of a material to
+/// that of the original.
 const BRIGHTNESS_STEP: f64 = 0.015;
 /// Largest relative deviation of a coarser resolution level's total light from that of the measurement, on the same
 /// triangles, that is left uncorrected.
@@ -38,19 +39,22 @@ const MOST_STEPS: i32 = 5_000;
 const ONE: f64 = 140.0;
 const DOUBLING: f64 = 8.0;
 
-/// Index of the coarser resolution levels in a pyramid chunk: size, error and brightness correction of each.
+/// Table of the coarser resolution levels of samples on triangles: for each its size, its error and the correction of
+/// its total light.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LevelIndex<'a> {
     /// Size in bytes and error of each resolution level of the triangle mesh except the finest, coarsest level first.
     pub(crate) entries: Vec<LevelEntry>,
-    /// Range-coded brightness corrections of all coarser levels, in steps.
+    /// Range-coded corrections of the total light of all coarser resolution levels. A correction is an integer k that
+    /// stands for a factor of exp(0.015 k) on the samples.
     brightness: &'a [u8],
 }
 
-/// Entry of the level index for one coarser resolution level of a pyramid of triangles.
+/// Lower-resolution version of samples on triangles: its error, and the number of bytes at the start of the coded
+/// samples that suffice to decode it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LevelEntry {
-    /// Bytes needed to decode this resolution level, counted from the end of the level index.
+    /// Bytes needed to decode this resolution level, counted from the end of the table of levels.
     pub(crate) end: usize,
     error: u8,
 }
@@ -104,7 +108,8 @@ impl<'a> LevelIndex<'a> {
         w.into_bytes()
     }
 
-    /// Decodes the brightness corrections of one resolution level, in steps, for each coded block (incoming direction).
+    /// Decodes the corrections of the total light of one resolution level: for each coded incoming direction, an
+    /// integer k that stands for a factor of exp(0.015 k) on its samples.
     fn steps(&self, level: usize, representatives: usize) -> Vec<i32> {
         let mut steps = vec![0; self.entries.len() * representatives];
         if !self.brightness.is_empty() {
@@ -114,7 +119,8 @@ impl<'a> LevelIndex<'a> {
     }
 }
 
-/// Typical number of bytes of the level index in the file of a measurement on triangles.
+/// Typical number of bytes of the table of lower-resolution levels in the file of a measurement on triangles; 0 without
+/// triangles.
 pub(crate) fn usual_bytes(measurement: &Measurement) -> usize {
     let grid = Grid::of(measurement.tensor.axes());
     grid.map_or(0, |grid| 2 * usize::from(grid.mesh.level()) + 1)
@@ -132,8 +138,8 @@ pub(crate) fn insert_and_decode(parts: &mut Parts, measurement: &Measurement) ->
     insert_and(parts, measurement, |header, levels| levels.decode(usize::MAX, finish_of(header)).0)
 }
 
-/// Inserts the index of coarser resolution levels into a file. Also calls `more` with the decoder of all levels of a
-/// triangle mesh, which is open for making the index, and returns the result; `None` without such levels.
+/// Inserts the table of lower-resolution levels into a file. For samples on triangles it also calls `more` with the
+/// decoder that has served to make the table, and returns the result of `more`; otherwise `None`.
 fn insert_and<T>(
     parts: &mut Parts,
     measurement: &Measurement,

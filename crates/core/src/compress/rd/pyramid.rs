@@ -20,11 +20,11 @@ pub(crate) struct Pyramid {
     levels: usize,
     bases: usize,
     predictions: Vec<Prediction>,
-    /// For each coded block (incoming direction), number of its stabiliser, the symmetries that leave it in place, as
-    /// an index into `folds`.
+    /// Number of the set of symmetries that map an incoming direction to itself, for each coded incoming direction.
+    /// Several directions may share a set.
     fold_of: Vec<u8>,
-    /// For each stabiliser (set of symmetries that leave an incoming direction in place) and level, the equalities that
-    /// it implies between triangles; empty if no coded direction has it.
+    /// Equalities between triangles for each set of symmetries that map an incoming direction to itself, by level;
+    /// empty if no coded direction has this set.
     folds: Vec<Vec<LevelFold>>,
     /// Live (not entirely zero or masked) children of each triangle, as 4 bits, by level, coded incoming direction and
     /// triangle; empty if all are live.
@@ -37,8 +37,10 @@ pub(crate) struct Pyramid {
 struct LevelFold {
     /// For each triangle, the lowest-numbered triangle that it equals by symmetry, possibly itself.
     source: Vec<u32>,
-    /// Equal children of each triangle by symmetry: child c equals child `children[c]` of the lowest-numbered triangle
-    /// that this one equals. For that triangle itself, `children[c]` is its first child equal to child c.
+    /// Children of each triangle (its four parts on the next finer level) by symmetry: child c has the values of child
+    /// `children[c]` of the lowest-numbered triangle that equals this one.
+    ///
+    /// If this is the triangle itself, `children[c]` is the first of its children with these values.
     children: Vec<[u8; 4]>,
 }
 

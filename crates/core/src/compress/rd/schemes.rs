@@ -150,7 +150,8 @@ fn gridded(shape: &GridShape, bases: &[SpectralBasis], settings: &Settings, plan
         .collect()
 }
 
-/// Returns true if the last axis is not a spectrum, but triangles, a grid, colours or a short index.
+/// Returns true if the last axis of the tensor holds triangles, a grid of directions, colour channels, or a few
+/// numbered entries (at most `MOST_INDICES`); false for wavelengths, polar angles and more numbered entries.
 fn short(axes: &[Axis]) -> bool {
     axes.last().is_some_and(|axis| match axis {
         Axis::Triangles(_) | Axis::Grid(_) | Axis::Rgb => true,

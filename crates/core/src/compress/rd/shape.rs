@@ -2,14 +2,16 @@
 
 use crate::domain::{Axis, TriangleMesh};
 
-/// Layout of a tensor around its last triangle axis: one block for each entry of the axes beside it, one leaf for each
-/// triangle, one row for each spectrum.
+/// Layout of a tensor around its last triangle axis, usually the outgoing directions. One entry of all axes but this
+/// and the last one is a block, usually an incoming direction.
+///
+/// A block has a leaf for each triangle, with a row of samples: a spectrum.
 #[derive(Clone, Debug)]
 pub(crate) struct Shape {
     axes: Vec<Axis>,
     mesh: TriangleMesh,
-    /// Axes before the last triangle axis, then those between it and the last axis. One entry of each of these axes
-    /// together select a block.
+    /// Axes of the tensor without the last triangle axis and, if this does not come last, without the last axis. One
+    /// entry on each of them selects a block of the tensor, usually an incoming direction.
     block_axes: Vec<Axis>,
     /// Product of the lengths of the axes between the last triangle axis and the last axis; 1 if there are none.
     inner: usize,

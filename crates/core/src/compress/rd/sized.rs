@@ -25,11 +25,13 @@ const USUAL_STEP: f32 = 0.05;
 const SAFE: f32 = 1e19;
 /// Number of doublings of the quantiser step to try if samples decode beyond float32.
 const DOUBLINGS: u32 = 24;
-/// Number of times that the estimated size of the level index is corrected; each decodes the levels once.
+/// Upper bound on the number of times that the estimated size of the table of lower-resolution levels is corrected.
+/// Each correction decodes all levels once.
 const CORRECTIONS: u32 = 4;
 /// Approximate bytes of every file besides coefficients, classes and metadata.
 const LEAST_HEADER: usize = 36;
-/// Fraction of the allowed bytes above which a file is large enough, so that the search ends.
+/// Fraction of the allowed file size in bytes above which a file counts as full, so that no finer quantiser step is
+/// sought.
 const FULL: f64 = 0.995;
 
 /// Finds the finest quantiser step whose file has at most the wanted size. The search begins at the step of `start`;
@@ -59,8 +61,10 @@ pub(super) fn room(candidate: &Candidate<'_>, steps: Steps, progress: &dyn Progr
     Ok(own.max(1.0) / (most - (size - own)).max(1.0))
 }
 
-/// Estimates the exponent p of the law error ∝ b^−p, with b the bytes of the coefficients, from sizes already found
-/// near the quantiser step of `steps`. It assumes that an error is proportional to its quantiser step.
+/// Estimates the exponent p of the law error ∝ b^−p, with b the bytes of the coefficients, from file sizes at two
+/// quantiser steps: that of `steps` and one near it.
+///
+/// It assumes that an error is proportional to its step.
 pub(super) fn exponent(candidate: &Candidate<'_>, steps: Steps) -> f64 {
     let known = candidate.sizes.known.borrow();
     let here = Notch::below(steps.first.step);
@@ -206,13 +210,13 @@ fn size(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result
     Ok(if matches!(candidate.settings.target, Target::Ratio(_)) { size } else { size + index(candidate) })
 }
 
-/// Bytes of the index of coarser levels; an estimate until a file has been assembled.
+/// Bytes of the table of lower-resolution levels in the file: an estimate until a complete file has been built.
 fn index(candidate: &Candidate<'_>) -> f64 {
     let usual = if candidate.has_levels() { levels::usual_bytes(candidate.measurement) as f64 } else { 0.0 };
     candidate.sizes.index.get().unwrap_or(usual)
 }
 
-/// Bytes of the whole file at a quantiser step, level index included.
+/// Bytes of the whole file at a quantiser step, the table of lower-resolution levels included.
 fn file_size(candidate: &Candidate<'_>, at: Notch) -> f64 {
     assembled(candidate, Fineness::of(at.value()), true)
 }
@@ -229,7 +233,8 @@ fn assembled(candidate: &Candidate<'_>, fineness: Fineness, with_levels: bool) -
     (assemble(&parts, metadata.as_deref()).len() + stated) as f64
 }
 
-/// Returns `at` as the quantiser step, or a coarser one if samples decode beyond float32 there.
+/// Returns the quantiser step `at`, doubled as often as is needed for all samples to decode within the range of
+/// float32.
 fn finite(candidate: &Candidate<'_>, at: Notch, progress: &dyn Progress) -> Result<Steps, CompressError> {
     let (low, high) = candidate.measurement.tensor.range().unwrap_or_default();
     if low.abs().max(high.abs()) <= SAFE {

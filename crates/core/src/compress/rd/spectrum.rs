@@ -89,7 +89,8 @@ impl Basis {
         (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
-    /// Decodes the spectral basis from its chunk, at most `most` vectors, for `count` spectra along the last of `axes`.
+    /// Decodes a spectral basis of at most `most` vectors from its chunk. `axes` are those of the tensor, whose last
+    /// axis holds the spectra; `count` is their number, and `step` the quantiser step of their coefficients.
     pub(super) fn decode(
         chunk: &[u8],
         axes: &[Axis],
@@ -190,22 +191,24 @@ fn products(rows: &[[f64; LANES]], vector: &[f64]) -> [f64; LANES] {
     sums
 }
 
-/// Quantiser steps of the mean spectrum and of each basis vector, finer than the `step` of the spectra's coefficients.
-/// The error they cause in a sample is that of the coefficients times at most 1.5 · 2^`coarse` / √`rows`, with `rows`
-/// the number of spectra.
+/// Quantiser steps of the mean spectrum and of each basis vector. The errors that they cause in a sample are at most
+/// 1.5 · 2^`coarse` / √`rows` times those caused by `step`, the step of the spectra's coefficients.
+///
+/// `rows` is the number of spectra. Each increment of `coarse` doubles the steps, up to a limit.
 fn steps(step: f32, rows: usize, coarse: u8, spreads: &[u8]) -> Vec<f32> {
     let part = (1.5 * f64::from(1_u32 << coarse) / (rows as f64).sqrt()).min(1.0);
     let own = f64::from(step) * part;
     std::iter::once(own as f32).chain(spreads.iter().map(|&code| (own / spread_of(code)) as f32)).collect()
 }
 
-/// Root mean square of a basis vector's coefficients that an 8-bit code stands for.
+/// Root mean square of the spectra's coefficients on a basis vector that an 8-bit code stands for.
 fn spread_of(code: u8) -> f64 {
     let exponent = code / 8;
     f64::from(8 + code % 8) * f64::from(1_u32 << exponent) / f64::from(1_u32 << 23)
 }
 
-/// 8-bit code of the largest representable root mean square that is not above `spread`, or 0.
+/// 8-bit code of the root mean square of the spectra's coefficients on a basis vector, rounded down to a value that has
+/// a code. Values below the smallest of these get code 0.
 fn spread_code(spread: f64) -> u8 {
     (0..=u8::MAX).rev().find(|&code| spread_of(code) <= spread).unwrap_or(0)
 }

@@ -9,7 +9,8 @@ pub(crate) struct Fineness {
     pub(crate) step: f32,
     /// Number of spectral basis vectors more (or fewer, if negative) than the quantiser step suggests.
     pub(crate) more_vectors: i8,
-    /// Number of times the usual quantiser step of the spectral basis vectors is doubled; halved if negative.
+    /// Binary logarithm of the factor on the usual quantiser step of the spectral basis vectors: 1 doubles the step, −1
+    /// halves it.
     pub(crate) coarser_vectors: i8,
     /// Extra width of the quantiser's zero bin on grids of angles, in sixteenths of a step: residuals within half a
     /// step plus this become 0.
@@ -30,7 +31,8 @@ impl Fineness {
     }
 }
 
-/// Quantiser setting of the coefficients, and step of the corrections of single samples, 0 without corrections.
+/// Quantiser setting of the coefficients, and step of the corrections that bring single decoded samples within their
+/// error bound, in the unit of the coded values (natural logarithms or samples); 0 without such corrections.
 #[derive(Clone, Copy)]
 pub(super) struct Steps {
     pub(super) first: Fineness,

@@ -9,7 +9,8 @@ use crate::domain::{Axis, Domain, Symmetry, TriangleMesh};
 /// Permutations of a triangle's three corners, as orders of its four children: children 0, 1 and 2 are permuted alike,
 /// child 3 stays.
 const EXCHANGES: [[u8; 4]; 6] = [[0, 1, 2, 3], [0, 2, 1, 3], [1, 0, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [2, 1, 0, 3]];
-/// Table of each corner permutation applied to four subdivision levels (four 2-bit child numbers) at once.
+/// Tables of the six permutations of a triangle's corners. Each maps the path to a part of the triangle, over four
+/// subdivision levels (four 2-bit child numbers), to the path after the permutation.
 const FOUR_LEVELS: [[u8; 256]; 6] = four_levels();
 
 const fn four_levels() -> [[u8; 256]; 6] {
@@ -60,8 +61,8 @@ impl Moves {
         usize::from(base) << below | moved & ((1 << below) - 1)
     }
 
-    /// Index (0 to 3) that each child of triangle `t` gets when the symmetry maps it: its place among the children of
-    /// the triangle to which `t` is mapped.
+    /// Numbers (0 to 3) of the images of the four children of triangle `t` (its parts on the next finer level) under
+    /// the symmetry. These images are children of the image of `t`.
     fn children(&self, level: u8, t: usize) -> [u8; 4] {
         EXCHANGES[usize::from(self.bases[t >> (2 * level)].1)]
     }
@@ -89,7 +90,7 @@ pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     mesh: TriangleMesh,
-    /// Images of the triangles of the last triangle axis, for each member of the symmetry group.
+    /// Images of the outgoing triangles (last triangle axis of the tensor), for each symmetry of the group.
     leaves: Vec<Moves>,
     blocks: Vec<BlockAxis>,
 }
@@ -105,13 +106,14 @@ struct BlockAxis {
 }
 
 impl Group {
-    /// Builds the group of all products of the symmetries `generators` on a tensor; `None` if one of them leaves a
-    /// domain.
+    /// Builds the group of all products of the symmetries `generators` on a tensor. `None` if one of them maps a
+    /// direction out of the sphere or hemisphere that a triangle axis covers.
     pub(crate) fn of(shape: &Shape, generators: &[Symmetry]) -> Option<Self> {
         Self::new(shape, &closure(generators))
     }
 
-    /// Builds the group of the given symmetries of a tensor, the identity first; `None` if one of them leaves a domain.
+    /// Builds the group of the given symmetries of a tensor, the identity first. `None` if one of them maps a direction
+    /// out of the sphere or hemisphere that a triangle axis covers.
     pub(super) fn new(shape: &Shape, symmetries: &[Symmetry]) -> Option<Self> {
         let moves = |domain| symmetries.iter().map(|&s| Moves::of(s, domain)).collect::<Option<Vec<_>>>();
         let axis = |axis: &Axis| {
@@ -125,7 +127,7 @@ impl Group {
         Some(Self { mesh: shape.mesh(), leaves: moves(shape.mesh().domain())?, blocks })
     }
 
-    /// Number of members of the symmetry group.
+    /// Number of symmetries (rotations and reflections of the triangle mesh) in the group, the identity included.
     pub(crate) fn order(&self) -> usize {
         self.leaves.len()
     }
@@ -156,8 +158,8 @@ impl Group {
         self.leaves[m].image(self.mesh.level(), leaf)
     }
 
-    /// Number of the triangle to which member `m` of the symmetry group maps triangle `t` of a coarser level, and the
-    /// numbers that its children have there.
+    /// Number of the image of triangle `t` at subdivision level `level` under symmetry `m` of the group, and the
+    /// numbers (0 to 3) that the images of its four children have in it.
     pub(crate) fn node(&self, m: usize, level: u8, t: usize) -> (usize, [u8; 4]) {
         (self.leaves[m].image(level, t), self.leaves[m].children(level, t))
     }
@@ -189,8 +191,8 @@ impl Group {
     }
 }
 
-/// Blocks (incoming directions) that are coded, one for each orbit under the symmetry group, numbered in ascending
-/// order.
+/// Incoming directions that are coded, in ascending order. Of all those that the symmetries of the tensor map to each
+/// other, only the first is coded.
 #[derive(Clone, Debug)]
 pub(crate) struct Representatives {
     blocks: Vec<u32>,

@@ -19,16 +19,19 @@ use crate::domain::Progress;
 /// beforehand. Raising it keeps fewer coefficients.
 const SELECTED: f64 = 3.0;
 
-/// Largest size in bytes of a grid's chunks for which all quantiser steps around the found one are tried. Raising it
-/// costs time: about 13 trials.
+/// Largest size in bytes of coded samples on a grid of angles for which all quantiser steps near the one that the
+/// search found are tried. Raising it costs time: about 13 trials.
 const SMALL_GRID: usize = 1 << 14;
 
 /// Largest number of samples for which additional spectral basis vectors are tried. Raising it costs time: about 40
 /// trials of all samples.
 const FEW_SAMPLES: usize = 1 << 20;
 
-/// Number of quantiser steps tried on either side of the step that the search for the wanted error found, each 1/72 of
-/// a doubling apart. They reach half-way to the next of the steps tried with more basis vectors.
+/// Number of quantiser steps tried on either side of the one that the search for the wanted error found, each 1/72 of a
+/// doubling apart.
+///
+/// They reach 1/8 of a doubling: half-way to the next step of the trials with more basis vectors, which are 1/4 of a
+/// doubling apart.
 const NEAR: i32 = 9;
 
 /// Extra widths of the quantiser's zero bin tried on small grids, in sixteenths of a step. Each is tried with seven
@@ -114,9 +117,11 @@ pub(super) fn find_steps(candidate: &Candidate<'_>, progress: &dyn Progress) -> 
     }
 }
 
-/// Tries a few more spectral basis vectors on a grid of angles, each with the coarser quantiser step that it allows,
-/// and returns the best setting. In smooth functions most coefficients are 0, so a vector that the step alone rejects
-/// may be worth its bytes.
+/// Tries a few more spectral basis vectors than usual for samples on a grid of angles, with coarser quantiser steps,
+/// and returns the setting of the smallest file that keeps the wanted error.
+///
+/// In smooth functions most coefficients are 0. A vector whose coefficients are small compared with the step may
+/// therefore be worth its bytes.
 fn with_more_vectors(
     candidate: &Candidate<'_>,
     steps: Steps,

@@ -37,7 +37,7 @@ impl Dictionary {
         &self.name
     }
 
-    /// Number of samples, equal to the number of coefficients.
+    /// Number of samples of a signal that the basis represents, equal to the number of basis functions.
     #[allow(clippy::len_without_is_empty, reason = "a plan refuses empty axes")]
     pub fn len(&self) -> usize {
         self.length

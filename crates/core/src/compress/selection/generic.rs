@@ -15,12 +15,13 @@ use rayon::prelude::*;
 pub enum Rule {
     /// One threshold on the final coefficients, those transformed along all axes.
     Conventional,
-    /// One threshold for each axis. Coefficients of the transform along an axis are functions of the later axes; those
-    /// with a norm below the axis's threshold are dropped, together with all coefficients that they would be
-    /// transformed to.
+    /// One threshold for each axis, applied as soon as the tensor is transformed along it. A coefficient, then a
+    /// function of the remaining axes, is dropped with all that derives from it if its norm is below the threshold.
     Generic,
-    /// Rule like `Generic`, with the threshold ε of each axis replaced by ε√d, where d is the range (max − min) of the
-    /// function being transformed along this axis.
+    /// One threshold for each axis, applied as soon as the tensor is transformed along it, and multiplied by √d: d is
+    /// the range (max − min) of the function that the transform turns into coefficients.
+    ///
+    /// Coefficients with smaller norms are dropped, with all that derives from them.
     Adaptive,
 }
 
@@ -43,7 +44,8 @@ struct Space {
     /// Square root of the range, √(max − min), of each coefficient of the transform along this axis, as a function of
     /// all later axes. Empty for the last axis, after which coefficients are numbers.
     spreads: Vec<f32>,
-    /// Number of coefficients, after this axis is transformed, that derive from one coefficient before.
+    /// Number of coefficients into which the transform along this axis turns each function of this and the later axes:
+    /// one for each basis function of the axis.
     length: usize,
 }
 
@@ -54,8 +56,8 @@ pub struct Search {
     pub thresholds: Vec<f64>,
     /// Number of coefficients above the thresholds.
     pub kept: usize,
-    /// Error of the decoded samples, in the measure (for example relative RMS error) that the caller of the search
-    /// supplies.
+    /// Error of the decoded samples, for example the relative RMS error; the caller of the threshold search supplies
+    /// the measure.
     pub error: f64,
     /// Coefficients with the dropped ones set to 0.
     pub coefficients: Vec<f32>,
@@ -205,9 +207,11 @@ impl GenericTransform {
         (selected, kept)
     }
 
-    /// For each coefficient of the complete transform, computes the largest common factor on the thresholds `ratios`
-    /// that still keeps it. A larger one drops it, alone or with an intermediate function (after some axes) from which
-    /// it derives.
+    /// Computes, for each coefficient of the complete transform, the largest factor c for which the thresholds c ·
+    /// `ratios`, one for each axis, keep it.
+    ///
+    /// A larger factor drops it: its norm, or that of a coefficient from which it was computed along a later axis,
+    /// falls below the threshold.
     fn critical(&self, ratios: &[f64], rule: Rule) -> Vec<f32> {
         assert_eq!(ratios.len(), self.spaces.len(), "one threshold a space");
         let mut outer = vec![f32::INFINITY];

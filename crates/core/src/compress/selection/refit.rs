@@ -64,7 +64,8 @@ fn product(a: &[f32], b: &[f32]) -> f64 {
     blocks(a, b, |a, b| f64::from(a) * f64::from(b))
 }
 
-/// Sums products over fixed blocks in order, so that the result does not depend on the number of threads.
+/// Sums `term(x, y)` over the elements x of `a` and y of `b`, block by block in a fixed order, so that the rounded
+/// result does not depend on the number of threads.
 fn blocks(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64 + Sync) -> f64 {
     let parts: Vec<f64> = a
         .par_chunks(BLOCK)

@@ -103,7 +103,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Returns the letter that names a chunk in the file and is covered by its checksum.
+/// Returns the letter that names a kind of chunk in the file. The chunk's checksum covers this letter and the payload.
 fn letter(chunk: &str) -> u8 {
     match chunk {
         "header chunk" => b'H',

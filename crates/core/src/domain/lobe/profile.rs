@@ -8,7 +8,8 @@ use std::f64::consts::{LN_2, PI};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Profile {
     tail: f64,
-    /// Coefficient c of the profile (1 + c·x)^(−1/s); ln 2 for a Gaussian.
+    /// Coefficient c = 2ˢ − 1 of the lobe's radial profile (1 + c·x)^(−1/s), where s is the tail and x the squared
+    /// distance from the centre in half-widths. For the Gaussian exp(−c·x), which replaces it if s = 0, c is ln 2.
     slope: f64,
 }
 

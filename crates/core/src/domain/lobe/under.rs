@@ -68,7 +68,7 @@ impl LobeUnder {
         })
     }
 
-    /// Returns the outgoing direction at the centre of the lobe.
+    /// Returns the outgoing direction at the centre of this reflection lobe.
     pub(super) fn centre(&self) -> Vector {
         self.around.centre()
     }
@@ -126,8 +126,10 @@ impl LobeUnder {
         [cos * a - sin * b, sin * a + cos * b]
     }
 
-    /// Returns the share of the lobe that lies between its centre and the horizon, along the direction in the plane
-    /// with the given cosine and sine.
+    /// Returns the fraction of a reflection lobe's radial profile, integrated over the projection plane, that lies
+    /// nearer to its centre than the horizon does along one ray.
+    ///
+    /// `towards` is a unit vector along the ray, in coordinates along the lobe's axes with the half-widths as units.
     #[inline]
     fn inside(&self, towards: [f64; 2]) -> f64 {
         let [x, y] = self.spread(towards);

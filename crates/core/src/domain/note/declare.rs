@@ -14,7 +14,7 @@ pub struct NoteTemplate {
     /// Name of the variant, in a Rust enum, that declares this kind of remark for the user.
     #[doc(hidden)]
     pub variant: &'static str,
-    /// Format string of the note's sentence.
+    /// Format string of the sentence that states the remark to the user, with the names of its values in braces.
     #[doc(hidden)]
     pub format: &'static str,
 }

@@ -60,7 +60,7 @@ impl Note {
         Self { kind, message: message.into(), code: String::new(), values: BTreeMap::new() }
     }
 
-    /// Returns the remark with its sentence prefixed by the name of the file that it is about.
+    /// Prefixes the sentence of this remark to the user by `name`, the name of the file that the remark is about.
     #[must_use]
     pub fn about(mut self, name: &str) -> Self {
         self.message = format!("{name}: {}", self.message);

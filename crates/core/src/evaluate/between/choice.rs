@@ -15,12 +15,14 @@ const LEAST_INCIDENCES: usize = 4;
 /// Maximum number of pairs of sampled incoming and outgoing directions for a choice of interpolation. Larger materials
 /// take long to open and are sampled densely enough.
 const MOST_PAIRS: usize = 1 << 20;
-/// Factor on the least leave-one-out error; the cheapest interpolation whose error stays below the product is chosen.
-/// Raising it favours cheaper interpolations.
+/// Factor on the least leave-one-out error among the methods of interpolation between incoming directions. The cheapest
+/// method whose error is at most the product is chosen. Raising the factor favours cheaper methods.
 const NEARLY_BEST: f64 = 1.1;
-/// Fraction of the leave-one-out error of mirror-like lobes below which the error of retroreflective lobes (about the
-/// direction back to the source) must lie for these to be chosen. It is well below 1 because sampling then also draws
-/// about that direction, and because a fitting divisor needs no alignment.
+/// Ratio of leave-one-out errors below which lobes are treated as retroreflective (about the direction back to the
+/// source). It divides the error with retroreflective lobes by the error with mirror-like ones.
+///
+/// The ratio is well below 1 because retroreflective lobes also make sampling draw about the direction back to the
+/// source, and because lobes need not move at all if samples are divided by a model that fits them.
 const MUCH_BETTER: f64 = 0.7;
 /// Absolute difference up to which relative leave-one-out errors count as equal, as rounding and the finite triangles
 /// cause such differences.

@@ -52,7 +52,8 @@ impl Cubic {
     }
 }
 
-/// Angle `k` (0 to 3) of the four around the interval that starts at angle number `below`; `None` beyond the ends.
+/// Entry `below + k − 1` of a list of angles, for `k` from 0 to 3: one of the two ends of the interval between entries
+/// `below` and `below + 1`, or of their two outer neighbours. `None` beyond the ends of the list.
 #[inline]
 fn angle(angles: &[f64], below: usize, k: usize) -> Option<f64> {
     angles.get((below + k).checked_sub(1)?).copied()

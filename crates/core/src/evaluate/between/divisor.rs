@@ -71,8 +71,9 @@ impl Divided {
         ln_four(self.value(wi, wo))
     }
 
-    /// Logarithm of the model by which samples are divided before interpolation between incoming directions, for one
-    /// pair of an incoming and an outgoing direction. It is bit-identical to the result of [`Divided::four`].
+    /// Natural logarithm of the reflection model by which samples are divided before interpolation between incoming
+    /// directions, for one pair of an incoming and an outgoing direction. It is bit-identical to the result of
+    /// [`Divided::four`] for this pair.
     #[inline(always)]
     pub(in crate::evaluate) fn one(self, wi: [f32; 3], wo: [f32; 3]) -> f32 {
         if matches!(self, Self::None) { 0.0 } else { ln_f32(self.value(wi, wo)) }

@@ -16,8 +16,8 @@ const AZIMUTHS: u32 = 6;
 /// Minimum cosine of the outgoing directions to which the microfacet model is fitted; directions below carry little
 /// light.
 const LOWEST: f64 = 0.1;
-/// Stride through the list of outgoing directions over the whole hemisphere: every 16th also enters the fit of the
-/// microfacet model.
+/// Stride through a list of outgoing directions spread over the whole hemisphere. The fit of the microfacet model uses
+/// every 16th of them, besides directions around the mirror direction.
 const SPREAD: usize = 16;
 /// Starting values for the fit of the microfacet model: roughness, reflectance, and diffuse base as a multiple of the
 /// reflectance.
@@ -37,7 +37,8 @@ const ROUNDS: u32 = 32;
 const LESS: f64 = 1e-3;
 const ROUNDING: f64 = 1e-10;
 
-/// Logarithm of the measured light for one pair of directions.
+/// Natural logarithm of the measured BRDF (mean over wavelengths, up to a common factor) for one pair of an incoming
+/// and an outgoing direction.
 struct Seen {
     wi: [f32; 3],
     wo: [f32; 3],
@@ -89,7 +90,8 @@ fn divisor(place: [f64; 3]) -> Divisor {
     Divisor::Model { roughness, reflectance, base }.stated()
 }
 
-/// Variance of the logarithm of measured light divided by the microfacet model.
+/// Variance, over pairs of directions, of the natural logarithm of the ratio of the measured BRDF to the microfacet
+/// model.
 fn variance(seen: &[Seen], place: [f64; 3]) -> f64 {
     let model = Divided::by(divisor(place));
     let (mut sum, mut square) = (0.0, 0.0);

@@ -150,8 +150,8 @@ impl Predicting {
         Self { wi: single(wi), wo: single(wo), others: all.collect(), has_curves }
     }
 
-    /// Returns the logarithm of the predicted light and the sum of squared weights; `None` if no other incoming
-    /// direction has light to predict from.
+    /// Predicts the light under a left-out incoming direction from other ones. Returns its natural logarithm and the
+    /// sum of the squares of the other directions' weights (which sum to 1); `None` if no other direction has light.
     fn by(&self, divided: Divided, cubic: bool) -> Option<(f32, f32)> {
         let rest = |other: &Other| other.logarithm - divided.one(other.to, other.there);
         let (mut sum, mut total, mut squares) = (0.0, 0.0, 0.0);

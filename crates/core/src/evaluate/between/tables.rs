@@ -40,12 +40,12 @@ enum Form<'a> {
 /// for three predictions: a mean, linear interpolation, and cubic (between triangles quadratic) interpolation.
 #[derive(Clone, Debug)]
 pub(super) struct Others {
-    /// Numbers of measured incoming directions with their weights in a mean that predicts values under a left-out one;
-    /// the weights are nonnegative and sum to 1.
+    /// Numbers of measured incoming directions with their weights in a mean that predicts the value under another
+    /// measured one (leave-one-out test). The weights are nonnegative and sum to 1.
     pub(super) mean: Vec<(usize, f32)>,
-    /// Weights of measured incoming directions for predicting values under a left-out one by linear, then by cubic
-    /// interpolation. Where the function is 0 or masked under one of them, a mean with nonnegative weights is used
-    /// instead.
+    /// Weights of measured incoming directions in linear, then in cubic interpolation, which predicts the value under
+    /// another measured one. Where the function is 0 or masked under one of them, a mean with nonnegative weights is
+    /// used instead.
     pub(super) linear: Option<Vec<(usize, f32)>>,
     pub(super) cubic: Option<Vec<(usize, f32)>>,
 }

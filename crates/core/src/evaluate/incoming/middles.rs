@@ -73,8 +73,9 @@ impl Nodes {
         }
     }
 
-    /// Sampled incoming directions with nonnegative weights from which a derived node takes its value where directions
-    /// of its fit are dark or masked.
+    /// Sampled incoming directions, with nonnegative weights, whose mean gives the value of an interpolation node
+    /// between them. The mean replaces a least-squares fit where the function is 0 or masked under a direction of the
+    /// fit.
     pub(in crate::evaluate) fn mean_sources(&self, node: usize) -> Entries {
         let Self::Triangles(triangles) = self else { return vec![(node, 1.0)] };
         let vertices = triangles.cells + triangles.lookup.vertices();

@@ -41,9 +41,9 @@ impl Lines {
         }
     }
 
-    /// Interpolates the samples in `found` linearly between incoming directions, at one wavelength or at four from
-    /// number `lambda` on. `share`, 0..=1, is the fraction of linear interpolation over outgoing directions; cubics of
-    /// logarithms have the rest.
+    /// Interpolates the samples around a query, listed by `found`, linearly between incoming directions, at one
+    /// wavelength or at four from number `lambda` on. Over outgoing directions, linear interpolation has the fraction
+    /// `share`, 0 to 1, and cubics of logarithms have the rest.
     #[inline(always)]
     fn mixed_samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         let mut sums = Sums::nothing();

@@ -6,13 +6,13 @@ use crate::domain::vector::Vector;
 use crate::evaluate::change::change_of_shape;
 use crate::evaluate::incoming::{Alignment, carried};
 
-/// Approximate number of outgoing directions at which the lobes of different incoming directions are compared. More
-/// make the choice of the alignment more reliable and slower.
+/// Approximate number of outgoing directions at which lobes under neighbouring incoming directions are compared, to
+/// choose the rule by which lobes move with the incoming direction. More make the choice more reliable and slower.
 const COMPARED: usize = 600;
 
 impl Lines {
-    /// Chooses the alignment of lobes between incoming directions among candidates. `measure` gives the weight of an
-    /// outgoing direction.
+    /// Chooses the rule by which lobes move with the incoming direction: the candidate under which the function changes
+    /// its shape least. `measure` gives the weight of an outgoing direction in that comparison.
     pub(in crate::evaluate) fn align(
         &mut self,
         entries: usize,
@@ -37,7 +37,8 @@ impl Lines {
         }
     }
 
-    /// Outgoing directions of the grid at which lobes are compared, evenly thinned out.
+    /// Outgoing directions at which lobes under neighbouring incoming directions are compared: every n-th direction of
+    /// the grid.
     fn compared(&self) -> Vec<Vector> {
         let Some(sphere) = &self.outgoing else { return Vec::new() };
         let step = (sphere.grid().len() / COMPARED).max(1);

@@ -10,28 +10,29 @@ pub(super) struct Course {
     pub(super) stated: Between,
     pub(super) divided: Divided,
     pub(super) cubic: Option<Cubic>,
-    /// Data for extrapolation past the last measured polar angle of incidence: first its cosine. Then the largest
-    /// logarithm of f·cos θo there, for each combination of indices (positions on the axes before the directions) and
-    /// each wavelength.
+    /// Data for extrapolation past the last measured polar angle of incidence: first the cosine of that angle. Then the
+    /// largest natural logarithm of the function times cos θo there, for each combination of indices (positions on the
+    /// axes before the directions) and each wavelength.
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
-/// Lookup of one query for interpolation between measured incoming directions with a divisor (model divided out before
-/// interpolation) or a cubic.
+/// Search result for one query, as interpolation between measured incoming directions needs it if it is cubic or if
+/// samples are first divided by a model.
 #[derive(Clone, Debug)]
 pub(super) struct FoundBetween {
     /// Logarithms of the divisor (model divided out before interpolation) at the measured incoming directions around
     /// the query, then at the queried pair of directions.
     pub(super) divisors: [f32; FOUR],
     pub(super) own: f32,
-    /// Weights of the four incoming directions in a cubic, and the smallest weight that the alignment of lobes gives
-    /// one of them.
+    /// Weights of the four incoming directions in cubic interpolation, and the share, 0 to 1, of the cubic in the
+    /// result. The share falls where lobes that follow the incoming direction reach the horizon; linear interpolation
+    /// has the rest.
     pub(super) cubic: Option<([f32; FOUR], f32)>,
     /// Samples at the smallest and the largest of the four polar angles of incidence between which a cubic
     /// interpolates, if incoming directions form a grid. Linear interpolation uses only the two angles in the middle.
     pub(super) outer: Option<Box<Outer>>,
-    /// For a query past the last measured polar angle of incidence: position in the table of largest logarithms of
-    /// f·cos θo at which those for the query's wavelengths start, and the query's logarithm of cos θo.
+    /// For a query past the last measured polar angle of incidence: index, in the table of largest logarithms in
+    /// [`Course::last`], of the entry for the first wavelength. Then the natural logarithm of |cos θo| of the query.
     pub(super) held: Option<(usize, f32)>,
 }
 

@@ -12,7 +12,8 @@ const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
-/// Measured angle in degrees with its number on the axis. A mirror image has the number of its original.
+/// Angle in degrees at which samples are known, with the number of these samples on the axis. An angle added by mirror
+/// symmetry has the number of the measured angle that it mirrors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) angle: f64,
@@ -25,7 +26,8 @@ pub(super) struct Line {
     first: f64,
     last: f64,
     is_circle: bool,
-    /// Number of bins per degree; then, for each bin, the last interval that starts at or below all of its angles.
+    /// Table over equal bins of angles, which speeds up the search for an interval between measured angles: number of
+    /// bins per degree. Then, for each bin, the last interval that starts at or below all angles of the bin.
     per_degree: f64,
     bins: Vec<u32>,
     /// Start of each interval between measured angles in degrees, then infinity as a sentinel.
@@ -73,8 +75,8 @@ pub(super) struct Around {
 }
 
 impl Line {
-    /// Builds an axis from at least one angle; angles increase strictly. If they cover the whole circle, the last is
-    /// followed by the first.
+    /// Builds an axis of angles from at least one measured angle, in strictly increasing order. If the angles cover the
+    /// whole circle, another interval leads from the last one on to the first.
     pub(super) fn new(mut nodes: Vec<Node>, is_circle: bool) -> Self {
         if is_circle {
             let turns = libm::floor((nodes[0].angle + 0.5 * CIRCLE) / CIRCLE);
@@ -109,9 +111,9 @@ impl Line {
         Around { entries: interval.entries, along: Along { cubic, t } }
     }
 
-    /// Numbers of the two measured angles that enclose `angle` (degrees), and the linear interpolation weight of the
-    /// second one. Beyond an end of the axis they are those at the end; on a circle `angle` has the range of
-    /// [`Line::around`].
+    /// Numbers of the two measured angles on either side of `angle` (degrees), and the linear interpolation weight of
+    /// the second. Beyond an end of the axis they are the two at the end. On a circle, `angle` must be less than 360°
+    /// below the first measured angle, or less than 720° above it.
     #[inline(always)]
     pub(super) fn between(&self, angle: f64) -> ([u32; 2], f64) {
         let (Interval { entries: [_, one, two, _], .. }, t) = self.find(angle);
@@ -191,8 +193,9 @@ impl Interval {
     }
 }
 
-/// Bins for the search of an angle on an axis of `length` degrees whose intervals start at `starts`, and the number of
-/// bins per degree. There are enough bins that few contain two starts.
+/// Table over equal bins of angles, which speeds up the search for an interval between measured angles, and the number
+/// of bins per degree. The axis is `length` degrees long, its intervals start at the angles `starts`. Bins are so fine
+/// that few contain two starts.
 fn bins(starts: &[f64], length: f64) -> (Vec<u32>, f64) {
     let mut count = BINS;
     loop {

@@ -112,8 +112,8 @@ pub(super) struct Found {
     /// For each measured incoming direction around the queried one, the samples around the outgoing direction; `None`
     /// outside the grid or without an outgoing axis.
     patches: [Option<Patch>; AROUND],
-    /// Lookups of a divisor (model divided out before interpolation) or a cubic between incoming directions, if one is
-    /// in use.
+    /// Further search results, if interpolation between incoming directions is cubic or first divides samples by a
+    /// model; otherwise `None`.
     between: Option<FoundBetween>,
 }
 
@@ -257,9 +257,9 @@ impl Lines {
         (there.map(f64::from), worth)
     }
 
-    /// Alignment of lobes between incoming directions on the side of the height `z`, and true if no horizon limits
-    /// directions. Transmitted light is aligned by rotation. Only a phase function is aligned by rotation on the whole
-    /// sphere; it has no horizon.
+    /// Rule by which lobes move with the incoming direction, for outgoing directions whose z coordinate has the sign of
+    /// `z`. Light transmitted through a surface rotates with the incoming direction. The flag is true for a phase
+    /// function, which alone rotates on the whole sphere and has no horizon.
     #[inline]
     fn way(&self, z: f64) -> (Alignment, bool) {
         let is_whole = self.domain == Domain::Sphere;
@@ -330,15 +330,16 @@ impl Lines {
         Some(self.settled(&sums, self.straight))
     }
 
-    /// Writes the whole spectrum interpolated between the samples in `found`.
+    /// Writes the spectrum at a queried pair of directions, one value for each wavelength of the data. It is
+    /// interpolated between the samples around the query, listed by `found`.
     #[inline]
     pub(super) fn spectrum(&self, found: &Found, out: &mut [f32]) {
         self.spectrum_with(self.straight, found, out);
     }
 
-    /// Original samples `[outgoing, wavelength]` for one combination of the axes before the outgoing one, whose
-    /// row-major position is `slice`. The shape holds the numbers of incoming directions, of outgoing directions and of
-    /// samples in a spectrum.
+    /// Original samples `[outgoing, wavelength]` for one combination of positions on the axes before the outgoing one;
+    /// `slice` is its row-major number. The array argument holds the numbers of incoming directions, of outgoing
+    /// directions and of samples in a spectrum.
     pub(super) fn slice(&self, [n_in, n_out, lambdas]: [usize; 3], slice: usize) -> Vec<f32> {
         let table = slice / n_in * self.values.incoming() + self.incoming.stated(slice % n_in);
         let place = |entry| self.outgoing.as_ref().map_or(entry, |sphere| sphere.stated(entry));
@@ -346,7 +347,7 @@ impl Lines {
         (0..n_out as u32).flat_map(|o| (0..lambdas).map(move |lambda| sample(place(o), lambda))).collect()
     }
 
-    /// Interpolates between the samples in `found` at one wavelength.
+    /// Interpolates at wavelength number `lambda` between the samples around a query, listed by `found`.
     pub(super) fn sample(&self, found: &Found, lambda: usize) -> f32 {
         self.samples(self.straight, found, lambda)
     }

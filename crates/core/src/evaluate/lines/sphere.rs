@@ -56,14 +56,14 @@ impl Patch {
         Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
     }
 
-    /// Interpolation weights along a row, that is, over the azimuth.
+    /// Interpolation weights over the azimuth, at one of the four polar angles around a direction.
     #[inline(always)]
     pub(super) fn along(&self, row: usize) -> &Along {
         &self.along[usize::from(self.sides[row] & 1)]
     }
 
-    /// Number of one of the 4 × 4 samples around a direction, in the given row (polar angle) and column (azimuth), 0 to
-    /// 3 each.
+    /// Position, in the table of samples over all directions, of one of the 4 × 4 samples around a direction. `row`
+    /// counts the polar angles around the direction and `column` the azimuths, both from 0 to 3.
     #[inline(always)]
     pub(super) fn place(&self, row: usize, column: usize) -> u32 {
         self.rows[row] + self.columns[usize::from(self.sides[row] & 1)][column]

@@ -21,8 +21,9 @@ pub(super) struct Values {
     is_whole: bool,
 }
 
-/// Directions of an axis, and the groups of them that coincide. Each direction of a group stores the group's mean. The
-/// original samples are stored after those of all directions, group by group.
+/// Directions of an axis, and the groups of directions that coincide, such as all azimuths at a pole. The table of
+/// samples has the group's mean at each of its directions. After all directions it has the original samples, group by
+/// group.
 pub(super) struct Places<'a> {
     pub(super) own: usize,
     pub(super) same: &'a [Vec<u32>],
@@ -96,7 +97,8 @@ impl Values {
         self.incoming
     }
 
-    /// Reads a stored sample (or its logarithm) at wavelength number `lambda`, or at four wavelengths from there on.
+    /// Reads a sample from the table of samples, at wavelength number `lambda` or at four wavelengths from there on. If
+    /// no sample of the data is negative, the table holds natural logarithms.
     #[inline(always)]
     pub(super) fn numbers<T: Number>(&self, table: usize, place: u32, lambda: usize) -> T {
         T::read(&self.numbers, (table * self.outgoing + place as usize) * self.stride + lambda)

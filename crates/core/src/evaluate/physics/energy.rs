@@ -47,9 +47,9 @@ pub enum Verdict {
 pub struct Allowance {
     /// Root mean square relative error er(L2) of a sample, as the file's header gives it.
     pub er_l2: f64,
-    /// Upper bound on the error of an integral whose true value is 1. It is the largest relative error of a sample,
-    /// plus the largest absolute error of samples without a relative one times the whole (projected) solid angle. 0 for
-    /// a measurement that is not a file.
+    /// Upper bound on the error of an integral over directions whose true value is 1: largest relative error of a
+    /// sample, plus the largest absolute error of samples without a relative one times the whole (projected) solid
+    /// angle. 0 if the material was opened from a measurement instead of a compressed file.
     pub bound: f64,
 }
 

@@ -52,8 +52,8 @@ pub struct ReciprocityReport {
 pub struct WorstPair {
     /// Relative difference between f(wi, wo) and f(wo, wi), 0 to 2.
     pub difference: f64,
-    /// Position on each index axis (axis of the samples before those of directions and wavelength) at which the pair of
-    /// directions was compared.
+    /// Position on each index axis (axis of the samples before those of directions and wavelength) at which f(wi, wo)
+    /// and f(wo, wi) were compared.
     pub index: Vec<usize>,
     /// Polar angle and azimuth of the measured incoming direction, in degrees.
     pub wi: [f64; 2],

@@ -33,9 +33,9 @@ impl Smooth {
         course.last = Some((last[2], peaks.collect()));
     }
 
-    /// Spectral coefficients of a derived interpolation node in the direction `d`, made of the tables of sampled
-    /// incoming directions from number `first` on. A fit falls back to a mean where one of its directions loses weight
-    /// or has no light.
+    /// Spectral coefficients at the outgoing direction `d` under the incoming direction `wi` of an interpolation node
+    /// between sampled ones, from the sampled directions' tables from number `first` on. A fit to these gives way to a
+    /// mean where one of the fit's directions has no light, or where lobes moved to it reach the horizon.
     pub(super) fn made_between(
         &self,
         course: &Course,
@@ -206,8 +206,8 @@ impl Smooth {
         }
     }
 
-    /// Spectral coefficients interpolated in the table of one incoming direction, in the interpolation patch that one
-    /// SIMD lane holds.
+    /// Spectral coefficients at one outgoing direction, interpolated in the table of one incoming direction. SIMD lane
+    /// number `lane` of `patches` holds the six nodes around the outgoing direction and their weights.
     #[inline(always)]
     fn row_in<const WIDTH: usize>(&self, base: usize, patches: &Patches<FOUR>, lane: usize) -> [f32; WIDTH] {
         let table = self.values.as_chunks::<WIDTH>().0;

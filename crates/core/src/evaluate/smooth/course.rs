@@ -16,19 +16,19 @@ pub(super) struct Course {
     stated: Between,
     pub(super) divided: Divided,
     curve: Option<Curve>,
-    /// Spectral coefficients that raise the logarithm of the value by 1 at every wavelength when added to those of a
-    /// spectrum.
+    /// Spectral coefficients that, when added to those of any spectrum, raise the natural logarithm of that spectrum by
+    /// 1 at every wavelength.
     pub(super) constant: Row,
-    /// Data for extrapolation past the last measured polar angle of incidence: first its cosine. Then the largest
-    /// logarithm of f·cos θo there, averaged over wavelengths, for each combination of indices (positions on the axes
-    /// before the directions).
+    /// Data for extrapolation past the last measured polar angle of incidence: first the cosine of that angle. Then the
+    /// largest natural logarithm of the function times cos θo there, averaged over wavelengths, for each combination of
+    /// indices (positions on the axes before the directions).
     pub(super) last: Option<(f64, Vec<f32>)>,
 }
 
 /// Curve through interpolation nodes over incoming directions, if interpolation is not linear.
 #[derive(Debug)]
 enum Curve {
-    /// Cubic through four incoming elevations.
+    /// Cubic in the polar angle of incidence, through the values at four of these angles.
     Cubic(Cubic),
     /// Quadratic through six nodes of a triangle of incoming directions: its corners and edge midpoints.
     Quadratic,
@@ -38,7 +38,8 @@ enum Curve {
 /// rounded up to two vectors of four.
 pub(super) const MOST_LANES: usize = 2 * FOUR;
 
-/// Interpolation nodes around an incoming direction, one for each SIMD lane; lanes with weight 0 are unused.
+/// Incoming directions around a queried one at which values are tabulated (interpolation nodes), one for each SIMD
+/// lane; lanes with weight 0 are unused.
 pub(super) struct Lanes {
     pub(super) nodes: [u32; MOST_LANES],
     /// Weights of the interpolation nodes in linear interpolation.
@@ -69,12 +70,14 @@ impl Course {
         self.stated
     }
 
-    /// Logarithm of the divisor (model by which samples are divided before interpolation) for a pair of directions.
+    /// Natural logarithm of the divisor (model by which samples are divided before interpolation) for a pair of
+    /// directions.
     fn divisor(&self, wi: Vector, wo: Vector) -> f32 {
         self.divided.one(wi.map(|x| x as f32), wo.map(|x| x as f32))
     }
 
-    /// Logarithms of the divisor (model divided out before interpolation) for a block of direction pairs.
+    /// Natural logarithms of the divisor (model by which samples are divided before interpolation) for a block of pairs
+    /// of an incoming and an outgoing direction.
     #[inline(always)]
     pub(super) fn divisors(&self, wi: [&[f32; BLOCK]; 3], wo: [&[f32; BLOCK]; 3]) -> [f32; BLOCK] {
         let mut logarithms = [0.0; BLOCK];
@@ -85,14 +88,14 @@ impl Course {
         logarithms
     }
 
-    /// Divides the spectrum that coefficients represent by the divisor (model divided out before interpolation) for the
-    /// incoming direction `to` and the outgoing direction `there`.
+    /// Divides the spectrum that coefficients represent by the divisor (model by which samples are divided before
+    /// interpolation) for the incoming direction `to` and the outgoing direction `there`.
     pub(super) fn divide(&self, mixed: &mut Mixed, to: Vector, there: Vector) {
         self.shift(&mut mixed.row, -self.divisor(to, there));
     }
 
-    /// Multiplies the spectrum that interpolated coefficients represent by the divisor (model divided out before
-    /// interpolation) for the queried pair of directions.
+    /// Multiplies an interpolated spectrum, given by its coefficients, by the divisor (model by which samples were
+    /// divided before interpolation), evaluated at the queried pair of directions.
     pub(super) fn multiply(&self, mixed: &mut Mixed, wi: Vector, wo: Vector) {
         self.shift(&mut mixed.row, self.divisor(wi, wo));
     }
@@ -186,8 +189,8 @@ impl Divisors {
         }
     }
 
-    /// Weighted mean of the logarithms of the divisor (model divided out before interpolation) over the interpolation
-    /// nodes of query `i`.
+    /// Weighted mean of the natural logarithms of the divisor (model by which samples are divided before interpolation)
+    /// over the interpolation nodes around the incoming direction of query number `i` of the block.
     #[inline(always)]
     pub(super) fn mean(&self, i: usize) -> f32 {
         self.sums[i] / self.weights[i]

@@ -46,12 +46,15 @@ pub(super) struct Smooth {
     left_out: Option<f64>,
     width: usize,
     node_count: usize,
-    /// Directions of the incoming interpolation nodes, prepared for alignment.
+    /// Incoming directions at which values are tabulated, each with cosine and sine of its azimuth, which serve to move
+    /// lobes from one incoming direction to another.
     origins: Vec<Origin>,
-    /// Spectral coefficients `[combination of indices][incoming node][outgoing node][coefficient]`.
+    /// Spectral coefficients `[combination of indices][incoming direction][outgoing direction][coefficient]` at the
+    /// pairs of directions between which evaluation interpolates.
     values: Vec<f32>,
-    /// Two shares for each `[combination of indices][incoming node][outgoing node]`: of lit triangles among the
-    /// unmasked ones around, and of unmasked triangles among all. Empty if all triangles are lit.
+    /// Two fractions of the solid angle for each `[combination of indices][incoming direction][outgoing direction]`: of
+    /// nonzero among the unmasked outgoing triangles that touch the direction, and of unmasked among all that touch it.
+    /// Empty if no triangle is zero or masked.
     presence: Vec<[f32; 2]>,
     /// Interpolation between incoming directions with a divisor (model divided out before interpolation) or a cubic;
     /// `None` if it is linear in logarithms.
@@ -67,14 +70,15 @@ pub(super) struct Seen {
     pub(super) wo: Vector,
 }
 
-/// Block of queries prepared for smooth interpolation, with room for their lookups.
+/// Block of queries for smooth interpolation, with room for the nodes and weights found for each query.
 #[derive(Clone, Debug)]
 pub(super) struct SeenBlock {
     nodes: [[u32; BLOCK]; 3],
     weights: [[f32; BLOCK]; 3],
     pub(super) wi: Vectors,
     pub(super) wo: Vectors,
-    /// Interpolation patches around the outgoing directions, under each of up to three incoming nodes.
+    /// Nodes and weights for interpolation at the outgoing direction of each query, in the table of each of up to three
+    /// incoming directions around the queried one.
     patches: [Patches<BLOCK>; 3],
 }
 
@@ -305,17 +309,17 @@ impl Smooth {
         }
     }
 
-    /// Numbers of the tables of spectral coefficients over outgoing directions that belong to three incoming
-    /// interpolation nodes. `entry` is the row-major position of the query's indices (positions on the axes before the
+    /// Indices of the three tables of spectral coefficients over outgoing directions for three tabulated incoming
+    /// directions `nodes`. `entry` is the row-major position of the query's indices (positions on the axes before the
     /// directions).
     #[inline]
     fn tables(&self, entry: usize, nodes: [u32; 3]) -> [usize; 3] {
         nodes.map(|node| entry * self.node_count + node as usize)
     }
 
-    /// Weighted mean of the spectral coefficients interpolated over outgoing directions in one table or in three, one
-    /// for each incoming interpolation node. `patches` hold the table positions around the outgoing direction and their
-    /// weights.
+    /// Spectral coefficients at a queried pair of directions, interpolated over outgoing directions in the tables of
+    /// one or of three incoming directions around the queried one, then averaged with weights. `patches` hold the
+    /// positions of the outgoing nodes in the tables, and their weights.
     #[inline(always)]
     fn gather<const N: usize>(
         &self,
@@ -369,9 +373,9 @@ impl Smooth {
         Mixed::settled(row, live, known)
     }
 
-    /// Weighted sum of spectral coefficients over the outgoing nodes of `COUNT` interpolation patches, each in the
-    /// table of a different incoming node. `of(n, k)` returns the position of node `n` of patch `k` in its table, and
-    /// the node's weight.
+    /// Weighted sum of the spectral coefficients at six outgoing directions in each of `COUNT` tables, one table for
+    /// each incoming direction around a queried one. `of(n, k)` returns the position of outgoing direction `n` in table
+    /// `k`, and its weight.
     #[inline(always)]
     fn summed<const WIDTH: usize, const COUNT: usize>(
         &self,

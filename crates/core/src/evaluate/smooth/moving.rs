@@ -8,8 +8,8 @@ use crate::evaluate::mixed::{Mixed, Mixture};
 use crate::evaluate::planes::Planes;
 use rayon::prelude::*;
 
-/// Approximate number of outgoing directions at which alignments of lobes between incoming directions are compared.
-/// More make the choice more reliable and slower.
+/// Approximate number of outgoing directions at which lobes under neighbouring incoming directions are compared, to
+/// choose the rule by which lobes move with the incoming direction. More make the choice more reliable and slower.
 const COMPARED: usize = 600;
 
 impl Smooth {
@@ -96,8 +96,9 @@ impl Smooth {
     }
 }
 
-/// Sum of three samples of an interpolated spectrum (at a quarter, half and three quarters of the wavelengths), times
-/// the fraction of the interpolation weight that lies on nonzero samples; NaN if masked.
+/// Sum of three samples (at a quarter, half and three quarters of the wavelengths) of a spectrum interpolated between
+/// directions. It is multiplied by the fraction of the interpolation weight on directions with nonzero spectra; NaN if
+/// masked.
 fn brightness(planes: &Planes, mixed: &Mixed) -> f64 {
     let row = &mixed.row[..planes.count()];
     let sum: f32 = [1, 2, 3].iter().map(|quarter| planes.sample(row, quarter * (planes.lambdas() - 1) / 4)).sum();

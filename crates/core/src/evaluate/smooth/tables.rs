@@ -13,8 +13,8 @@ use crate::evaluate::planes::{Cell, Planes};
 use crate::evaluate::reconstruct::{Cells, Weights, node_weights};
 use rayon::prelude::*;
 
-/// Number of passes that correct node values for the difference between the average of an exponential and the
-/// exponential of the average. More passes are more exact.
+/// Number of passes that correct the logarithms tabulated at interpolation nodes, so that the exponential of the
+/// interpolated logarithms has the measured averages over triangles. More passes are more exact.
 const CORRECTIONS: usize = 2;
 /// Upper bound on the correction for the difference between the logarithm of a triangle's average value and the
 /// triangle's average logarithm (mean over wavelengths). Larger corrections come from triangles in which the function
@@ -182,8 +182,8 @@ impl Smooth {
         row
     }
 
-    /// Two shares for every outgoing node: of lit triangles among the unmasked ones around the node, and of unmasked
-    /// triangles among all around.
+    /// Two fractions of the solid angle for every outgoing direction at which values are tabulated: of nonzero among
+    /// the unmasked triangles that touch it, and of unmasked among all triangles that touch it.
     fn presence_at_nodes(&self, planes: &Planes, lookup: &MeshLookup, cells: &Cells, incoming: usize) -> Vec<[f32; 2]> {
         let mesh = cells.mesh();
         let (leaves, areas) = (mesh.len(), mesh.solid_angles());

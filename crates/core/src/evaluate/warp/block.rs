@@ -44,8 +44,8 @@ impl Draws {
     }
 }
 
-/// For each tree descended: the leaf square (pair of triangles) reached, the probabilities of its two triangles, and
-/// the point of the unit square rescaled to the leaf square.
+/// Results of descending one sampling tree for each point of a block: the square (pair of the mesh's finest triangles)
+/// reached, the probabilities of its two triangles, and the point of the unit square rescaled to that square.
 struct Reached {
     squares: [u32; BLOCK],
     masses: [Block; 2],
@@ -84,7 +84,8 @@ impl Warps {
         );
     }
 
-    /// Writes the directions of points inside leaf triangles, and their densities in sr⁻¹.
+    /// Writes the directions that belong to points inside the mesh's finest triangles, and the probability densities in
+    /// sr⁻¹ with which these directions are drawn.
     #[inline(always)]
     fn write_points(&self, cells: &[u32; BLOCK], reached: &Reached, inside: &Inside, to: &mut Draws) {
         for i in 0..BLOCK {
@@ -192,8 +193,8 @@ impl Warps {
         inside
     }
 
-    /// Reads the unnormalised linear density at the four corners of one leaf square (pair of triangles) for each
-    /// direction of a block.
+    /// Reads, for each direction of a block, the values to which the sampling density is proportional at the four
+    /// corners of the square (pair of the mesh's finest triangles) that contains it.
     #[inline(always)]
     fn shapes(&self, cells: &[u32; BLOCK], squares: &[u32; BLOCK]) -> [[f32; BLOCK]; 4] {
         let points = self.mesh().vertices().len();

@@ -60,7 +60,8 @@ pub(super) fn choose([w0, w1, w2, w3]: [f64; 4], u: &mut [Fraction; 2]) -> usize
     2 * usize::from(a) + usize::from(b)
 }
 
-/// Start and length, along each coordinate of the unit square, of the rectangle in which [`choose`] selects a quadrant.
+/// Start and length, along both coordinates, of the rectangle of points of the unit square for which [`choose`] selects
+/// `quadrant`, given the weights of the four quadrants.
 pub(super) fn interval([w0, w1, w2, w3]: [f64; 4], quadrant: usize) -> ([f64; 2], [f64; 2]) {
     let share = |first: f64, second: f64, which: usize| {
         let (first, second) = (first / (first + second), second / (first + second));

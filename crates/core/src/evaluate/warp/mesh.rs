@@ -79,8 +79,9 @@ pub struct WarpMesh {
     /// For each triangle, level by level: twice the number of its square (pair of triangles in the unfolded
     /// octahedron), plus 1 for the upper triangle.
     places: Vec<u32>,
-    /// For each subdivision level of the mesh, position of its first triangle in `places`. Then, for each level,
-    /// position of its first integral over a triangle in a sampling tree read as one list of numbers.
+    /// Position in `places`, the list of triangles of all subdivision levels, of the first triangle of each level.
+    /// Then, for each level, position of its first integral over a triangle in a sampling tree read as one list of
+    /// numbers.
     firsts: [usize; LEVELS],
     starts: [usize; LEVELS],
     /// Number of groups (of eight triangles) in one sampling tree.
@@ -100,7 +101,8 @@ pub struct WarpMesh {
 }
 
 impl WarpMesh {
-    /// Builds the geometry tables of `mesh`, for trees that weight values by `measure`.
+    /// Builds the tables of `mesh` that sampling needs: vertices, solid angles and order of the triangles. Sampling
+    /// trees on them weight function values by `measure`.
     pub fn new(mesh: TriangleMesh, measure: Measure) -> Self {
         Self::over(Arc::new(MeshLookup::new(mesh)), measure)
     }
@@ -162,7 +164,7 @@ impl WarpMesh {
         this
     }
 
-    /// Triangle mesh that the tables describe.
+    /// Triangle mesh over which these tables serve to sample directions.
     pub fn mesh(&self) -> TriangleMesh {
         self.mesh
     }
@@ -220,14 +222,16 @@ impl WarpMesh {
         [shared, groups + vertices * size_of::<f32>() + size_of::<f64>()]
     }
 
-    /// Number of groups (of eight triangles) in one sampling tree: the root, then one for every square (pair of
-    /// triangles) above the last level.
+    /// Number of groups in one sampling tree. A group holds the integrals over up to eight triangles: the root those of
+    /// the coarsest level, every other one those of the four quadrants of a square (pair of triangles) that is
+    /// subdivided.
     #[inline]
     pub(super) fn groups(&self) -> usize {
         self.groups
     }
 
-    /// Number of the group that holds the eight triangles of the four quadrants of `square`, a square of level `level`.
+    /// Number of the group of integrals, in a sampling tree, over the eight triangles into which a square (pair of
+    /// triangles) of subdivision level `level` is divided.
     pub(super) fn children(&self, level: u8, square: usize) -> usize {
         1 + self.mesh.bases() / 2 * first(level) + square
     }
@@ -256,7 +260,8 @@ impl WarpMesh {
         }
     }
 
-    /// Position, in a sampling tree read as one list of numbers, of the integral over triangle `node` of a level.
+    /// Position, in a sampling tree read as one list of numbers, of the sampled function's integral over triangle
+    /// number `node` of subdivision level `level`.
     #[inline(always)]
     pub(super) fn slot(&self, level: u8, node: usize) -> usize {
         // Groups of a level are contiguous, in the order of their squares.
@@ -275,8 +280,8 @@ impl WarpMesh {
         self.places[self.firsts[usize::from(level)] + node] as usize
     }
 
-    /// Number of the leaf triangle at a position among the squares (twice the square's number, plus 1 for the upper
-    /// triangle), and its vertex order within the square.
+    /// Number of the finest triangle at position `place`, which is twice the number of the triangle's square (pair of
+    /// triangles), plus 1 for the upper triangle. Also returns the order of the triangle's vertices in the square.
     #[inline]
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
         unframed(self.framed[place])
@@ -363,14 +368,16 @@ fn unframed(framed: u32) -> (usize, Frame) {
     ((framed >> 3) as usize, FRAMES[(framed & 7) as usize])
 }
 
-/// Number of triangles of one octant in all levels above `level`.
+/// Total number of triangles of one octant of the sphere in all subdivision levels coarser than `level`.
 fn first(level: u8) -> usize {
     ((1 << (2 * u32::from(level))) - 1) / 3
 }
 
-/// For each triangle of the unfolded octahedron, level by level: twice the number of the square whose half it is, plus
-/// 1 for the upper half. Then, in the order of the finest squares' halves: the triangle's number, with the order of its
-/// vertices (right angle, then corners (0,0) and (1,1) of the square).
+/// Two tables of the unfolded octahedron, in which two triangles form a square. The first lists the triangles of every
+/// level, coarsest first: for each, twice the number of its square, plus 1 for the upper half.
+///
+/// The second lists the halves of the finest squares, in the order of the squares: eight times the triangle's number,
+/// plus the number of the order of its vertices (right angle, then corners (0,0) and (1,1) of the square).
 fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     let bases = mesh.bases();
     let mut squares: Vec<[(u32, Frame); 2]> = TOP[..bases / 2].to_vec();

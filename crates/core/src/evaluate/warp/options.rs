@@ -4,9 +4,9 @@
 /// function, the triangles below share the probability in proportion to the measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// Projected solid angle |cos θ| dω, used for a BRDF, BTDF or BSDF.
+    /// Projected solid angle |cos θ| dω as weight of function values, used for a BRDF, BTDF or BSDF.
     Projected,
-    /// Solid angle dω, used for emission and phase functions.
+    /// Solid angle dω as weight of function values, used for emission and phase functions.
     SolidAngle,
 }
 
@@ -15,8 +15,9 @@ pub enum Measure {
 pub enum Density {
     /// Density constant on the planar triangle, which belongs to piecewise constant evaluation.
     Uniform,
-    /// Density linear on the planar triangle, in proportion to f·cos at the vertices (to cos alone where the tree stops
-    /// following the function at a coarser level). Constant if the vertex values are all 0.
+    /// Density linear on the planar triangle, in proportion to function times cosine at the vertices. If the descent of
+    /// the sampling tree ends above the finest level, the density follows the cosine alone. Constant if the vertex
+    /// values are all 0.
     #[default]
     Linear,
 }
@@ -31,9 +32,11 @@ pub struct SampleOptions {
     /// Sampling density, constant or linear, inside the triangle in which the descent of a sampling tree ends.
     pub density: Density,
     /// Fraction δ, 0 ≤ δ < 1, of directions drawn independently of the function: in proportion to the cosine for
-    /// [`Measure::Projected`], uniformly for [`Measure::SolidAngle`]. With δ > 0 the density is positive wherever the
-    /// function is nonzero, even where no sampling tree has light. First coordinates below 1 − δ select the tree,
-    /// others the defensive component.
+    /// [`Measure::Projected`], uniformly for [`Measure::SolidAngle`].
+    ///
+    /// With δ > 0 the density is positive wherever the function is nonzero, even where the integrals over triangles
+    /// that guide sampling are 0. Points of the unit square with a first coordinate below 1 − δ give directions in
+    /// proportion to the function, others the independent ones.
     pub defensive: f64,
 }
 

@@ -71,8 +71,9 @@ pub(super) struct Linear {
 
 #[allow(clippy::needless_bitwise_bool, reason = "neither can be predicted")]
 impl Linear {
-    /// Linear density that is proportional to `shapes` ≥ 0 at the corners of each triangle, with the triangles'
-    /// probabilities `masses`. It is constant on a triangle whose shapes are all 0.
+    /// Builds a probability density that is linear on each of two triangles, in proportion to the values `shapes` (at
+    /// least 0) at the triangle's corners. `masses` are the probabilities of the triangles. The density is constant on
+    /// a triangle whose values are all 0.
     #[inline(always)]
     pub(super) fn new(masses: [f64; 2], shapes: [[f64; 3]; 2]) -> Self {
         let [(lower, lower_sum), (upper, upper_sum)] = [shaped(shapes[0]), shaped(shapes[1])];

@@ -140,9 +140,9 @@ fn table_9() {
     }
 }
 
-/// Variance of the sample weight relative to its squared mean, with trees down to the last level, averaged over four
-/// incoming directions. Cases: piecewise constant f with a constant density (only the cosine varies in a triangle), and
-/// the analytic f with constant and linear densities.
+/// Tests the variance of the weight f·cos/pdf of drawn directions relative to its squared mean, averaged over four
+/// incoming directions. The descent of the sampling tree ends at the finest triangles. Cases: piecewise constant f with
+/// a constant density (only the cosine varies in a triangle), and the analytic f with constant and linear densities.
 #[test]
 fn the_weight_hardly_varies_at_level_4() {
     let mesh = hemisphere();

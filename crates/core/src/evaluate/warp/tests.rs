@@ -45,8 +45,9 @@ fn direction(v: Vector) -> Direction {
     Direction::new(v[0], v[1], v[2]).unwrap()
 }
 
-/// Integral of the tree's density over the planar triangle `part`, a piece of `leaf`. The density with respect to area
-/// is linear, so that the value at the centroid times the area is exact. dω = (n·p)/|p|³ dA.
+/// Integral of the sampling density over the planar triangle `part`, a piece of the mesh triangle `leaf`. The density
+/// with respect to area is linear, so that the value at the centroid times the area is exact. For a point p of a plane
+/// with unit normal n, dω = (n·p)/|p|³ dA.
 fn integral(warps: &Warps, cell: usize, leaf: [Vector; 3], part: [Vector; 3], options: &SampleOptions) -> f64 {
     let normal = cross(sub(leaf[1], leaf[0]), sub(leaf[2], leaf[0]));
     let normal = scale(normal, 1.0 / norm(normal));
@@ -104,8 +105,11 @@ fn z_score(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - (1.0 - 2.0 / (9.0 * k))) / (2.0 / (9.0 * k)).sqrt()
 }
 
-/// χ² test of drawn directions: 2 measures × 3 domains × (1 + 2 + 3 + 4 + 5) end levels × 2 densities × 2 mixtures =
-/// 360 one-sided tests, each at significance 0.01 / 360 (Bonferroni): z < 4.03. A correct sampler fails with
+/// χ² test that drawn directions follow their density, at each level at which the descent of a sampling tree can end on
+/// a mesh. There are 2 measures (solid angle, projected or not) × 3 domains × (1 + 2 + 3 + 4 + 5) levels × 2 densities
+/// (constant, linear) × 2 fractions of defensive sampling = 360 cases.
+///
+/// Each case is a one-sided test at significance 0.01 / 360 (Bonferroni): z < 4.03. A correct sampler fails with
 /// probability 1 % for fresh seeds; these are fixed. Bins are the children of the leaves, which show the density within
 /// a leaf, merged until 5 samples are expected in each.
 #[test]

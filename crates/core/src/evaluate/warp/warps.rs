@@ -20,8 +20,8 @@ pub struct Drawn {
     pub pdf: f64,
     /// Number of the leaf triangle that contains the direction.
     pub leaf: usize,
-    /// Barycentric coordinates of the drawn direction in the planar triangle of the leaf's vertices
-    /// ([`WarpMesh::corners`]). A function that is linear on triangles can be evaluated from them without another
+    /// Barycentric coordinates of the drawn direction in the planar triangle of the mesh that contains it (vertices
+    /// [`WarpMesh::corners`]). A function that is linear on triangles can be evaluated from them without another
     /// search.
     pub coordinates: [f64; 3],
 }
@@ -71,7 +71,8 @@ impl Warps {
         Self { mesh, trees, vertices, totals }
     }
 
-    /// Sampling trees of all functions, with integrals as fractions of each function's total.
+    /// Sampling trees of all functions on the mesh, which hold integrals over triangles as fractions of the function's
+    /// integral over all of them.
     #[inline(always)]
     pub(super) fn groups(&self) -> &[Group] {
         &self.trees
@@ -96,7 +97,8 @@ impl Warps {
         self.totals.len()
     }
 
-    /// Integral of function `cell` over all leaf triangles. If it is 0, only a defensive component draws directions.
+    /// Integral of function number `cell` over all triangles of the mesh. If it is 0, only a defensive component (drawn
+    /// independently of the function) gives directions.
     #[inline]
     pub fn total(&self, cell: usize) -> f64 {
         self.totals[cell]
@@ -150,9 +152,9 @@ impl Warps {
         }
     }
 
-    /// Point of the unit square that [`Warps::sample`] maps to `direction`; `None` if there is none. With a defensive
-    /// component two points map to a direction: the result is the tree's point, or the defensive one if the tree's
-    /// density is 0.
+    /// Point of the unit square that [`Warps::sample`] maps to `direction`; `None` if there is none. If a fraction of
+    /// directions is drawn independently of the function, two points map to a direction. The result is the one drawn in
+    /// proportion to the function, or the other if that density is 0.
     pub fn invert(&self, cell: usize, direction: Direction, options: &SampleOptions) -> Option<[f64; 2]> {
         let defensive = self.defensive(cell, options);
         let (leaf, coordinates, _) = self.mesh.locate(direction)?;
@@ -256,8 +258,8 @@ impl Warps {
         sum
     }
 
-    /// Linear density at a point of a leaf triangle that is reached with the given probability. The density is relative
-    /// to a uniform one in the triangle: its mean is the probability.
+    /// Probability density at a point of one of the mesh's finest triangles, over which it is linear, relative to a
+    /// uniform density there. The mean over the triangle is `probability`, that of drawing any direction in it.
     #[inline(always)]
     fn linear_in(&self, cell: usize, end: u8, leaf: usize, probability: f64, coordinates: [f64; 3]) -> f64 {
         let shape = self.shape(cell, end);
@@ -265,8 +267,8 @@ impl Warps {
         linear_at(probability, values, coordinates)
     }
 
-    /// Leaf triangle that contains a direction, the direction's barycentric coordinates in it, and the tree's density
-    /// in sr⁻¹.
+    /// Finest triangle of the mesh that contains a direction, the direction's barycentric coordinates in it, and the
+    /// density in sr⁻¹ with which the sampling tree of function number `cell` draws the direction.
     #[inline(always)]
     fn leaf_density(
         &self,
@@ -445,8 +447,9 @@ impl Warps {
     }
 }
 
-/// Runs `work` on each of `items` of `size` leaves, on as many threads as rayon has, but on none of rayon's. Sampling
-/// trees are built on first use by a thread for which others may wait, so that rayon's threads must not be needed.
+/// Runs `work` on each of `items`, each of `size` triangles, on up to as many threads as rayon's pool has, but outside
+/// that pool. Sampling trees are built on first use by a thread for which others may wait, so that rayon's threads must
+/// not be needed.
 fn side_by_side<T: Send>(items: Vec<T>, size: usize, work: impl Fn(T) + Sync) {
     let threads = rayon::current_num_threads().min(items.len() * size / LEAST_WORK).max(1);
     let share = items.len().div_ceil(threads).max(1);

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// Lobe prepared for evaluation: value(wi, wo, λ) = shape(wi, wo) · weight(λ) · fresnel(cos, λ).
 pub(super) struct Lobe {
     pub(super) shape: Shape,
-    /// Weight of the lobe at each wavelength.
+    /// Factor at each wavelength by which the lobe's function of the two directions is multiplied.
     pub(super) weight: Vec<f64>,
     pub(super) interface: Option<Interface>,
 }

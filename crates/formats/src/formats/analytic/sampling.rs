@@ -13,7 +13,8 @@ pub(super) struct Entries {
     directions: Vec<(Vector, f64)>,
 }
 
-/// Upper bound on the number of values that one parallel task computes at a time.
+/// Upper bound on the number of values of a scattering model that one parallel task computes at a time. Raising it
+/// makes fewer and longer tasks.
 const BLOCK: usize = 1 << 12;
 
 impl Entries {

@@ -145,7 +145,8 @@ impl<'a> Archive<'a> {
         self.members.iter().any(|other| other.name.strip_suffix(ARRAY) == Some(stem))
     }
 
-    /// Returns the file of the archive with that full name, or the only one with that name in any folder.
+    /// Returns the file of the archive whose path is `wanted`, or else the only file in any folder whose name without
+    /// the folder is `wanted`.
     pub(super) fn find(&self, wanted: &str) -> Result<Member, FormatError> {
         let exact = self.members.iter().find(|member| member.name == wanted);
         let mut bare = self.members.iter().filter(|member| member.name.rsplit('/').next() == Some(wanted));

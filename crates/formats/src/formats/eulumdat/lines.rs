@@ -50,8 +50,8 @@ impl<'a> Lines<'a> {
         self.source.text().len() + 1 - self.at()
     }
 
-    /// Passes the numbers that follow, one per line with its byte offset, to `take`, until a line is not a number.
-    /// Returns the lines from that one on.
+    /// Passes the numbers on the next lines of an EULUMDAT file, one per line, to `take`, each with its byte offset.
+    /// Stops at a line that is not a number, and returns the lines from that line on.
     pub(super) fn take_numbers(
         &self,
         mut take: impl FnMut(f64, usize) -> Result<(), FormatError>,
@@ -94,8 +94,8 @@ impl<'a> Lines<'a> {
         Ok(self.line(expected)?.text.chars().filter(|c| !c.is_control()).take(MAX_TEXT).collect())
     }
 
-    /// Returns an error for a line with an unexpected value. In the lines before the lamps it names the number of the
-    /// line in the format's layout, which the user can look up.
+    /// Returns an error for a line of an EULUMDAT file with an unexpected value. For one of the first 26 lines the
+    /// error also gives the line's number, under which the description of the format lists it.
     fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
         let place = if self.next <= HEAD_LINES {
             format!(" (line {} of the format; are all lines above there?)", self.next)
@@ -110,8 +110,8 @@ impl<'a> Lines<'a> {
         decimal(line.text).ok_or_else(|| self.mismatch(line, expected))
     }
 
-    /// Returns the number on the next line; `None` if it is blank, which is allowed because the intensities do not
-    /// depend on it.
+    /// Returns the number on the next line of an EULUMDAT file; `None` if the line is blank. Used for numbers that a
+    /// file may leave out, such as dimensions.
     pub(super) fn optional(&mut self, expected: &str) -> Result<Option<f64>, FormatError> {
         let line = self.line(expected)?;
         if line.text.is_empty() {

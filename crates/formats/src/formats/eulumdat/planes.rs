@@ -70,9 +70,9 @@ pub(super) fn read(
     Ok((Stated { vertical, horizontal, intensities }, stand_for, SYMMETRIES[symmetry]))
 }
 
-/// Returns the number `Isym` of the symmetry that matches a count of `found` intensities: that of the header if the
-/// count fits. Otherwise no symmetry if the count is that of all planes, or axial symmetry if it is that of one plane.
-/// `rest` are the lines after the intensities.
+/// Returns the symmetry number `Isym` (0 to 4) of an EULUMDAT file that fits `found`, the number of intensities in the
+/// file. This is the number in the header if it fits. Otherwise it is 0 (no symmetry) if `found` is the count for all
+/// planes, or 1 (axial symmetry) if it is that for one plane. `rest` are the lines after the intensities.
 fn stored(
     header: &Header,
     found: usize,

@@ -153,8 +153,9 @@ pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Labels, 
 }
 
 impl Labels {
-    /// Returns the unit of the intensities according to the keywords; candela if no keyword contradicts. Some
-    /// laboratories write radiometric values into this photometric format and say so in free text only.
+    /// Returns the unit of the intensities in an LM-63 luminaire file: candela, unless a keyword line of the file
+    /// states another. Some laboratories write radiometric values into this photometric format and say so in free text
+    /// only.
     pub(super) fn unit(&self, report: &mut ParseReport) -> Unit {
         let declared = self.keywords.iter().find(|(key, _)| key.trim_start_matches('_') == "INTENSITYUNITS");
         if let Some((_, text)) = declared {

@@ -90,8 +90,9 @@ pub(super) fn convert(
     Ok((grid, symmetry))
 }
 
-/// Returns the intensities on the planes that the file lists. Horizontal angles are the latitudes of type B, vertical
-/// angles those of type A. Horizontal angles that start at 0 or above represent both sides.
+/// Returns the intensities of an LM-63 file of type A or B on the planes that the file lists. Horizontal angles are the
+/// latitudes of type B, vertical angles those of type A. If no horizontal angle is negative, the values hold for both
+/// sides of the luminaire, left and right of horizontal angle 0.
 fn stated_planes(table: &Ordered, photometry: Photometry) -> Result<StatedGrid, StatedGridError> {
     let is_lateral = table.horizontal[0] >= 0.0;
     let azimuths = |angles: &[f64], is_mirrored: bool| {

@@ -57,7 +57,8 @@ impl<'a> Numbers<'a> {
         Err(self.source.malformed(token.offset, message))
     }
 
-    /// Returns the next number of the file, which counts items that follow, each of at least one number.
+    /// Returns the next number of an LM-63 file, which is a count of angles listed later. Refuses a count larger than
+    /// the rest of the file can hold.
     fn count(&mut self, expected: &str) -> Result<usize, FormatError> {
         self.whole(expected, 1, self.most().clamp(1, MAX_ENTRIES))
     }

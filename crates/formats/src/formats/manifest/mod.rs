@@ -27,7 +27,8 @@ use fields::{instrument, named, other_fields, text};
 use refusal::unfit;
 use serde_json::{Map, Value};
 
-/// Returns the number of entries on each axis of `manifest`, for an array whose values are computed to fit it.
+/// Returns the length of each axis that `manifest`, a JSON description of an array's axes, declares. It serves arrays
+/// whose values a scattering model provides for these axes.
 pub(super) fn shape(manifest: &Value, how: &Interpretation) -> Result<Vec<usize>, FormatError> {
     let Some(axes) = manifest.get("axes").and_then(Value::as_array) else {
         return Err(unfit("no list `axes`, expected {\"quantity\": …, \"axes\": […]}"));

@@ -1,6 +1,7 @@
 //! Polar angles and azimuths of a table, which the format derives from their number.
 
-/// Returns the `n` polar angles of a measured BSDF file, in degrees: `i · 90°/n`.
+/// Returns the polar angles `i · 90°/n` of an MBSDF file, in degrees, for i from 0 to n − 1. Incoming and outgoing
+/// directions have the same angles, and the file states their number `n`.
 pub(super) fn polar_angles(n: usize) -> impl DoubleEndedIterator<Item = f64> {
     (0..n).map(move |i| i as f64 * 90.0 / n as f64)
 }

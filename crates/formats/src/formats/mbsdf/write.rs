@@ -120,7 +120,8 @@ mod tests {
     use super::*;
     use crate::domain::Quantity;
 
-    /// Test function whose values differ by side, angle, azimuth and channel.
+    /// BSDF for tests, whose values differ between outgoing directions above and below the surface, and by polar angle,
+    /// azimuth and channel.
     #[derive(Debug)]
     struct Sheet;
 

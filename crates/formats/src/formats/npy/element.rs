@@ -42,7 +42,8 @@ type Convert = fn(&[u8], bool, &mut [f32]);
 /// Function that converts the bytes of one number of an array to f64; the flag is true if they are big-endian.
 type Value = fn(&[u8], bool) -> f64;
 
-/// Writes a float32 sample for each number of `N` bytes. Every NaN becomes the standard NaN that masks a sample.
+/// Converts the numbers of a NumPy array, `N` bytes each, to float32 samples. Every NaN becomes the standard NaN that
+/// masks a sample.
 fn convert<const N: usize>(body: &[u8], big_endian: bool, samples: &mut [f32], sample: impl Fn([u8; N]) -> f32) {
     let masked = |sample: f32| if sample.is_nan() { f32::NAN } else { sample };
     let (words, _) = body.as_chunks::<N>();

@@ -41,7 +41,7 @@ impl ArrayRows {
         }
     }
 
-    /// Returns the number of rows of the array.
+    /// Returns the number of rows of a two-dimensional NumPy array.
     pub fn rows(&self) -> usize {
         self.rows
     }

@@ -26,7 +26,8 @@ pub(super) struct Curve {
     pub(super) angles: Vec<f64>,
     pub(super) values: Vec<f64>,
     pub(super) between: Between,
-    /// Range in degrees to which the first and the last value of the table extend beyond their angles.
+    /// Angle in degrees by which the phase function continues before the first and after the last scattering angle of
+    /// its table, with the value at that angle.
     pub(super) held: f64,
     /// True if the file lists the scattering angles (or cosines) of the table; false if the table was computed from
     /// Legendre moments.
@@ -39,7 +40,8 @@ pub(super) struct Curve {
 #[derive(Clone, Copy)]
 enum Place {
     Outside,
-    /// Index of the table entry at the scattering angle, or of the end entry whose value extends to it.
+    /// Index of the first or last entry of a phase function table, whose value holds at the scattering angle: the angle
+    /// lies beyond that end of the table, or is its last angle.
     At(usize),
     /// Index of the table entry below the scattering angle, which lies between this entry and the next one.
     Behind(usize),
@@ -91,7 +93,8 @@ impl Curve {
         }
     }
 
-    /// Returns the phase function at a scattering angle in degrees between entries `i` and `i + 1`.
+    /// Returns the phase function at a scattering angle, in degrees, that lies between entries `i` and `i + 1` of its
+    /// table.
     fn inside(&self, i: usize, angle: f64) -> f64 {
         let (x0, x1, y0, y1) = (self.angles[i], self.angles[i + 1], self.values[i], self.values[i + 1]);
         if self.is_power_law([x0, x1], [y0, y1]) {
@@ -146,7 +149,8 @@ pub(super) struct Integrals {
     pub(super) total: f64,
     /// Integral of the phase function weighted by the cosine of the scattering angle.
     pub(super) cosine: f64,
-    /// Integral of the phase function over the scattering angles up to the second entry of the table.
+    /// Part of the phase function's integral over the sphere from scattering angles below the second angle in its
+    /// table.
     pub(super) first: f64,
 }
 

@@ -202,7 +202,8 @@ fn without_directions(
     Ok(Samples::OnAxes { tensor, sampling: Sampling::default() })
 }
 
-/// Returns the phase function over the scattering angle that the rows list, for each wavelength.
+/// Returns the phase function of a radiometric-csv file, for each wavelength, as a table over the scattering angles in
+/// its rows.
 fn scattering_angles(
     rows: &mut Rows,
     spectral: Option<Axis>,

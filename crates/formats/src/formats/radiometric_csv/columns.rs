@@ -16,7 +16,8 @@ pub(super) const ANGLES: [&str; 4] = ["theta_i", "phi_i", "theta_o", "phi_o"];
 /// Role of a cell in a row of a radiometric-csv file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
-    /// Angle of the row's direction: 0 is `theta_i`, 1 is `phi_i`, 2 is `theta_o`, 3 is `phi_o`.
+    /// Cell with one of the angles that give the direction in a row of a radiometric-csv file: 0 is `theta_i`, 1 is
+    /// `phi_i`, 2 is `theta_o`, 3 is `phi_o`.
     Angle(usize),
     /// Wavelength of the row in the long form (one value per row).
     Wavelength,

@@ -5,7 +5,8 @@ use super::header::Header;
 use super::rows::{Numbered, Rows};
 use std::collections::HashMap;
 
-/// Directions `[theta_i, phi_i, theta_o, phi_o]` of the rows in degrees, and for each angle true if it has a column.
+/// Directions `[theta_i, phi_i, theta_o, phi_o]` in a radiometric-csv file, in degrees. For each of the four angles, a
+/// flag is true if the file has a column for it; that of `phi_i` is false for isotropic data.
 pub(super) struct Directions {
     pub(super) written: Vec<[f64; 4]>,
     pub(super) present: [bool; 4],

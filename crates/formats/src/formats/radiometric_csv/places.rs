@@ -93,7 +93,8 @@ fn ordered(
     Ok(placed)
 }
 
-/// Stores `values` of `rows` at their positions on the grid.
+/// Stores `values`, the values in the rows of a radiometric-csv file, at the positions of their directions on the
+/// file's grid of directions.
 fn put(rows: &Rows, values: &[f32], places: &[usize], count: usize, width: usize) -> Places {
     let mut target = Places::new(count * width);
     if rows.lengths.is_empty() {

@@ -15,7 +15,7 @@ pub(super) struct Problems {
 }
 
 impl Problems {
-    /// Adds a problem of the file at a line and column, counted from 1. Line 0 means no position.
+    /// Adds a problem found in a radiometric-csv file at a line and column, counted from 1. Line 0 means no position.
     pub(super) fn add(&mut self, line: usize, column: usize, message: impl FnOnce() -> String) {
         self.count += 1;
         if self.listed.len() < LISTED {
@@ -23,7 +23,8 @@ impl Problems {
         }
     }
 
-    /// Adds the problems of a later part of the file, whose first line is line `before + 1` of the file.
+    /// Adds the problems found in a later part of a radiometric-csv file to those found before. Line 1 of the part is
+    /// line `before + 1` of the file.
     pub(super) fn append(&mut self, part: Self, before: usize) {
         self.count += part.count;
         let room = LISTED - self.listed.len();
@@ -33,7 +34,8 @@ impl Problems {
         }));
     }
 
-    /// Combines all problems into one error at the position of the first; `None` if there are none.
+    /// Combines all problems found in a radiometric-csv file into one error, at the position of the first one in the
+    /// file; `None` if there are none.
     pub(super) fn into_error(self) -> Option<FormatError> {
         let mut listed = self.listed.into_iter();
         let (first, mut message) = listed.next()?;

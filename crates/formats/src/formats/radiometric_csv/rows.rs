@@ -13,7 +13,7 @@ const PIECE: usize = 1 << 20;
 /// Number of parts of a file that are parsed before they are joined and their memory is reused. It does not depend on
 /// the thread count, so that the value count in a message about too many values is reproducible.
 const WAITING: usize = 16;
-/// Upper bound on the characters of a cell that a message quotes.
+/// Upper bound on the bytes of a table cell in a radiometric-csv file that an error message quotes.
 const QUOTED: usize = 60;
 
 /// Parsed rows of a radiometric-csv file.
@@ -30,7 +30,7 @@ pub(super) struct Rows {
     pub(super) lambdas: Vec<u32>,
     /// Distinct wavelengths of the long form (one value per row) as written, in order of appearance.
     pub(super) wavelengths: Numbered,
-    /// Values in the order of rows and columns; NaN = missing.
+    /// Values in a radiometric-csv file, row by row, and within a row in the order of the value columns; NaN = missing.
     pub(super) values: Vec<f32>,
     /// Standard uncertainties of the values; empty if the file has no columns of them.
     pub(super) sigma: Vec<f32>,
@@ -195,7 +195,8 @@ impl Parser<'_> {
         memchr::memchr(b'\n', &self.text[at..]).map_or(self.text.len(), |i| at + i)
     }
 
-    /// Returns the byte offset of the end of the cell that starts at `at`.
+    /// Returns the byte offset at which the table cell that starts at byte `at` of a radiometric-csv file ends: that of
+    /// the next comma or line end, or of the end of the text.
     #[inline]
     fn cell_end(&self, mut at: usize) -> usize {
         while !matches!(self.text.get(at), None | Some(b',' | b'\n' | b'\r')) {
@@ -209,7 +210,8 @@ impl Parser<'_> {
         self.problems.add(self.line, before.chars().count() + 1, message);
     }
 
-    /// Adds a problem for a cell with unexpected content and returns the byte offset of the cell's end.
+    /// Adds a table cell with unexpected content to the problems found in a radiometric-csv file. Returns the byte
+    /// offset of the cell's end.
     fn refuse(&mut self, start: usize, column: usize, expected: &str) -> usize {
         let end = self.cell_end(start);
         let found = String::from_utf8_lossy(&self.text[start..end.min(start + QUOTED)]).trim_end().to_owned();
@@ -218,7 +220,8 @@ impl Parser<'_> {
         end
     }
 
-    /// Parses the row that starts at `self.line_start` and returns the byte offset of its line end.
+    /// Parses the row of a radiometric-csv file that starts at byte `self.line_start`, and returns the byte offset of
+    /// its line end.
     fn row(&mut self) -> usize {
         let columns = self.columns;
         let width = columns.width();
@@ -321,8 +324,9 @@ impl Parser<'_> {
         self.line_end(at)
     }
 
-    /// Parses the cell at `at` if it is a plain finite value or repeats the previous row's angle. Stores its value and
-    /// returns the offset of the next cell or row end; `None` for any other cell.
+    /// Parses the table cell at byte `at` of a radiometric-csv file if it is a plain finite value, which is stored in
+    /// the row's values, or an angle written exactly as in the previous row. Returns the offset of the next cell or row
+    /// end; `None` for any other cell.
     #[inline]
     fn plain_cell(&mut self, cell: Cell, at: usize, base: usize, is_last: bool) -> Option<usize> {
         let end = match cell {

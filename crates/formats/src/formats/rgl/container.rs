@@ -104,7 +104,7 @@ impl<'a> Fields<'a> {
 }
 
 impl<'a> Field<'a> {
-    /// Refuses a field that is not a non-empty array of number type `kind` with `rank` dimensions.
+    /// Refuses an array of a tensor file unless it has number type `kind`, `rank` dimensions and at least one number.
     pub(super) fn check(&self, kind: &str, rank: usize) -> Result<(), FormatError> {
         let Self { name, entry, shape, .. } = self;
         if self.kind != kind || shape.len() != rank {
@@ -128,7 +128,7 @@ impl<'a> Field<'a> {
         Ok(())
     }
 
-    /// Refuses a field whose shape is not `expected`.
+    /// Refuses an array of a tensor file unless its shape (the number of entries along each axis) is `expected`.
     pub(super) fn check_shape(&self, expected: &[usize], why: &str) -> Result<(), FormatError> {
         if self.shape == expected {
             return Ok(());
@@ -137,7 +137,7 @@ impl<'a> Field<'a> {
         Err(malformed(self.entry, format!("`{name}` has the shape {shape:?}, expected {expected:?} ({why})")))
     }
 
-    /// Returns the data of a field that is an array of bytes.
+    /// Returns the data of a named array of a tensor file; an error unless it is a one-dimensional array of bytes.
     pub(super) fn bytes(&self) -> Result<&'a [u8], FormatError> {
         if self.kind == "u8" && self.shape.len() == 1 {
             return Ok(self.data);
@@ -146,12 +146,12 @@ impl<'a> Field<'a> {
         Err(malformed(*entry, format!("`{name}` is an array of {kind} with the shape {shape:?}, expected u8 in a row")))
     }
 
-    /// Returns the numbers of a field that is a checked f32 array, in file order.
+    /// Returns the numbers of a checked f32 array of a tensor file, in file order.
     pub(super) fn floats(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         self.words().iter().map(|bytes| f32::from_le_bytes(*bytes))
     }
 
-    /// Returns the numbers of a field that is a checked f32 array as groups of four bytes.
+    /// Returns the numbers of a checked f32 array of a tensor file as groups of four bytes.
     pub(super) fn words(&self) -> &'a [[u8; 4]] {
         self.data.as_chunks().0
     }

@@ -34,7 +34,8 @@ pub(super) struct Model {
     /// Maps of the microfacet distribution D and of the projected area σ, if the file's values times D / 4σ are f · cos
     /// θo; `None` if the values alone are.
     pub(super) microfacets: Option<(Map, Map)>,
-    /// Density of visible normals as a warp of the unit square, one for each incident direction `[phi, theta]`.
+    /// Invertible mapping between the unit square of microfacet directions, with the density of visible normals, and a
+    /// square with uniform density. Each stored incident direction `[phi, theta]` has its own.
     pub(super) visible: Warp,
     /// Number of nodes along a side of the square table of values for one incident direction.
     pub(super) side: usize,
@@ -45,7 +46,8 @@ pub(super) struct Model {
     pub(super) missing: usize,
 }
 
-/// Stored incident directions around a given one, with their weights of interpolation; weights of 0 are left out.
+/// Stored incident directions of an RGL file around the one at which its BRDF is evaluated, with their weights of
+/// linear interpolation; weights of 0 are left out.
 struct Slices {
     entries: [(usize, f64); 4],
     count: usize,
@@ -84,8 +86,9 @@ impl DirectionalFunction for Model {
 }
 
 impl Model {
-    /// Returns the mean distance in degrees between the outgoing directions of neighbouring nodes. It is the geometric
-    /// mean over up to 16 × 16 positions for up to 64 incident directions; nodes are densest at the lobe.
+    /// Returns the mean distance in degrees between neighbouring outgoing directions in the square tables of an RGL
+    /// file. It is the geometric mean over up to 16 × 16 points of a table for up to 64 incident directions; the
+    /// directions are densest at the lobe.
     pub(super) fn spacing(&self) -> Option<f64> {
         const SLICES: usize = 64;
         const PLACES: usize = 16;
@@ -144,8 +147,8 @@ impl Model {
         slices
     }
 
-    /// Interpolates the stored values at a point of the unit square: bilinear in the square, linear between incident
-    /// directions.
+    /// Interpolates the stored values of an RGL file at a point of the unit square of outgoing directions: bilinear in
+    /// the square, linear between incident directions.
     fn interpolate(&self, slices: &Slices, [x, y]: [f64; 2], sums: &mut [f64]) {
         let ((i, a), (j, b)) = (cell(x, self.side), cell(y, self.side));
         sums.fill(0.0);

@@ -40,7 +40,7 @@ impl File {
         self.0.retain(|field| field.0 != name);
     }
 
-    /// Returns the test file with `azimuths` as incident azimuths in radians.
+    /// Returns a test file in the RGL format whose incident directions have the azimuths `azimuths`, in radians.
     fn turned(azimuths: &[f32]) -> Self {
         let mut file = Self::plain();
         let n = azimuths.len();

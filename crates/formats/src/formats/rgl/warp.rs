@@ -82,17 +82,20 @@ pub(super) struct Warp {
     columns: usize,
     rows: usize,
     density: Vec<f32>,
-    /// Cumulative sums of the density along each row, up to each node.
+    /// Integrals of the density along each row of a density table, from the row's first node up to each node; 0 at the
+    /// first node. The tables of all incident directions follow one another.
     conditional: Vec<f64>,
-    /// Cumulative sums of the density over whole rows, up to each row.
+    /// Integrals of the density over the part of a density table between its first row of nodes and each row; 0 for the
+    /// first row. The tables of all incident directions follow one another.
     marginal: Vec<f64>,
-    /// Total density of each stored incident direction, by which it is normalised.
+    /// Integral of the density table of each stored incident direction, by which its density is normalised.
     total: Vec<f64>,
 }
 
 impl Warp {
-    /// Creates a warp from a non-negative `density`, incident direction by incident direction and row by row. The error
-    /// is the index of the first incident direction with zero total density.
+    /// Creates, for each incident direction, the invertible mapping between a unit square with bilinear density and one
+    /// with uniform density. `density` holds numbers ≥ 0, incident direction by incident direction and row by row. The
+    /// error is the index of the first incident direction whose density is 0 in total.
     pub(super) fn new(rows: usize, columns: usize, density: Vec<f32>) -> Result<Self, usize> {
         debug_assert!(rows >= 2 && columns >= 2, "checked by the reader");
         let mut conditional = Vec::with_capacity(density.len());
@@ -122,8 +125,8 @@ impl Warp {
         Ok(Self { columns, rows, density, conditional, marginal, total })
     }
 
-    /// Maps a point of the square with the bilinear density to the uniform square; `None` if the density of its row is
-    /// 0.
+    /// Maps a point of a unit square with bilinear density to one with uniform density. `None` if the density is 0 all
+    /// along the line through the point that is parallel to the rows of nodes.
     pub(super) fn invert(&self, slices: Weighted<'_>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let ((i, a), (j, b)) = (cell(x, self.columns), cell(y, self.rows));
         let rows = self.rows_at(slices, j);
@@ -183,11 +186,11 @@ impl Warp {
     }
 }
 
-/// Integrals of the density of a warp, up to and along a strip of the unit square between two neighbouring rows of
-/// nodes.
+/// Integrals of a density on the unit square that is given at rows of nodes: over the part before a strip between two
+/// neighbouring rows, and along both edges of the strip.
 struct Rows {
-    /// Fraction of the integral of the density over the unit square that lies between the first row of nodes and a
-    /// strip between two neighbouring rows.
+    /// Fraction of the integral of a density over the unit square that lies between its edge at coordinate 0 and a
+    /// strip between two neighbouring rows of the density's nodes.
     before: f64,
     /// Integrals of the density along both edges of a strip between two neighbouring rows of nodes, as fractions of the
     /// integral over the unit square.
@@ -218,7 +221,8 @@ fn solve(area: f64, [start, end]: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns a test warp for three incident directions on 5 × 7 nodes, in which one row of the second has no density.
+    /// Returns a test mapping for densities of three incident directions on 5 × 7 nodes. The density of the second
+    /// incident direction is 0 along one row of nodes.
     fn warp() -> Warp {
         let density = (0..105).map(|k| if k / 7 == 7 { 0.0 } else { 0.2 + (k * k % 11) as f32 }).collect();
         Warp::new(5, 7, density).unwrap()

@@ -146,8 +146,8 @@ struct Sampler<'a> {
 struct Slice<'a> {
     /// Buffer for the density of outgoing light, `[row, column]` on the nodes of the square of microfacet directions.
     density: &'a mut [u8],
-    /// Buffer for the luminance that readers use for sampling, `[row, column]` on the nodes of the square table of
-    /// outgoing directions.
+    /// Buffer for the luminance from which renderers that read the RGL file draw random outgoing directions, `[row,
+    /// column]` on the nodes of the square table of outgoing directions.
     luminance: &'a mut [u8],
     /// Buffer for the BRDF times cos θo, `[channel, row, column]`; rows and columns are those of the square table of
     /// outgoing directions.
@@ -160,7 +160,8 @@ fn put(room: &mut [u8], at: usize, value: f32) {
 
 impl Sampler<'_> {
     /// Computes the density, luminance and BRDF values of an RGL file for one incident direction, and writes them to
-    /// the buffers of `slice`. Returns the number of missing values, and that of negative values.
+    /// `slice`, the output buffers for that direction. Returns the number of missing values, and that of negative
+    /// values.
     fn slice(&self, (theta, phi): (f64, f64), slice: &mut Slice<'_>) -> Result<(usize, usize), FormatError> {
         // Isotropic functions are stored relative to the incident azimuth, which is 0 here.
         let wi = Direction::from_degrees(theta, phi);

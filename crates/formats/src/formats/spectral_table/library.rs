@@ -8,7 +8,8 @@ use crate::notes::SpectrumNote;
 
 /// Upper bound on the lines that are searched for the labels of a spectral library; files have 20 to 30 of them.
 const LOOKED_AT: usize = 200;
-/// Upper bound on the characters that are kept of a label's value.
+/// Upper bound on the characters that are kept of the value after a label, such as `X Units:`, in a spectral library's
+/// file.
 const LONGEST: usize = 4096;
 /// Labels of a spectral library's file after which the data begin.
 const LAST_LABELS: [&str; 5] = ["X Units", "Y Units", "First X Value", "Last X Value", "Number of X Values"];
@@ -22,7 +23,8 @@ pub(in crate::formats) struct Library {
     pub(super) x_units: String,
     /// Value of the label `Y Units`, in lower case, which names the quantity.
     y_units: String,
-    /// Byte offset of the first line after the labels, from which data can begin.
+    /// Byte offset of the line after the last label, such as `X Units:`, at the head of a spectral library's file. Data
+    /// can begin there.
     pub(super) data: usize,
 }
 

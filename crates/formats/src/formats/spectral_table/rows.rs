@@ -84,7 +84,7 @@ pub(in crate::formats) fn read(source: &Source, report: &mut ParseReport) -> Res
 
 struct Parser<'a> {
     delimiter: Delimiter,
-    /// Number of cells in a row of the table.
+    /// Number of cells in a row of numbers in a text file of spectra: one wavelength and the values at it.
     width: usize,
     source: &'a Source,
     library: Option<Library>,

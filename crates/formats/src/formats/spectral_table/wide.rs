@@ -102,8 +102,8 @@ fn with_unit(delimiter: Delimiter, line: Token<'_>) -> Option<Names> {
     (columns.len() >= FEWEST && !is_axis).then_some(Names { delimiter, cells, columns, axis, offset: line.offset })
 }
 
-/// Parses a row of column names in which wavelengths are bare ordered numbers, if the rows `below` have an equal number
-/// of cells.
+/// Parses a row of column names in a text table of spectra, in which wavelengths are bare numbers, increasing or
+/// decreasing. `None` unless the rows `below` have equally many cells.
 fn bare(delimiter: Delimiter, line: Token<'_>, below: &[Token<'_>], is_first: bool) -> Option<Names> {
     let cells = delimiter.cells(line);
     if cells.len() < FEWEST {

@@ -72,8 +72,8 @@ struct Table<'a> {
 }
 
 impl Table<'_> {
-    /// Adds the deviations between the values at one polar angle (a row) to the sum `to`. Compares all azimuths, or
-    /// only the first and the last one if `ends` is true.
+    /// Adds the squared relative deviations of the values at one polar angle (a row) from their mean to the sum `to`.
+    /// Takes the values at all azimuths, or only those at the first and the last one if `ends` is true.
     fn add(&self, block: &[f32], row: usize, ends: bool, to: &mut Repeated) {
         let row = &block[row * self.columns * self.inner..][..self.columns * self.inner];
         let step = if ends { (self.columns - 1) * self.inner } else { self.inner };
@@ -86,8 +86,9 @@ impl Table<'_> {
         self.samples.chunks_exact(self.rows * self.columns * self.inner)
     }
 
-    /// Adds the deviations between the azimuths of each pole to the sum `poles`, and those between the first and the
-    /// last azimuth of every other polar angle to the sum `seam`.
+    /// Adds the squared relative deviations of values from their mean to sums: at each pole, those of the values at all
+    /// azimuths to `poles`; at every other polar angle, those of the values at the first and the last azimuth, 360°
+    /// apart, to `seam`.
     fn scan(&self, grid: &DirectionGrid, poles: &mut Repeated, seam: &mut Repeated) {
         if self.columns < 2 {
             return;
@@ -104,8 +105,9 @@ impl Table<'_> {
         }
     }
 
-    /// Adds the deviations between outgoing azimuths under normal incidence to the sum `normal`, except at outgoing
-    /// poles. Of the `elevations` incoming polar angles of the table, the first is 0, normal incidence.
+    /// Adds the squared relative deviations of values under normal incidence, at all azimuths of an outgoing polar
+    /// angle, from their mean to `normal`; skips outgoing poles. The first of the `elevations` incoming polar angles is
+    /// 0, normal incidence.
     fn scan_normal(&self, elevations: usize, grid: &DirectionGrid, normal: &mut Repeated) {
         if self.columns < 2 {
             return;

@@ -5,7 +5,8 @@
 pub struct Repeated {
     /// Sum of the squared relative deviations of repeated values from the mean for their direction.
     pub squares: f64,
-    /// Number of repeated values whose squared deviations were summed: those at directions whose mean is not 0.
+    /// Number of values in the sum of squared deviations: all values that a file lists more than once for one
+    /// direction, except where the mean for the direction is 0.
     pub values: u64,
 }
 

@@ -162,7 +162,7 @@ fn multipliers_are_one_factor_beside_the_numbers() {
     assert!(values.contains(&((4.0 * (0.1 * 0.7)) as f32)));
 }
 
-/// Returns an EULUMDAT file with four C planes and two gamma angles, whose numbers are 1, 2, 3, ….
+/// Returns an EULUMDAT file with four C planes and two gamma angles, whose intensities are 1, 2, 3, ….
 fn ldt(symmetry: u8, stored: usize) -> String {
     let mut lines: Vec<String> = vec!["a company".into(), "3".into(), symmetry.to_string(), "4".into(), "90".into()];
     lines.extend(["2", "90", "r", "l", "n", "f", "d"].map(str::to_owned));

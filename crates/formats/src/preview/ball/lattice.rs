@@ -44,8 +44,8 @@ impl Lattice {
         nodes
     }
 
-    /// Returns the table indices of the three lattice nodes around a direction with z ≥ 0, and their weights of
-    /// interpolation. The vector need not have length 1.
+    /// Returns the three nodes around a direction with z ≥ 0, as indices in the table of a function on the hemisphere,
+    /// with their weights for interpolating the function. The vector need not have length 1.
     pub(super) fn corners(self, [x, y, z]: Vector) -> [(usize, f32); 3] {
         let scale = f64::from(self.n) / (x.abs() + y.abs() + z.max(0.0)).max(f64::MIN_POSITIVE);
         // Positive, so that a cast rounds down.
@@ -63,8 +63,8 @@ impl Lattice {
         }
     }
 
-    /// Fills lattice nodes without a value (NaN) with the mean of their neighbours, repeatedly from the border inward.
-    /// Without any known node the values become 0.
+    /// Fills entries without a value (NaN) in the table of a function on the hemisphere with the mean of the
+    /// neighbouring nodes, repeatedly from the border of the gap inward. If no entry has a value, all become 0.
     pub(super) fn fill<const N: usize>(self, table: &mut [[Rgb; N]]) {
         let nodes: Vec<(i32, i32)> = (-self.n..=self.n)
             .flat_map(|y| (-self.n..=self.n).map(move |x| (x, y)))

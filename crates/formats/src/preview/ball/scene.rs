@@ -275,7 +275,8 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Returns the distance from a point at which a ray first meets the ball; `None` if it misses the ball.
+/// Returns the distance along a ray from its start to the point where it first meets the ball; `None` if it misses the
+/// ball.
 fn first(from: Vector, ray: Vector) -> Option<f64> {
     let middle = -dot(from, ray);
     let apart = dot(from, from) - middle * middle;

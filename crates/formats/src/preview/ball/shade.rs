@@ -157,7 +157,8 @@ mod tests {
         (0..SIZE * SIZE).map(|p| apart(p % SIZE) + apart(p / SIZE) < 1600.0).collect()
     }
 
-    /// Brightness of a test picture: a highlight on a slope.
+    /// Brightness of a test picture at a pixel: a round highlight on a background that grows linearly from left to
+    /// right.
     fn function(x: usize, y: usize) -> f32 {
         let (x, y) = (x as f32 - 40.0, y as f32 - 30.0);
         0.3 + 0.001 * x + 2.0 * (-(x * x + y * y) / 120.0).exp()

@@ -23,8 +23,8 @@ pub(super) struct Surface<'a> {
     /// Factor from the stored values to f in sr⁻¹: 1/π for a reflectance, which is treated as a diffuser, else 1.
     share: f32,
     nodes: Nodes,
-    /// Light reflected towards each node direction, computed by reciprocity: from uniform surroundings of radiance 1,
-    /// and from surroundings whose radiance is the direction's x, y or z component in the surface's frame.
+    /// Light reflected towards each tabulated outgoing direction, computed by reciprocity: from uniform surroundings of
+    /// radiance 1, and from surroundings whose radiance is the direction's x, y or z component in the surface's frame.
     surroundings: Vec<[Rgb; 4]>,
 }
 
@@ -190,8 +190,8 @@ impl Nodes {
         }
     }
 
-    /// Returns the table indices of the nodes around a direction with their weights of interpolation, and the cosine
-    /// and sine of the direction's azimuth relative to the nodes.
+    /// Returns the tabulated directions around a direction, as indices in the table with weights for interpolation.
+    /// Also returns the cosine and sine of the azimuth by which the direction is turned away from the tabulated ones.
     fn around(&self, direction: Vector) -> ([(usize, f32); 3], [f64; 2]) {
         match self {
             Self::Lattice(lattice) => (lattice.corners(direction), [1.0, 0.0]),

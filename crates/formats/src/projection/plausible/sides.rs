@@ -62,7 +62,8 @@ impl<'a> Side<'a> {
         matches!(self, Self::Angles(angles) if angles.phi.is_none())
     }
 
-    /// Returns polar angle and azimuth of a direction, in degrees; the azimuth is 0 if the table has none.
+    /// Returns polar angle and azimuth, in degrees, of the direction with index `number` in a measured table. The
+    /// azimuth is 0 if the directions of the table have none.
     pub(super) fn degrees(&self, number: usize) -> [f64; 2] {
         match self {
             Self::Angles(angles) => {

@@ -71,10 +71,11 @@ pub(super) struct Fitted<'a> {
     pub(super) sides_apart: bool,
 }
 
-/// Arrangement of local fits within a triangle whose average is computed.
+/// Number and places of the local fits to samples from which the average over a triangle of directions is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Parts {
-    /// One fit in each part of the triangle, after splitting it into four this many times.
+    /// One local fit to samples in each of the 4ⁿ parts that result from splitting a triangle into four n times; the
+    /// number is n.
     Divided(u32),
     /// One fit in the middle of four sibling triangles serves all four if it is accurate enough, otherwise one fit for
     /// each triangle.
@@ -88,11 +89,11 @@ pub(super) struct Scratch {
     pub(super) found: Vec<Found>,
     around: Vec<Found>,
     nearby: Nearby,
-    /// Distances, number and certainty of the samples of the local fit in the middle one of four sibling triangles.
-    /// `None` if the siblings must not reuse this fit.
+    /// Facts about the local polynomial fit in the middle one of four sibling triangles: distances and number of its
+    /// samples, and the variance of its values. `None` if the siblings must not reuse this fit.
     middle: Option<Support>,
-    /// Distances, number and certainty of the samples of the last local fit; `None` if other triangles must not reuse
-    /// it.
+    /// Facts about the last local polynomial fit: distances and number of its samples, and the variance of its values.
+    /// `None` if other triangles must not reuse this fit.
     last: Option<Support>,
     missing: Vec<bool>,
     pub(super) row: Vec<f32>,

@@ -160,7 +160,8 @@ fn even_elevations(scattered: &Scattered, live: &[u32]) -> Vec<f64> {
 }
 
 impl Cloud {
-    /// Creates the set of samples with the indices `rows`, ready for nearest-neighbour search.
+    /// Builds a k-d tree of measured samples, in which the samples nearest to a pair of directions are sought. `rows`
+    /// are the indices of these samples, `directions` the incoming and outgoing directions of all samples of the file.
     pub(super) fn new(
         rows: impl Iterator<Item = u32>,
         directions: &[(Vector, Vector)],

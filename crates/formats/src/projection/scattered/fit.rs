@@ -54,9 +54,11 @@ pub(super) struct Place {
 /// Facts about a local polynomial fit: distances, number and arrangement of its samples, and its uncertainty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Support {
-    /// Chord from the place of the fit to the nearest sample.
+    /// Distance from the pair of directions about which a polynomial is fitted to the nearest sample, in the
+    /// six-dimensional space in which nearest neighbours are sought.
     pub(super) nearest: f64,
-    /// Chord from the place of the fit to its farthest sample.
+    /// Distance from the pair of directions about which a polynomial is fitted to the farthest fitted sample, in the
+    /// six-dimensional space in which nearest neighbours are sought.
     pub(super) reach: f64,
     /// Chord from the incoming direction of the fit to the nearest measured one.
     pub(super) nearest_incoming: f64,
@@ -66,8 +68,8 @@ pub(super) struct Support {
     pub(super) count: usize,
     /// True if the samples of the local polynomial fit surround its place on all sides.
     pub(super) surrounded: bool,
-    /// Upper bound on the variance of the fitted value, relative to the variance of a sample; exact above
-    /// [`UNCERTAIN`].
+    /// Upper bound on the variance of the values of a local polynomial fit, in multiples of the variance of one sample.
+    /// If the bound exceeds [`UNCERTAIN`], this is the largest variance itself.
     pub(super) variance: f64,
     /// Polynomial degree of the fit: 2 for a quadratic, 1 for a plane, 0 for a mean.
     pub(super) degree: u8,
@@ -176,8 +178,9 @@ impl Fitter {
         (variance <= UNCERTAIN).then_some(variance)
     }
 
-    /// Returns the fitted mean over bands (or its logarithm) at each direction of the fit, as a difference from that of
-    /// the first sample.
+    /// Returns the value of the last local polynomial fit at each of its [`PARTS`] outgoing directions, minus the value
+    /// of the first fitted sample. Values are means over spectral bands, of the measured values or of their natural
+    /// logarithms.
     pub(super) fn lights(&self) -> [f64; PARTS] {
         self.fitted.as_ref().map_or([f64::NAN; PARTS], |fitted| self.parts.map(|part| fitted.light(&part)))
     }
@@ -217,8 +220,8 @@ impl Fitter {
         left > 0
     }
 
-    /// Returns either the fit to all samples or a fit to the nearest ones. The second is used if the difference between
-    /// both exceeds the noise that more samples would save.
+    /// Chooses between two local polynomial fits: `all`, to all samples around, and one to the nearest samples only.
+    /// Takes the second if both differ by more than the noise that the additional samples average out.
     fn narrowed(&mut self, all: Factored, noise: f64) -> Factored {
         let last = self.size;
         // Starts without the outliers of the fit to all samples: with few samples an outlier bends the fit to itself.
@@ -289,8 +292,9 @@ impl Fitter {
         self.gathered.columns.system(self.gathered.counts[self.size], REACHES[self.size], self.gathered.joint, terms)
     }
 
-    /// Returns an upper bound on the variance of a fitted value at the directions of the fit, relative to that of a
-    /// sample.
+    /// Returns an upper bound on the variance of the values of a local polynomial fit at its [`PARTS`] outgoing
+    /// directions, in multiples of the variance of one sample. If the bound exceeds [`UNCERTAIN`], returns the largest
+    /// variance itself.
     fn variance(&mut self, factored: &Factored) -> f64 {
         // Assumes that samples vary by their inverse weights; they vary less.
         let most = self.gathered.most_certain * most_of(self.parts.map(|part| factored.variance(part)));

@@ -17,10 +17,12 @@ const MOST_CERTAIN: f64 = 1e6;
 /// Local coordinates of a fit: half-vector slopes or tangent coordinates of the outgoing direction.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Frame {
-    /// Incoming direction, and the half-vector slope (hx/hz, hy/hz) that is the origin of the coordinates. `None` if
-    /// the coordinates are those of the tangent plane at the outgoing direction of the fit.
+    /// Incoming direction about which samples are fitted, and the half-vector slope (hx/hz, hy/hz) that is the origin
+    /// of their coordinates. `None` if the coordinates are not slopes, but lie in the plane tangent to the unit sphere
+    /// at the outgoing direction about which samples are fitted.
     pub(super) slopes: Option<(Vector, [f64; 2])>,
-    /// Axes of the tangent coordinates, used if the coordinates are not half-vector slopes.
+    /// Two perpendicular unit vectors tangent to the unit sphere at the outgoing direction about which samples are
+    /// fitted. They are the coordinate axes of the samples if these are not given by half-vector slopes.
     pub(super) axes: [Vector; 2],
     /// Unit of length of the local coordinates: the distance of the farthest sample from their origin, which becomes 1.
     pub(super) length: f64,
@@ -75,7 +77,8 @@ impl Gathered {
         self.counts = [front, found.len()];
     }
 
-    /// Looks up index, mean over bands and inverse variance of each gathered sample.
+    /// Looks up, for each sample of a local fit, its index in the table of measured values, its mean over bands, and
+    /// the inverse of its stated variance.
     pub(super) fn gather(&mut self, cloud: &Cloud, rows: &Rows<'_>, wi: Vector) {
         self.columns.resize(self.order.len());
         self.plain = true;
@@ -156,8 +159,9 @@ impl Gathered {
         }
     }
 
-    /// Turns coordinates of the samples into polynomial basis functions. Returns the length by which the coordinates
-    /// were divided.
+    /// Divides the coordinates (u, v) of the samples, relative to the centre of a local fit, by the distance of the
+    /// farthest sample from it. Then computes the terms u², uv and v² of a quadratic at each sample. Returns the
+    /// distance.
     pub(super) fn scale(&mut self) -> f64 {
         let joint = self.joint;
         let [_, u, v, c, d, e, f, g] = &mut self.columns.basis;

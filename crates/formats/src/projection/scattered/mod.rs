@@ -185,8 +185,8 @@ fn report_of(scattered: &Scattered, plan: &Plan, rows: &Rows<'_>, found: &Scatte
     }
 }
 
-/// Returns notes for the user on missing and negative values of scattered samples, of which there are `values`, and on
-/// filled and empty cells.
+/// Returns notes for the user: how many of the `values` measured values are missing or negative, and how many cells of
+/// the tensor were filled in or left empty because no sample is near.
 fn remarks(report: &ScatterReport, values: usize, filled: u64, empty: u64) -> Vec<Note> {
     let mut notes: Vec<Note> = Vec::new();
     if report.missing > 0 {

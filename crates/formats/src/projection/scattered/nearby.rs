@@ -25,7 +25,8 @@ pub(super) struct Nearby {
     /// nearest neighbours are sought.
     squares: Vec<f64>,
     centre: [f64; 6],
-    /// Distance from the centre of the block of triangles to its farthest corner.
+    /// Distance from the centre of a block of neighbouring triangles of outgoing directions to the farthest of their
+    /// corners, in the six-dimensional space in which nearest neighbours are sought.
     size: f64,
     /// Radius about the centre of a block of neighbouring triangles within which all samples are collected, in the
     /// six-dimensional space in which nearest neighbours are sought.
@@ -37,9 +38,9 @@ pub(super) struct Nearby {
 }
 
 impl Nearby {
-    /// Collects all samples that local fits within a block of neighbouring outgoing triangles may need under the
-    /// incoming direction `wi`. `vertices` are the corners of the triangles; `wanted` returns true for samples that may
-    /// be used.
+    /// Collects the samples around some neighbouring triangles of outgoing directions, under the incoming direction
+    /// `wi`. The local fit at each place in these triangles later selects its samples from them. `vertices` are the
+    /// corners of the triangles; `wanted` returns true for samples that may be used.
     pub(super) fn gather(
         &mut self,
         (cloud, neighbours): (&Cloud, usize),

@@ -34,9 +34,9 @@ const NEIGHBOURS: [usize; 2] = [27, 16];
 const JUDGES: usize = 1 << 13;
 /// Upper bound on the number of values from which the noise is estimated. Raising it is more accurate and slower.
 const JUDGED_VALUES: usize = 1 << 20;
-/// Upper bound on the number of brightness classes, for each of which the noise is estimated separately.
+/// Upper bound on the number of brightness classes: ranges of sample values in which the noise is estimated separately.
 const CLASSES: usize = 16;
-/// Lower bound on the number of values in a brightness class.
+/// Least number of sample values in a range of brightness for which the noise is estimated separately.
 const CLASS: usize = 200;
 /// Least number of positive values for a noise estimate.
 const FEWEST: usize = 48;
@@ -44,9 +44,9 @@ const FEWEST: usize = 48;
 pub(super) const OF_MEDIAN: f64 = 1.4826;
 /// Relative noise below which it is only the rounding of float32, and counts as 0.
 const ROUNDING: f64 = 2e-7;
-/// Multiple of a standard deviation by which a sample must differ from its prediction to count as an outlier. It is the
-/// larger one of two: of samples of similar brightness, and of the neighbours. Raising the multiple rejects fewer
-/// samples.
+/// Least difference of a sample from the prediction by its neighbours at which it counts as an outlier, in standard
+/// deviations. The larger of two standard deviations counts: that of samples of similar brightness, and that of the
+/// neighbours about their own fit or median. Raising the difference rejects fewer samples.
 const FAR_OFF: f64 = 8.0;
 /// Least difference of natural logarithms by which a deviating sample differs from its neighbours: a third. Raising it
 /// rejects fewer samples.
@@ -89,16 +89,16 @@ pub(super) struct Scatter {
 /// A value rejected as an outlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rejection {
-    /// Position of the rejected value in the row-major array `[sample, channel]` of the values that are compared with
-    /// predictions.
+    /// Index of the outlier in the row-major array `[sample, channel]` of the measured values, averaged over the
+    /// wavelength bands of the tensor if these were requested.
     pub(super) position: usize,
-    /// True if other outliers lie close to the value.
+    /// True if the outlier is one of several that lie close together, false if it is isolated.
     pub(super) is_together: bool,
 }
 
 /// Noise of the samples whose brightness lies in one range.
 struct Class {
-    /// Natural logarithm of the brightest predicted value in the brightness class.
+    /// Upper end of a range of brightness: natural logarithm of the largest value that is predicted for a sample in it.
     up_to: f64,
     deviation: f64,
 }
@@ -269,8 +269,9 @@ fn classes(plan: &Plan, rows: &Rows<'_>, own: &Own<'_>) -> Vec<(Class, usize)> {
     classes
 }
 
-/// Divides (predicted value, difference) pairs, sorted by prediction, into brightness classes with about equally many
-/// pairs each, and estimates the noise in each class.
+/// Divides predictions of samples from their neighbours, in increasing order, into ranges of brightness with about
+/// equally many predictions each, and estimates the noise in each range. A pair holds the natural logarithm of a
+/// prediction and the magnitude of the difference of the measured logarithm from it.
 fn divided(mut pairs: Vec<(f32, f32)>) -> Vec<(Class, usize)> {
     let count = pairs.len();
     let number = (count / CLASS).clamp(1, CLASSES);

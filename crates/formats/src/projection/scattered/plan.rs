@@ -27,8 +27,9 @@ const BANDS: usize = 8;
 /// Distance that neighbouring incoming directions get if several are fitted together, in spacings of outgoing samples.
 /// Raising it mixes fewer incoming directions.
 const JOINT_STRETCH: f64 = 1.5;
-/// Largest distance to the nearest measured incoming direction at which a value is computed, in spacings of the
-/// measured incoming directions; farther cells are empty. Raising it extrapolates farther.
+/// Largest distance of an incoming direction of the tensor from the nearest measured one at which values are computed
+/// for it, in spacings of the measured incoming directions. The tensor has no values under incoming directions farther
+/// away. Raising it extrapolates farther.
 const JOINT_REACH: f64 = 1.5;
 /// Upper bound on the size of the parts into which a triangle is split for fits, as a fraction of the radius of a fit.
 /// Raising it takes fewer fits.
@@ -49,7 +50,8 @@ pub(super) struct Located {
     pub(super) cells: Vec<Option<usize>>,
     /// True for each cell of the tensor that contains a sample or a mirror image of one.
     pub(super) has_sample: Vec<bool>,
-    /// Indices of the samples under each position of the incoming axis.
+    /// For each triangle or polar angle on the incoming axis of the tensor, the indices of the samples whose incoming
+    /// direction it contains or is nearest to.
     pub(super) rows: Vec<Vec<u32>>,
 }
 
@@ -75,7 +77,7 @@ pub(super) struct Plan {
     /// Usual distance between neighbouring samples under one incoming direction, in radians.
     pub(super) spacing: f64,
     sides_apart: bool,
-    /// Values of all samples in a selection of the bands; `None` if there are few bands.
+    /// Values of all samples in [`BANDS`] evenly spread spectral bands; `None` if there are no more bands than that.
     thin: Option<Rows<'static>>,
     pub(super) notes: Vec<Note>,
 }
@@ -229,12 +231,14 @@ impl Plan {
         }
     }
 
-    /// Returns the values of all samples in a selection of the bands, or `rows` itself if there are few bands.
+    /// Returns the values of all samples in [`BANDS`] evenly spread spectral bands, or the complete values `rows` if
+    /// there are no more bands than that.
     pub(super) fn few<'b>(&'b self, rows: &'b Rows<'b>) -> &'b Rows<'b> {
         self.thin.as_ref().unwrap_or(rows)
     }
 
-    /// Returns the setup of local fits to the values `rows` of the samples in group number `cloud`.
+    /// Returns the samples and settings for local polynomial fits to group number `cloud` of the samples: those of one
+    /// incoming polar angle, or all. `rows` are the values of all samples of the file.
     pub(super) fn fitted<'b>(&'b self, rows: &'b Rows<'b>, cloud: usize) -> Fitted<'b> {
         Fitted {
             rows,
@@ -251,7 +255,8 @@ impl Plan {
         triangles.or_else(|| (!self.elevations.is_empty()).then(|| Axis::Elevation(self.elevations.clone())))
     }
 
-    /// Assigns the samples to tensor cells.
+    /// Finds, for each measured sample at scattered directions, the cell of the tensor that contains its incoming and
+    /// outgoing direction.
     pub(super) fn located(&self) -> Located {
         let mesh = self.outgoing.mesh;
         let axis = self.incoming_axis();

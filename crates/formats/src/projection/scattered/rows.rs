@@ -30,13 +30,13 @@ pub(super) struct Rows<'a> {
 /// Completeness of the values of a sample over the bands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
-    /// All values of the sample are present and positive.
+    /// The sample has a positive value in every spectral band.
     Positive,
-    /// All values of the sample are present, but some are zero or negative.
+    /// The sample has a value in every spectral band, but some of them are zero or negative.
     Whole,
-    /// Some values of the sample are missing.
+    /// The sample has no value in some of the spectral bands.
     Partial,
-    /// All values of the sample are missing.
+    /// The sample has no value in any spectral band.
     Missing,
 }
 
@@ -118,7 +118,9 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Returns the single value of sample `row` times the mean of exp(`logs`), weighted by `shares`.
+    /// Returns the average of a local fit over [`PARTS`] points with the weights `shares`, for data with a single band:
+    /// the value of sample `row` times the weighted mean of exp(`logs`). `logs` are the fitted natural logarithms at
+    /// the points minus that of the sample.
     pub(super) fn mean_of(&self, row: u32, logs: [f64; PARTS], shares: [f32; PARTS]) -> f32 {
         let total: f32 = shares.iter().sum();
         let mean: f32 = shares.iter().zip(logs).map(|(share, log)| share * exp_horner(log as f32)).sum();

@@ -26,8 +26,8 @@ pub(super) struct Columns {
     pub(super) robust: Vec<f64>,
     pub(super) light: Vec<f64>,
     pub(super) residuals: Vec<f64>,
-    /// Weights of the samples in the last solved system: products of the weights by distance, by stated uncertainty,
-    /// and against outliers.
+    /// Weights of the samples in the last solved local least-squares fit: products of the weights by distance, by
+    /// stated uncertainty, and against outliers.
     weights: Vec<f64>,
 }
 
@@ -286,7 +286,8 @@ impl Factored {
         half.iter().map(|x| x * x).sum()
     }
 
-    /// Returns the fitted mean over bands at a place with the basis functions `at`.
+    /// Returns the value of a polynomial that was fitted to the samples' means over bands. `at` holds the values of its
+    /// terms, such as 1, u, v, u², uv and v², at the place of evaluation.
     pub(super) fn light(&self, at: &[f64; TERMS]) -> f64 {
         self.solution.iter().zip(at).map(|(a, b)| a * b).sum()
     }

@@ -60,8 +60,8 @@ pub(super) enum Company {
 }
 
 impl Off {
-    /// Returns the mean over channels of the difference of logarithms from the prediction. Positive: brighter than the
-    /// neighbours.
+    /// Returns the natural logarithm of the ratio of the sample to the prediction by its neighbours: the mean over the
+    /// channels in which they differ. Positive if the sample is brighter than predicted.
     pub(super) fn excess(&self) -> f64 {
         self.channels.iter().map(|channel| f64::from(channel.1)).sum::<f64>() / self.channels.len().max(1) as f64
     }
@@ -167,12 +167,13 @@ struct Around {
     /// neighbours predict) or are high (brighter than noise explains), nearest first.
     near: Vec<usize>,
     /// Number of samples, and of those that deviate in the same sense (brighter or darker than predicted), in a ball
-    /// around three samples: a deviating one and the two nearest that deviate like it. Samples of all incoming
-    /// directions count.
+    /// around three samples: a deviating one and the two nearest that deviate like it. The ball lies in the coordinates
+    /// in which a lobe is sought, such as half-vector slopes. Samples of all incoming directions count.
     everywhere: Filling,
     /// Number of samples, and of those that deviate in the same sense (brighter or darker than predicted), in a ball
-    /// around three samples: a deviating one and the two nearest that deviate like it. Only incoming polar angles
-    /// within the range of these three count.
+    /// around three samples: a deviating one and the two nearest that deviate like it. The ball lies in the coordinates
+    /// in which a lobe is sought, such as half-vector slopes. Only incoming polar angles within the range of these
+    /// three count.
     there: Filling,
     /// True if the sample is brighter than its neighbours, is seen under several incoming directions if there are
     /// several, and lies on a common peak with the samples like it.
@@ -203,9 +204,10 @@ impl Samples<'_> {
         self.plan.directions[self.offs[number].row as usize].0
     }
 
-    /// Finds the samples near a deviating sample that deviate in the same sense, and counts all samples between them.
-    /// Uses distances in the coordinate system `laid`. Empty for samples that are only high (brighter than noise
-    /// explains).
+    /// Finds the samples near a deviating sample that deviate in the same sense (brighter or darker than predicted),
+    /// and counts all samples between them. Distances are measured in the coordinate system of `laid`, such as that of
+    /// half-vector slopes. Finds nothing around a sample that is brighter than noise explains, but not enough to count
+    /// as deviating.
     fn around(&self, laid: &Laid, number: usize) -> Around {
         let (off, place) = (&self.offs[number], laid.places[number]);
         if off.is_high {

@@ -28,16 +28,18 @@ struct Node<const D: usize> {
     /// Upper corner of the bounding box of the points in this node of the k-d tree: their largest coordinate in each
     /// dimension.
     high: [f64; D],
-    /// Index of the right child node; 0 for a leaf.
+    /// Index of this node's right child in the list of all nodes of the k-d tree; 0 for a leaf.
     right: u32,
     first: u32,
     count: u32,
 }
 
-/// A point found by a search: its squared distance and its number in the tree.
+/// Point that a search in a k-d tree finds: its squared distance from the place of the search, and its number in the
+/// tree.
 pub(super) type Found = (f64, u32);
 
-/// A point before insertion in the tree: its coordinates and its number in the input.
+/// Point to be inserted in a k-d tree: its coordinates, and its position in the list of points from which the tree is
+/// built.
 type Given<const D: usize> = ([f64; D], u32);
 
 impl<const D: usize> Tree<D> {
@@ -55,7 +57,7 @@ impl<const D: usize> Tree<D> {
         self.columns[0].len() - LEAF
     }
 
-    /// Returns coordinate `k` of all points of the tree.
+    /// Returns coordinate number `k` (0 to `D` − 1) of all points in the k-d tree, in the order of the tree.
     pub(super) fn column(&self, k: usize) -> &[f64] {
         &self.columns[k][..self.len()]
     }
@@ -139,7 +141,8 @@ impl<const D: usize> Tree<D> {
         );
     }
 
-    /// Adds to `found` the points of one leaf within a squared distance `limit` of `centre`.
+    /// Adds to `found` the points in one leaf of the k-d tree that lie within a squared distance `limit` of `centre`
+    /// and that `wanted` accepts.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn look(
@@ -172,7 +175,7 @@ impl<const D: usize> Tree<D> {
 }
 
 impl<const D: usize> Node<D> {
-    /// Returns the squared distance from a point to the bounding box of the node.
+    /// Returns the squared distance from the point `centre` to the bounding box of this node of the k-d tree; 0 inside.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn distance(&self, centre: &[f64; D]) -> f64 {

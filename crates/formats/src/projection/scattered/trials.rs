@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 /// Numbers of neighbours of a local fit that compete in predicting withheld samples.
 const NEIGHBOURS: [usize; 6] = [12, 18, 28, 42, 64, 96];
-/// Number of neighbours of the fits from which the correlation of noise between bands is estimated.
+/// Number of nearest samples from which each withheld sample is predicted to estimate how noise correlates between
+/// spectral bands.
 const FEW: usize = 27;
 /// Largest ratio of prediction errors at which a larger number of neighbours counts as better, since it takes more
 /// time. Raising it chooses more neighbours.
@@ -28,8 +29,9 @@ const FAINT: f64 = 1e-3;
 /// Factor by which mirror images in the plane of incidence may predict samples worse than the samples of their own side
 /// do for data to count as symmetric. Raising it accepts less symmetric data.
 const AS_WELL: f64 = 1.1;
-/// Absolute margin of the relative error by which mirror images in the plane of incidence may predict worse than
-/// samples of the own side. Within it data count as symmetric.
+/// Relative error allowed in predicting samples from those on the other side of the plane of incidence, on top of a
+/// multiple ([`AS_WELL`]) of the error from their own side. Data within it count as mirror-symmetric. Raising it
+/// accepts less symmetric data.
 const NEARLY: f64 = 1e-3;
 /// Subdivision level of the triangles at whose centroids it is tested whether neighbours lie on all sides.
 const AROUND_LEVEL: u8 = 2;
@@ -39,8 +41,8 @@ const MOST: f64 = 0.9;
 /// Ratio of the prediction error with some number of neighbours to the least error with fewer, above which still larger
 /// numbers are not tried. Raising it tries more numbers.
 const WORSE: f64 = 1.5;
-/// Reciprocal of the fraction of prediction errors of withheld samples, the largest ones, that are ignored as possible
-/// outliers: 5 %. Raising it ignores fewer errors.
+/// Reciprocal of the fraction of the prediction errors of withheld samples that are ignored as possible outliers, the
+/// largest first: 20 ignores 5 % of the errors. Raising it ignores fewer errors.
 const TRIMMED: usize = 20;
 
 /// Predicts the value in a pair of directions from nearby samples. `withheld` leaves out the samples withheld for

@@ -89,7 +89,8 @@ impl Entries {
         }
     }
 
-    /// Adds value · `x` to the sum of every basis function that is nonzero for the direction pair.
+    /// Adds value · `x` to the element of `sums` of every basis function of the scattering model, with its value at one
+    /// pair of incoming and outgoing direction. Basis functions of value 0 are skipped.
     #[inline]
     pub(super) fn add(&self, x: f64, sums: &mut [f64]) {
         if let Some(constant) = self.constant {
@@ -127,8 +128,11 @@ pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[
 /// Index of the first of the four cubic B-splines that are nonzero at a position, and their values.
 type Place = (u32, [f64; RUN]);
 
-/// Evaluates `count` ≥ 4 splines on even knots with repeated ends (de Boor 1978, chapter X) at several positions in 0 …
-/// 1.
+/// Evaluates the `count` ≥ 4 cubic B-splines of the interval from 0 to 1 at each position in `x`; four of them are
+/// nonzero there.
+///
+/// The knots are evenly spaced, and repeated at both ends (de Boor 1978, chapter X). Positions beyond the interval
+/// count as its ends.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 fn splines(count: usize, x: &Lanes) -> [Place; LANES] {

@@ -32,8 +32,10 @@ pub(crate) fn decode_level(
     samples(&opened, axes, classes, (&weights, model.as_deref()), (&nodes, left_out), values).map_err(malformed)
 }
 
-/// Inserts an index of coarser grids, with unknown errors, in front of the coded stream of a grid chunk. `None` if no
-/// coarser grid is worth an entry.
+/// Inserts a table of lower-resolution grids, which the first bytes suffice to decode, into a chunk of samples on a
+/// grid of angles. The table leaves the errors of these grids unknown.
+///
+/// `None` if no such grid is listed, because it needs too few bytes or nearly all.
 pub(crate) fn with_levels(
     axes: &[Axis],
     classes: Option<&[Class]>,
@@ -70,14 +72,16 @@ pub(crate) fn with_levels(
     Ok((!levels.is_empty()).then(|| chunk_of(chunks.1, head, &levels, stream)))
 }
 
-/// Reads the index of coarser grids in a grid chunk. Also returns the offset of the coded stream, from which their
-/// bytes are counted.
+/// Reads the table of lower-resolution grids, which the first bytes suffice to decode, in a chunk of samples on a grid
+/// of angles. Also returns the offset from which these bytes are counted: that of the entropy-coded bytes behind the
+/// table.
 pub(crate) fn levels_of(mut r: Reader<'_>, end: usize) -> Result<(Vec<GridLevel>, usize), CodecError> {
     let levels = super::decode::Flags::read(&mut r)?.levels(&mut r, end)?;
     Ok((levels, r.offset()))
 }
 
-/// Returns the grid chunk with `errors` as the stated errors of its coarser grids, coarse first.
+/// Replaces the errors that a chunk of samples on a grid of angles states for its lower-resolution grids by `errors`,
+/// lowest resolution first. A chunk without such grids stays as it is.
 pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, CodecError> {
     let mut r = Reader::new(coded, 0);
     let flags = super::decode::Flags::read(&mut r)?;
@@ -90,7 +94,8 @@ pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, Codec
     Ok(if levels.is_empty() { coded.to_vec() } else { chunk_of(coded, head, &levels, stream) })
 }
 
-/// Writes a grid chunk that starts like `coded`, with an index of coarser grids in front of the coded stream.
+/// Writes a chunk of samples on a grid of angles that starts like `coded`, with a table of lower-resolution grids in
+/// front of the entropy-coded bytes.
 fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> Vec<u8> {
     let mut w = Writer::default();
     w.u8(coded[0] | super::decode::LEVELS);
@@ -142,7 +147,8 @@ fn samples(
     Ok((axes, samples))
 }
 
-/// Returns the axes of a tensor with its axes of angles replaced by coarser ones.
+/// Replaces the angles of the last directions and of an axis of incoming directions before them by those of a
+/// lower-resolution grid, in which neighbouring angles are merged. Other axes stay.
 fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGridError> {
     let mut axes = axes.to_vec();
     let mut rest = lines;

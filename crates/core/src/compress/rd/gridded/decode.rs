@@ -14,7 +14,7 @@ use crate::codec::{Class, CodecError, Decoder, Reader};
 use crate::domain::Axis;
 use rayon::prelude::*;
 
-/// Decoded content of a grid chunk in front of the pyramids of means.
+/// Decoded beginning of a chunk of samples on a grid of angles: everything in front of the coded means and details.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
     /// Upper bound on the logarithms of negative samples' magnitudes.
@@ -22,7 +22,8 @@ pub(super) struct Opened<'a> {
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,
     pub(super) order: Vec<u8>,
-    /// Scattering model of the grid with its decoded coefficients.
+    /// Scattering model whose values are added to the decoded samples on the grid of angles, with its coefficients;
+    /// `None` without a model.
     model: Option<(GridModel, Vec<f64>)>,
     /// Coarser grids of angles that a part of the file suffices to decode, coarsest first.
     pub(super) levels: Vec<GridLevel>,
@@ -195,23 +196,25 @@ pub(crate) fn negative_bound(coded: &[u8]) -> Result<Option<f32>, CodecError> {
     if flags.has_negative { r.f32("bound of the logarithms of negative samples").map(Some) } else { Ok(None) }
 }
 
-/// Returns true if each incoming direction of a grid chunk can be decoded alone.
+/// Returns true if each incoming direction in a chunk of samples on a grid of angles can be decoded alone.
 pub(crate) fn is_random(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.random)
 }
 
-/// Returns true if a grid chunk lists coarser grids.
+/// Returns true if a chunk of samples on a grid of angles lists lower-resolution grids.
 pub(crate) fn has_levels(coded: &[u8]) -> Result<bool, CodecError> {
     Ok(Flags::read(&mut Reader::new(coded, 0))?.has_levels)
 }
 
-/// Bit in the first byte of a grid chunk that is set if the chunk lists coarser grids.
+/// Bit in the first byte of a chunk of samples on a grid of angles that is set if the chunk lists lower-resolution
+/// grids.
 pub(super) const LEVELS: u8 = 8;
 
-/// Bit in the first byte of a grid chunk that is set if negative samples are approximated as exactly as positive ones.
+/// Bit in the first byte of a chunk of samples on a grid of angles that is set if negative samples are approximated as
+/// exactly as positive ones.
 pub(super) const WEIGHS_NEGATIVE: u8 = 64;
 
-/// Content of the first byte of a grid chunk: the options with which it was coded.
+/// Options with which a chunk of samples on a grid of angles was coded, from its first byte.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(super) struct Flags {
@@ -241,8 +244,9 @@ impl Flags {
         })
     }
 
-    /// Reads the fields between the first byte of a grid chunk and the coded stream, and returns the coarser grids.
-    /// `end` is the offset of the chunk's end.
+    /// Reads the fields between the first byte and the entropy-coded bytes of a chunk of samples on a grid of angles.
+    /// Returns the table of lower-resolution grids, and drops the bound on negative samples. `end` is the offset of the
+    /// chunk's end.
     pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
         if self.has_negative {
             r.f32("bound of the logarithms of negative samples")?;

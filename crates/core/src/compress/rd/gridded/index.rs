@@ -16,8 +16,8 @@ const MOST: usize = 96;
 /// Smallest number of coded bytes with which a coarser grid is worth an entry in the index. Raising it saves about six
 /// bytes for each entry in small files.
 const LEAST: usize = 512;
-/// Smallest ratio of the bytes of a coarser grid to those of the next coarser one in the index, in per cent. Raising it
-/// lists fewer grids.
+/// Smallest ratio, in per cent, of the bytes that a listed grid of lower resolution needs to those of the one listed
+/// before, which is coarser. Raising it lists fewer grids in the file.
 const APART: usize = 115;
 
 /// Coarser grid of angles that can be decoded from the first bytes of a grid chunk.
@@ -51,7 +51,8 @@ pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
     }
 }
 
-/// Reads the index of coarser grids in a chunk that ends at offset `end`; the coded stream follows the index directly.
+/// Reads the table of lower-resolution grids in a chunk of samples on a grid of angles that ends at offset `end`. The
+/// bytes that these grids need must lie between the end of the table and `end`.
 pub(super) fn read(r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
     let count = r.size(MOST, "number of levels")?;
     if count == 0 {

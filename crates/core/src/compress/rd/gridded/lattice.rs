@@ -24,7 +24,8 @@ use std::slice;
 #[derive(Clone, Debug)]
 struct Stated {
     positions: Vec<f64>,
-    /// Full turn in degrees if the azimuths form a circle, so that the last neighbours the first; `None` otherwise.
+    /// Full turn in degrees if the azimuths go all the way round, so that the first and the last are neighbours; `None`
+    /// otherwise.
     period: Option<f64>,
     /// True if the last azimuth is the first plus 360°, so that both are one direction.
     is_closed: bool,
@@ -240,8 +241,8 @@ impl Lattice {
         Self { shape, kept }
     }
 
-    /// Grid of angles that one pyramid codes: all angle axes, or only the outgoing ones if incoming directions are
-    /// coded independently.
+    /// Grid of angles whose samples are coded together: all angle axes, or only the outgoing ones if incoming
+    /// directions are coded independently (`random`).
     pub(crate) fn grid(&self, random: bool) -> Grid {
         let lines: Vec<Line> = self.kept[self.first(random)..]
             .iter()
@@ -280,8 +281,9 @@ impl Lattice {
         self.shape.blocks * self.kept.iter().map(|kept| kept.positions.len()).product::<usize>()
     }
 
-    /// For each direction (or direction pair) on the angle axes numbered `lines`, row-major index of the one with equal
-    /// samples among those left after repeated angles are dropped.
+    /// Maps each direction (or pair of directions) on the angle axes of the range `lines` to the distinct direction (or
+    /// pair) that has its samples, for example to one azimuth at a pole. Returns row-major indices among the distinct
+    /// ones.
     fn rows_of(&self, lines: Range<usize>) -> Vec<u32> {
         let mut rows = vec![0_u32];
         for axis in lines.clone() {

@@ -69,8 +69,8 @@ impl GridModel {
         self.turned_back(planes, (vectors, streams > 1))
     }
 
-    /// Evaluates the scattering model for the incoming directions numbered `entries`. Returns values `[incoming,
-    /// channel, outgoing]` with `vectors` channels, each a wavelength or a spectral coefficient.
+    /// Evaluates the scattering model for a range of incoming directions. Returns values `[incoming, channel,
+    /// outgoing]`. There are `vectors` channels: wavelengths, or coefficients of a spectral basis.
     pub(super) fn entries(&self, coefficients: &[f64], vectors: usize, entries: Range<usize>) -> Vec<f32> {
         self.chart.evaluate(coefficients.to_vec(), vectors, entries)
     }

@@ -4,11 +4,12 @@
 pub(super) struct Nodes {
     /// Number of decoded values along this axis of a coarser grid; each is a mean over merged neighbouring angles.
     pub(super) count: usize,
-    /// Angles of the entries of the coarser axis, in degrees.
+    /// Polar angles or azimuths on this axis of a lower-resolution grid, in degrees.
     pub(super) positions: Vec<f64>,
     /// Index of the decoded value (mean over merged neighbouring angles) that each entry of this axis of a coarser grid
     /// takes.
     pub(super) entries: Vec<u32>,
-    /// Number of merges of neighbouring angles that made the coarser axis; with 0 all stated angles remain.
+    /// Number of times that neighbouring angles of the full grid were merged in pairs to make this axis of a
+    /// lower-resolution grid. With 0, all angles that the file states remain.
     pub(super) halvings: u32,
 }

@@ -9,12 +9,13 @@ use crate::codec::{BitCoder, Class};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// Weights of directions in means over neighbours: 1 if the sample there counts, 0 if not (masked, zero, usually
-/// negative).
+/// Weights with which samples count in means over neighbouring directions: 1 for positive samples, 0 for zero or masked
+/// ones. Negative samples have 0, unless they are to be approximated as exactly as positive ones.
 pub(super) struct Weights {
-    /// Weight of each direction in means over neighbouring directions, as `[slice, direction]`, or `[slice, channel,
-    /// direction]` if weights differ between wavelengths. A slice is the whole tensor or a part averaged on its own,
-    /// for example an incoming direction.
+    /// Weight of each sample in means over neighbouring directions: `[slice, direction]`, or `[slice, channel,
+    /// direction]` if weights differ between wavelengths.
+    ///
+    /// A slice is a part of the tensor that is averaged on its own, for example one incoming direction.
     pub(super) values: Vec<f32>,
     by_plane: bool,
     /// True if directions have the same weights, in means over neighbouring directions, in every slice of the tensor
@@ -27,7 +28,8 @@ pub(super) struct Weights {
 pub(super) struct Planes {
     lattice: Lattice,
     grid: Grid,
-    /// Number of distinct directions in one independently coded slice.
+    /// Number of distinct directions in a part of the tensor that is coded on its own: pairs of incoming and outgoing
+    /// direction, or the outgoing directions of one incoming one.
     unit: usize,
     /// True if every incoming direction is coded as a byte stream of its own.
     random: bool,
@@ -78,12 +80,13 @@ impl Planes {
         if self.random { self.units() } else { 1 }
     }
 
-    /// Number of distinct directions in one coded slice.
+    /// Number of distinct directions in a part of the tensor that is coded on its own: pairs of incoming and outgoing
+    /// direction, or the outgoing directions of one incoming one.
     pub(super) fn unit(&self) -> usize {
         self.unit
     }
 
-    /// Number of distinct directions in all coded slices together.
+    /// Number of distinct pairs of incoming and outgoing direction in the whole tensor.
     pub(super) fn leaves(&self) -> usize {
         self.first.len()
     }
@@ -143,8 +146,10 @@ impl Planes {
         class == Class::Positive || self.weighs_negative && class == Class::Negative
     }
 
-    /// Computes the weight of each direction in means over neighbouring directions: 1 if its sample (with principal
-    /// components, any sample of its spectrum) is positive, or if it is negative and approximated as exactly; else 0.
+    /// Computes the weight with which each direction counts in means over neighbouring directions: 1 for a positive
+    /// sample, also for a negative one if it is to be approximated as exactly; else 0.
+    ///
+    /// With principal components, one such sample in the direction's spectrum suffices.
     ///
     /// Copies of a direction at a pole have weight 0. Directions of weight 0 decode to values predicted from
     /// neighbours.

@@ -7,7 +7,7 @@ use crate::codec::Class;
 /// on its predictions are multiples of it. Logarithms have the scale 1 (a factor of e).
 const LINEAR_UNIT: f64 = 32.0;
 
-/// Builds the quantiser of a grid chunk from the step in the header.
+/// Builds the quantiser for samples on a grid of angles, with the quantiser step that the file's header states.
 pub(super) fn quantiser(step: f32, is_linear: bool, learns: bool) -> Quantiser {
     let step = f64::from(step);
     Quantiser { step, unit: if is_linear { LINEAR_UNIT * step } else { 1.0 }, learns, dead_zone: 0.0 }

@@ -37,7 +37,7 @@ impl Grid {
         }
     }
 
-    /// Number of entries of each axis.
+    /// Number of entries on each of the four axes of the grid.
     pub(crate) fn lengths(&self) -> [usize; AXES] {
         std::array::from_fn(|axis| self.lines[axis].positions.len())
     }

@@ -10,8 +10,10 @@ use crate::numeric::dense;
 /// Denominator of prediction filter coefficients: they are multiples of 2⁻¹⁶, so that the last digits of their
 /// computation do not matter.
 const UNITS: f64 = 65_536.0;
-/// Upper bound on the summed coefficient magnitudes of a filter that predicts the difference of two neighbouring means
-/// from means around them. A filter beyond it is rejected as unstable. For evenly spaced angles the sum is 0.78.
+/// Upper bound on the summed magnitudes of a filter's four coefficients, with which the difference of two grid nodes is
+/// predicted from the means of nodes around them. A filter with a larger sum is rejected as unstable.
+///
+/// The sum is 0.78 for evenly spaced angles.
 const LARGEST_SUM: f64 = 1.5;
 /// Factor on prediction filters at the end of an axis, with a neighbour on one side only, because they are less
 /// reliable.

@@ -10,25 +10,27 @@ pub(super) struct Halving {
     pub(super) axis: usize,
     pub(super) children: [usize; AXES],
     pub(super) parents: Places,
-    /// Prediction filter of each node of the halved axis.
+    /// Filter that predicts the difference of the two children of a node from the means of the node's neighbours, for
+    /// each node of the coarser axis.
     pub(super) guess: Vec<Coefficients>,
 }
 
-/// Weights of the samples of one channel (spectral coefficient over all directions), and of all means over them.
+/// Weights of the samples of one spectral channel over all directions, and of their means over ever larger blocks of
+/// directions.
 struct Weights {
-    /// Weights that grid nodes have in means over merged nodes: one set after each merge of neighbours in pairs, from
-    /// the full grid to a single node. A merged node weighs as much as its two parts together.
+    /// Weights of the grid nodes (directions, or blocks of merged directions) in means: one set for the full grid and
+    /// one after each merge of neighbours in pairs. A merged node weighs as much as its two parts together.
     levels: Vec<Vec<f32>>,
 }
 
 /// All halvings of a grid (merges of neighbouring nodes along one axis), from the full one to a single node, and the
 /// weights of the nodes.
 pub(super) struct Halvings {
-    /// Merges of neighbouring nodes in pairs, one axis at a time, in order from the full grid of angles to a single
-    /// node.
+    /// Merges of neighbouring directions, and of the blocks so formed, in pairs along one axis at a time: from the full
+    /// grid of angles to a single block.
     steps: Vec<Halving>,
-    /// Weights of the grid nodes in means over merged nodes: one set for each coded slice of the tensor, or for each
-    /// spectral channel of each slice. Slices or channels beyond the last set share it.
+    /// Weights of directions in means over blocks of directions: one set for each part of the tensor that is coded on
+    /// its own, or for each spectral channel of each part. The last set also serves all later ones.
     weights: Vec<Weights>,
     /// True if each spectral channel has its own weights of directions, with which means are formed; false if all
     /// channels share them.

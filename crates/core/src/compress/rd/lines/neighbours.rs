@@ -25,8 +25,11 @@ pub(super) fn distance(parts: &[(usize, i8)]) -> Distance {
 #[derive(Debug)]
 pub(super) struct Places {
     pub(super) lengths: [usize; AXES],
-    /// Part that each axis contributes to the array index of a neighbour, `[axis][distance][coordinate]`: for a node at
-    /// this coordinate, the neighbour −2 … 2 nodes away along the axis.
+    /// Parts of the row-major index of a neighbouring grid node (direction or block of merged directions), one for each
+    /// axis, which are added up.
+    ///
+    /// `[axis][distance][coordinate]` is for a node at this coordinate of the axis and a neighbour −2 … 2 nodes away
+    /// along it.
     tables: [[Vec<u32>; DISTANCES]; AXES],
 }
 
@@ -95,9 +98,10 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// Array index of the neighbour of one node of a grid row. `offsets` are the parts that the last axis contributes
-    /// to the indices of neighbours −2 … 2 nodes away along it. A missing neighbour has the index `nowhere`, the last
-    /// of the array.
+    /// Row-major index of a neighbour of a grid node (direction or block of merged directions). It is `nowhere`, the
+    /// number of nodes, if there is no such neighbour.
+    ///
+    /// `offsets` holds the parts of the index that depend on the last coordinate, for neighbours −2 … 2 nodes away.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     pub(super) fn at(self, offsets: &[u32; DISTANCES], nowhere: usize) -> usize {

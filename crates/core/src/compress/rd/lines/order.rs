@@ -4,10 +4,12 @@ use super::grid::{AXES, Grid};
 use super::pairs::{halve, sums};
 use crate::codec::BitCoder;
 
-/// Finds the order in which to halve the axes of a grid so that coding costs least, finest first. Also estimates the
-/// bits of all details (differences of merged neighbours). Each step takes the axis whose details are predicted best
-/// from the original means. `planes` are `[channel, node]`; `weights` holds one set of weights of all nodes for each
-/// `run` of channels.
+/// Finds the order in which to merge neighbouring angles of a grid in pairs along its axes, so that coding costs least.
+/// Also estimates the bits for coding the differences of merged neighbours.
+///
+/// Each step takes the axis along which these differences are predicted best from the original means. `planes` holds
+/// values `[channel, direction]`. `weights` holds one set of weights of all directions for each `run` successive
+/// channels.
 pub(crate) fn order_of_halvings(
     grid: &Grid,
     planes: &[f32],

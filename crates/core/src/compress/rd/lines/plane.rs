@@ -16,8 +16,8 @@ pub(super) const PLANE_CLASSES: usize = 4;
 const LARGEST: f64 = (1 << 30) as f64;
 /// Upper bound on the number of features from which least squares predict a detail, padding included.
 const FEATURES: usize = 40;
-/// Weight of the mean error of earlier predictions in the estimate of a node's squared prediction error; the error at
-/// an adjacent node has weight 1. Raising it trusts neighbours less.
+/// Weight of the mean error of earlier predictions in the estimated squared error of predicting a detail (difference of
+/// merged neighbours on a grid); the error at an adjacent node has weight 1. Raising it trusts neighbours less.
 const PRIOR: f64 = 0.5;
 /// Ratio of the squared error expected of fixed prediction filters to that of least-squares prediction, as long as
 /// neither's error is known at neighbouring nodes. Raising it favours least squares.
@@ -30,13 +30,16 @@ const QUANTISATION: f64 = 1.0 / 12.0;
 const RIDGE: f64 = 1e-9;
 /// Upper bound on the magnitude of a detail that least squares may predict, in natural logarithms.
 const LARGEST_PREDICTION: f64 = 6.0;
-/// Weight of the error passed on from the parent in the estimate of a node's squared prediction error (an adjacent
-/// node's error has weight 1), and factor by which this error decays from each level to the next.
+/// Parameters of the squared prediction error that a grid node inherits from the coarser node of which it is a part:
+/// its weight in the estimate of the node's own error, and the factor by which it shrinks from level to level.
+///
+/// The error at an adjacent node has weight 1.
 const INHERITED: (f32, f32) = (0.5, 0.8);
 /// Limit to which the ratio of expected squared errors, of least-squares prediction to fixed prediction filters, is
 /// clamped before it serves to blend both predictions.
 const LARGEST_RATIO: f64 = 1e9;
-/// Upper bound on a stored squared prediction error.
+/// Upper bound on a stored squared error of the prediction of a detail (difference of merged neighbours on a grid), in
+/// squared quantiser steps.
 const LARGEST_ERROR: f64 = 1e30;
 
 /// Rounds a value in quantiser steps to the nearest integer, clamped to the largest magnitude.
@@ -50,7 +53,8 @@ pub(super) struct Halved<'a> {
     halving: &'a Halving,
     template: &'a Template,
     depth: usize,
-    /// For each coordinate on the last axis, array offsets of the neighbours −2 … 2 nodes away along it.
+    /// Parts of the row-major indices of grid nodes (directions or blocks of merged ones) −2 … 2 nodes away along the
+    /// last axis, for each coordinate on it. The other axes add their own parts.
     offsets: Vec<[u32; 5]>,
 }
 
@@ -71,16 +75,18 @@ pub(super) struct PlaneOf<'a> {
     /// Class number of the spectral channel; channels of a class share predictors and coding contexts.
     pub(super) class: usize,
     pub(super) means: &'a mut [f32],
-    /// Weights of the child nodes in the mean of each pair, which is the value of their parent.
+    /// Weights of the finer grid nodes (directions or blocks of merged ones). Two neighbouring ones make up a coarser
+    /// node, whose value is their weighted mean.
     pub(super) weights: &'a [f32],
     /// Original details (differences of merged neighbours) that an encoder codes, unquantised; `None` in a decoder.
     pub(super) wanted: Option<&'a [f32]>,
-    /// Number of quantiser steps to one unit of the original values.
+    /// Reciprocal of the quantiser step, which converts natural logarithms (or samples) to quantiser steps.
     pub(super) per_step: f64,
     /// Extra width of the quantiser's zero bin, in steps: prediction residuals within 0.5 + this become 0.
     pub(super) dead_zone: f64,
-    /// Squared prediction error passed on from the parent of each node, in squared quantiser steps; negative if no
-    /// error is known there. `None` at the coarsest level.
+    /// Squared prediction error that each grid node (block of merged directions) inherits from the coarser node of
+    /// which it is a part, in squared quantiser steps; negative if none is known. `None` for the node of all
+    /// directions.
     pub(super) inherited: Option<&'a [f32]>,
     /// Decoded details of this spectral channel and the two channels before it, by node; 0 where none is decoded.
     pub(super) details: &'a mut [Vec<f32>; BEFORE + 1],
@@ -124,8 +130,8 @@ struct Predicted {
     /// Expected squared error, in squared quantiser steps, of the blend of both predictions (by fixed filters and by
     /// least squares).
     variance: f64,
-    /// Mean squared error, in squared quantiser steps, that the blends of fixed-filter and least-squares prediction had
-    /// at neighbouring nodes.
+    /// Mean squared error, in squared quantiser steps, of the predictions at neighbouring grid nodes (blocks of merged
+    /// directions). These predictions blend those by fixed filters and by least squares.
     near: f64,
 }
 
@@ -134,8 +140,11 @@ impl<'a> Halved<'a> {
         Self { halving, template, depth: depth.min(DEPTHS - 1), offsets: halving.parents.last_axis() }
     }
 
-    /// Encodes or decodes the details of a spectral channel for one halving, and computes the child nodes; returns the
-    /// number of nonzero residuals.
+    /// Encodes or decodes one refinement of a spectral channel, in which each block of merged directions is split into
+    /// two along one axis of the grid.
+    ///
+    /// Codes the differences of the two halves, computes the halves from them, and returns the number of nonzero
+    /// residuals.
     pub(super) fn code<C: BitCoder>(
         &self,
         coder: &mut C,
@@ -241,7 +250,8 @@ impl<'a> Halved<'a> {
         kept
     }
 
-    /// Computes the features (differences and details of neighbours) from which the detail of a node is predicted.
+    /// Computes the inputs of the prediction of a detail (difference of the two halves of a block of directions):
+    /// differences of the means of neighbouring blocks, and their details.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn features(&self, row: &Row, plane: &PlaneOf<'_>, x: usize, nowhere: usize) -> [f64; FEATURES] {
@@ -276,7 +286,8 @@ impl<'a> Halved<'a> {
         features
     }
 
-    /// Weighted sums of the squared prediction errors at the neighbours of a node, followed by the sum of the weights.
+    /// Weighted sums of the squared errors with which the details of neighbouring blocks of directions were predicted:
+    /// by fixed filters, by least squares, by the blend of both. The fourth number is the sum of the weights.
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
     fn errors_around(&self, row: &Row, errors: &[[f32; 4]], x: usize, inherited: f32) -> [f32; 4] {

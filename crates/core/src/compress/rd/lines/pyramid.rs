@@ -59,8 +59,11 @@ impl PairPyramid {
         Source::new(&self.halvings, planes, vectors)
     }
 
-    /// Encodes or decodes the values of `planes` spectral channels, `vectors` of them in each slice of the tensor.
-    /// Returns the decoded values and the number of nonzero integers.
+    /// Encodes values on a grid of directions, or decodes them, as the type of `coder` says. Returns the decoded values
+    /// and the number of nonzero quantised integers.
+    ///
+    /// There are `planes` spectral channels in all, `vectors` of them for each part of the tensor that is coded on its
+    /// own.
     ///
     /// Only an encoder passes `source`. The last `left_out` divisions of merged grid nodes are not coded: values are
     /// then means over blocks of angles.

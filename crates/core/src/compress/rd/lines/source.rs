@@ -3,7 +3,8 @@
 use super::halvings::Halvings;
 use super::pairs::halve;
 
-/// Original means and details (differences of merged neighbours) of spectral channels, which an encoder quantises.
+/// Unquantised input of an encoder, for each spectral channel: the mean over the whole grid, and the details
+/// (differences of merged neighbours) from which finer means follow.
 pub(crate) struct Source {
     roots: Vec<f64>,
     /// Details (differences of merged neighbours) of each halving of the grid, finest first: `[channel, node]`.
@@ -11,7 +12,8 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// Computes the means and details of values `[slice, channel, node]`; samples without weight may have any value.
+    /// Computes the mean of values `[slice, channel, direction]` over all directions, merging neighbouring blocks of
+    /// directions in pairs, and the difference of each pair (detail). Values of weight 0 may be any number.
     pub(super) fn new(halvings: &Halvings, planes: &[f32], vectors: usize) -> Self {
         let leaves = halvings.all().first().map_or(1, |halving| halving.children.iter().product());
         let count = planes.len() / leaves;

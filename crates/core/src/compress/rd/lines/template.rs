@@ -15,13 +15,14 @@ pub(super) struct Template {
     /// Pairs of neighbours of a grid node whose difference of means is an input for predicting the node's detail, the
     /// difference of its two halves.
     pub(super) slopes: Vec<[Distance; 2]>,
-    /// Neighbours of a grid node whose details (differences of two halves) in the same spectral channel are inputs for
-    /// predicting the detail of the node.
+    /// Blocks of directions near the one whose detail (difference of its two halves) is predicted. Details of these
+    /// blocks in the same spectral channel, decoded before, are inputs of the prediction.
     pub(super) details: Vec<Distance>,
-    /// Neighbours of a grid node, itself included, whose details (differences of two halves) in earlier spectral
-    /// channels are inputs for predicting the detail of the node.
+    /// Block of directions whose detail (difference of its two halves) is predicted, and two beside it. Details of
+    /// these blocks in the two spectral channels before are inputs of the prediction.
     pub(super) others: [Distance; 3],
-    /// Neighbours whose prediction errors are averaged to estimate that of a node, with their weights.
+    /// Blocks of directions near the one whose detail (difference of its two halves) is predicted, each with a weight.
+    /// The weighted mean of the squared prediction errors there serves to estimate the error of this prediction.
     pub(super) errors: Vec<(Distance, f32)>,
     is_long: bool,
 }

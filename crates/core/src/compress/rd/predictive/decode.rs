@@ -77,7 +77,7 @@ pub(crate) struct Levels<'a> {
 }
 
 impl<'a> Levels<'a> {
-    /// Opens a pyramid chunk for decoding several resolution levels.
+    /// Reads the start of a chunk of samples on triangles, so that several resolution levels can be decoded from it.
     pub(crate) fn new(
         axes: &[Axis],
         classes: Option<&[Class]>,
@@ -174,8 +174,8 @@ pub(crate) fn orbits(axes: &[Axis], coded: &[u8]) -> Result<Vec<u32>, CodecError
     Ok(by_block.into_iter().map(|(k, _)| k).collect())
 }
 
-/// Decoded start of a chunk that codes samples on triangles from coarse to fine: spectral basis, symmetries and kind of
-/// scattering model. The reader `r` stands behind it, at the coded values.
+/// Decoded start of a chunk of samples on triangles: spectral basis, symmetries, and kind of the scattering model that
+/// is added to the decoded values. The reader `r` is placed at the first byte after this start.
 struct Opened<'a> {
     shape: Shape,
     opening: Opening,
@@ -211,7 +211,8 @@ impl<'a> Opened<'a> {
         self.basis.as_ref().map_or(1, Basis::rank)
     }
 
-    /// Reads the byte streams of a pyramid chunk in which each block (incoming direction) is a stream of its own.
+    /// Reads the byte streams of a chunk of samples on triangles in which each coded incoming direction has a stream of
+    /// its own.
     fn streams(&mut self) -> Result<Streams<'a>, CodecError> {
         let blocks = if self.opening.alone { 0 } else { self.representatives.len() };
         Streams::read(&mut self.r, self.chart.is_some(), blocks)

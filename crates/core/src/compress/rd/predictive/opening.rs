@@ -6,7 +6,8 @@ use super::super::symmetry::Group;
 use crate::codec::{CodecError, Reader};
 use crate::domain::Symmetry;
 
-/// Content of the first number of a pyramid chunk: scattering model, symmetry group and layout of the streams.
+/// Options with which samples on triangles were coded: scattering model and if it leaves details to code, symmetries,
+/// and if each incoming direction has a byte stream of its own.
 pub(super) struct Opening {
     pub(super) model: Option<ChartKind>,
     pub(super) alone: bool,

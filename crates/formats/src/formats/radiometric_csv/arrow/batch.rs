@@ -37,7 +37,7 @@ pub(super) struct Batches<'a> {
     cells: &'a [usize],
     read: &'a Columns,
     cosine: bool,
-    /// Number of rows read from the batches so far.
+    /// Number of table rows read so far from the record batches of an Arrow stream.
     count: usize,
     pub(super) rows: Rows,
     pub(super) problems: Problems,
@@ -60,7 +60,7 @@ impl Numbers<'_> {
         self.valid.is_none_or(|bits| bits.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1))
     }
 
-    /// Returns number `i` of the column; `None` if it is missing or NaN.
+    /// Returns number `i`, counted from 0, of one column of an Arrow record batch; `None` if it is missing or NaN.
     #[inline]
     fn get(&self, i: usize) -> Option<f64> {
         let size = self.element.size();

@@ -130,7 +130,7 @@ impl<'a> List<'a> {
         self.len
     }
 
-    /// Returns the flatbuffer table that item `i` of the list refers to.
+    /// Returns the flatbuffer table to which item `i` of a flatbuffer list of tables refers.
     pub(super) fn table(&self, i: usize) -> Result<Table<'a>, Broken> {
         if i >= self.len {
             return Err(Broken);

@@ -12,15 +12,17 @@ const JUDGES: usize = 800;
 /// Radius about the centre of a narrow lobe, in half-widths of the lobe. The samples within decide, by how well they
 /// are predicted, whether the lobe is stored apart from the triangles. Raising it lets farther samples decide, too.
 const WITHIN: f64 = 4.0;
-/// Largest ratio of the robust prediction costs with and without a separate lobe at which the lobe is kept. Lowering it
-/// keeps fewer lobes.
+/// Largest ratio of the misfit of predicted samples with a separate narrow lobe to that without one, at which the lobe
+/// is kept. The misfit is a sum of soft L1 costs, on which outliers have little influence. Lowering the ratio keeps
+/// fewer lobes.
 const BETTER: f64 = 0.85;
-/// Least difference of the robust prediction costs without and with a separate lobe at which the lobe is kept. Raising
-/// it keeps fewer lobes.
+/// Least reduction of the misfit of predicted samples by a separate narrow lobe, at which the lobe is kept. The misfit
+/// is a sum of soft L1 costs, on which outliers have little influence. Raising the reduction keeps fewer lobes.
 const LEAST_GAIN: f64 = 10.0;
 
-/// Returns true if a separate lobe, with triangles fitted to the remaining values `left`, predicts the samples about
-/// the lobe clearly better than triangles alone.
+/// Returns true if a separate narrow lobe clearly improves the prediction of the samples about it from their
+/// neighbours. With the lobe, neighbours have the values `left`, from which the lobe was subtracted, and the lobe is
+/// added to the prediction.
 pub(super) fn is_better(scan: &Scan<'_>, found: &Found, left: &Rows<'_>) -> bool {
     let prepared = found.shape.prepared();
     let within = (WITHIN * found.shape.width()).max(2.0 * found.spacing);

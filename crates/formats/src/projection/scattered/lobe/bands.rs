@@ -7,10 +7,12 @@ use super::solve::{predicted, robust};
 /// Number of times that the spectral factors of a lobe and its background are fitted, each time with lower weights for
 /// outliers. Raising it is slower.
 const ROUNDS: usize = 12;
-/// Least factor, relative to the mean over bands, of a lobe or of its background in one band.
+/// Lower bound on the value of a lobe, or of the background beneath it, in one spectral band, relative to its mean over
+/// bands.
 const LEAST: f64 = 1e-6;
-/// Least sum of squared lobe values, in units of the noise variance, from which the lobe gets a fitted factor in a
-/// band. Raising it leaves more bands with the factor of a neighbour.
+/// Least sum over samples of (value of the lobe / noise)², in one spectral band, from which the brightness of the lobe
+/// in this band is fitted. Below it, the lobe takes its relative brightness from the nearest fitted band. Raising it
+/// fits fewer bands.
 const SEEN: f64 = 1.0;
 
 /// Spectral factors of a lobe and of the background beneath it.
@@ -18,7 +20,8 @@ const SEEN: f64 = 1.0;
 pub(super) struct Colours {
     /// Value of the lobe in each band, relative to its mean over bands.
     pub(super) lobe: Vec<f64>,
-    /// Value of the background in each band, relative to its mean over bands, for each incoming direction.
+    /// Value of the background beneath the lobe (the measurement without the lobe) in each band, relative to its mean
+    /// over bands; one list for each incoming direction.
     pub(super) bases: Vec<Vec<f64>>,
     /// Number of bands in which no sample shows the lobe.
     pub(super) unseen: usize,
@@ -66,7 +69,8 @@ struct Fitted {
     bases: Vec<f64>,
 }
 
-/// Weighted sums of products of background, lobe and measured value over the samples of one incoming direction.
+/// Sums over the samples of one incoming direction, from which least squares determine the brightness of a lobe and of
+/// the background beneath it in one spectral band. Summed are weighted products of background, lobe and measured value.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     base_base: f64,

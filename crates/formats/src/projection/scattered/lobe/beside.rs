@@ -6,8 +6,8 @@ use crate::projection::scattered::plan::Plan;
 use crate::projection::scattered::rows::Rows;
 use rayon::prelude::*;
 
-/// Position of a sample in the search trees: number of the group of samples that are fitted together, and index in the
-/// k-d tree of this group.
+/// Position of a sample: number of the k-d tree that contains it, and index in this tree. Each tree holds samples that
+/// local fits combine, such as those of one incoming polar angle.
 pub(super) type Point = (usize, u32);
 
 /// Finds the samples `rows` (increasing indices) in the k-d trees of the groups of samples. Returns, in the order of

@@ -33,8 +33,8 @@ const FEWEST: usize = 2;
 /// Least relative noise assumed for samples: below the noise of any instrument, and below the unevenness of a
 /// background.
 const LEAST_NOISE: f64 = 1e-3;
-/// Upper bound on the iterations that refine the background, fitted about a possible lobe centre, at the measured noise
-/// of the samples.
+/// Upper bound on the iterations that refine a rough fit of the background beneath a possible narrow lobe. The
+/// background is the measured function without the lobe.
 const ROUNDS: usize = 10;
 /// Least relative noise of the samples assumed in a rough fit of the background about a possible lobe centre, which is
 /// then refined at the measured noise.

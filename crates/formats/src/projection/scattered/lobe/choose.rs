@@ -52,11 +52,11 @@ const OF_LOBE: f64 = 0.2;
 const ENOUGH_OF_LOBE: usize = 8;
 /// Multiple of the noise below which the misfit of a lobe's form is ignored. Raising it trusts the form more.
 const MISFIT: f64 = 1.5;
-/// Approximate number of samples of one incoming direction kept beyond the lobe, where they determine background and
-/// tail. Raising it is slower.
+/// Approximate number of samples, for each incoming direction, that the fit of a lobe uses in the wider surroundings of
+/// the lobe. They determine the values without it, and how slowly it falls off. Raising the number is slower.
 const THIN: usize = 160;
-/// Radius about the centre within which all samples are kept for a fit, as a multiple of the sum of half-width and
-/// sample spacing.
+/// Radius about the centre of a lobe within which its fit uses all samples, as a multiple of the sum of the lobe's
+/// half-width and the sample spacing.
 const ALL_WITHIN: f64 = 3.0;
 /// Least number of samples brighter than the background for a lobe to be accepted.
 const FEWEST: usize = 3;
@@ -74,8 +74,8 @@ pub(super) struct Found {
     pub(super) shape: Shape,
     pub(super) bases: Vec<[f64; TERMS]>,
     pub(super) free: [bool; NUMBERS],
-    /// Difference between the robust cross-validation costs without and with the lobe, in squared standard deviations;
-    /// positive if the lobe predicts withheld samples better.
+    /// Reduction, by the lobe, of the error of predicting withheld samples. The error is a sum of squared residuals in
+    /// standard deviations, in which outliers count less. Positive if the lobe improves the prediction.
     pub(super) gain: f64,
     pub(super) cost: f64,
 }
@@ -114,8 +114,11 @@ fn free(near: &Near, has_two_widths: bool) -> [bool; NUMBERS] {
     [true, count > 1, count > 2, true, true, has_two_widths, has_two_widths]
 }
 
-/// Returns the best lobe about the centre of a candidate; `None` if it does not predict withheld samples much better
-/// than no lobe. About the mirror direction, coordinates in direction and in half-vector slope compete.
+/// Returns the narrow lobe, about a possible centre such as the mirror direction, that predicts withheld samples best.
+/// Returns `None` if the prediction without a lobe is almost as good, or too few samples exceed the background.
+///
+/// About the mirror direction, one lobe is fitted as a function of the angle from it and another as a function of the
+/// half-vector slope.
 pub(super) fn best(scan: &Scan<'_>, candidate: &Candidate) -> Option<Found> {
     let centres: &[LobeCentre] = if candidate.near.centre == LobeCentre::Source {
         &[LobeCentre::Source]

@@ -13,7 +13,8 @@ pub(super) const TERMS: usize = 7;
 pub(super) const FOLDS: u32 = 5;
 /// Least number of samples about the lobe centre under an incoming direction; directions with fewer are skipped.
 const FEWEST: usize = 8;
-/// Rank of the sample, by distance from the lobe centre, whose distance gives the sample spacing.
+/// Number of samples nearest to the centre of a lobe that determine the sample spacing: from the area of the circle
+/// that just contains them.
 const DENSITY: usize = 12;
 
 /// A sample near the centre of a lobe, with the quantities that lobe fits need.
@@ -22,7 +23,8 @@ pub(super) struct Sample {
     pub(super) row: u32,
     /// Natural logarithm of the sample's mean over bands.
     pub(super) log: f64,
-    /// Stated standard deviation of the logarithm of the sample's mean over bands; 0 if none is stated.
+    /// Standard deviation of the natural logarithm of the sample's mean over bands, from the uncertainties in the
+    /// measurement file; 0 if it states none. It is raised for samples of a lobe whose form fits badly.
     pub(super) stated: f64,
     /// Chord on the unit sphere from the sample to the lobe centre.
     pub(super) distance: f64,

@@ -10,7 +10,8 @@ use crate::domain::{Direction, Lobe};
 /// Least fraction of a sample's value that remains after subtracting a lobe, where the background beneath the lobe is
 /// unknown.
 const LEAST_LEFT: f64 = 0.5;
-/// Least fraction of the background that remains after subtracting a lobe.
+/// Least value of a sample after subtraction of a narrow lobe, as a fraction of the background that was fitted together
+/// with the lobe.
 const LEAST_OF_BASE: f64 = 0.01;
 /// Rise of a value's natural logarithm by the lobe from which the value counts as raised clearly above the background:
 /// 35 %. Raising it counts fewer values.

@@ -34,7 +34,8 @@ impl<'a> Scan<'a> {
         Self { plan, rows, incidences, logs }
     }
 
-    /// Returns the stated standard deviation of the logarithm of a sample's mean over bands; 0 if none is stated.
+    /// Returns the standard deviation of the natural logarithm of a sample's mean over bands, from the uncertainties in
+    /// the measurement file; 0 if it states none.
     pub(super) fn stated(&self, row: u32) -> f64 {
         let certainty = self.rows.certainty.get(row as usize).map_or(0.0, |certainty| certainty[1]);
         if certainty > 0.0 { 1.0 / (certainty * self.rows.width as f64).sqrt() } else { 0.0 }

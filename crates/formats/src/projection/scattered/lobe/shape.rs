@@ -47,7 +47,8 @@ impl Shape {
         libm::exp(self.numbers[WIDTH]) * of_outgoing(self.centre)
     }
 
-    /// Converts the fitted parameters to those of a `Lobe`, in which −ln cos θi is not relative to its mean.
+    /// Converts the fitted parameters to those of a stored `Lobe`. The logarithm of the peak, fitted as a polynomial in
+    /// −ln cos θi minus its mean over incoming directions (`mean_t`), becomes one in −ln cos θi itself.
     pub(super) fn parameters(&self, mean_t: f64, range: [f64; 2]) -> LobeParameters {
         let [p0, p1, p2, _, tail, stretch, angle] = self.numbers;
         let widths = self.widths();

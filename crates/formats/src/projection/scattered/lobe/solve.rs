@@ -8,17 +8,19 @@ use super::shape::{ANGLE, LEAST_TAIL, NUMBERS, Prepared, STRETCH, Shape, TAIL, W
 use crate::domain::LobeCentre;
 use crate::numeric::cholesky::{backward, factor_clamped, forward};
 
-/// Upper bound on the rounds of a background fit.
+/// Upper bound on the iterations that fit a smooth background to samples, without a lobe.
 const ROUNDS: usize = 40;
-/// Fraction of the cost below which its reduction by one round ends a fit. Raising it is faster and less accurate.
+/// Relative reduction of the misfit by one iteration, below which the fit of a lobe and its background ends. The misfit
+/// is a robust sum of squared residuals in standard deviations. Raising the limit is faster and less accurate.
 const ENOUGH: f64 = 1e-5;
-/// Amount of the cost below which its reduction by one round ends a fit. Raising it is faster and less accurate.
+/// Absolute reduction of the misfit by one iteration, below which the fit of a lobe and its background ends. The misfit
+/// is a robust sum of squared residuals in standard deviations. Raising the limit is faster and less accurate.
 const LITTLE: f64 = 1e-2;
 /// Initial damping of the Levenberg-Marquardt steps.
 const DAMPING: f64 = 1e-3;
-/// Factor of the Levenberg-Marquardt damping after a failed step.
+/// Number by which the Levenberg-Marquardt damping is multiplied after a step that does not reduce the misfit.
 const HARDER: f64 = 8.0;
-/// Factor of the Levenberg-Marquardt damping after a successful step.
+/// Number by which the Levenberg-Marquardt damping is multiplied after a step that reduces the misfit.
 const SOFTER: f64 = 0.2;
 /// Levenberg-Marquardt damping beyond which a fit gives up, since no step is expected to succeed.
 const MOST_DAMPING: f64 = 1e8;
@@ -44,9 +46,9 @@ const STRETCH_DEVIATION: f64 = 1.0;
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {
     pub(super) near: &'a Near,
-    /// Standard deviation of the logarithms of the samples.
+    /// Standard deviation, due to noise, of the natural logarithm of a sample to which lobe and background are fitted.
     pub(super) noise: f64,
-    /// Marks of the lobe parameters that are fitted; the others are fixed.
+    /// For each parameter of the lobe, true if it is fitted and false if it is fixed.
     pub(super) free: [bool; NUMBERS],
     /// Cross-validation fold whose samples are left out; `None` to use all samples.
     pub(super) without: Option<u32>,
@@ -64,7 +66,8 @@ pub(super) struct Fit {
     pub(super) cost: f64,
 }
 
-/// Normal equations of the samples under one incoming direction.
+/// Contribution of the samples under one incoming direction to the normal equations from which a lobe and the
+/// background beneath it are fitted.
 #[derive(Clone, Copy)]
 struct Block {
     lobe: [[f64; NUMBERS]; NUMBERS],
@@ -218,7 +221,7 @@ impl Problem<'_> {
         inner(&half, &half).sqrt()
     }
 
-    /// Returns the fit after one damped Levenberg-Marquardt step.
+    /// Returns the parameters of a lobe and of the background beneath it after one damped Levenberg-Marquardt step.
     fn step(&self, from: &Fit, blocks: &[Block], damping: f64) -> Fit {
         let Reduced { matrix, right, scales, factored } = self.reduced(from, blocks, damping);
         let shape = from.shape.map(|shape| {
@@ -314,11 +317,11 @@ impl Problem<'_> {
 
 /// Value that a fit of lobe and background predicts at a sample.
 pub(super) struct Predicted {
-    /// Logarithm of the sum of background and lobe.
+    /// Natural logarithm of the fitted value at a sample: the sum of background and lobe.
     pub(super) log: f64,
-    /// Logarithm of the background, which is the predicted value without the lobe.
+    /// Natural logarithm of the fitted background at a sample: the fitted value without the contribution of the lobe.
     pub(super) base: f64,
-    /// Share of the lobe in the sum of background and lobe, 0 to 1.
+    /// Fraction that the lobe contributes to the fitted value at a sample, 0 to 1.
     pub(super) share: f64,
     slopes: [f64; NUMBERS],
 }

@@ -154,7 +154,8 @@ fn one_incidence_and_the_direction_back_are_enough() {
     assert!(peak.is_finite() && (back.shape.width().to_degrees() - 1.0).abs() < 0.05, "{:?}", back.shape);
 }
 
-/// The tail of a lobe, as long as that of GGX, reaches every sample from which the background is known.
+/// A lobe that falls off about as slowly as a GGX lobe contributes to every sample, so that no sample shows the
+/// background beneath it alone.
 #[test]
 fn colours_of_lobe_and_base_are_told_apart_beneath_a_long_tail() {
     for (tail, missing_under) in [(0.5, None), (0.3, None), (0.5, Some(20.0))] {
