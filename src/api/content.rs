@@ -69,7 +69,7 @@ async fn answer(
     let body = match &asked {
         Some((_, range)) if method != Method::HEAD => {
             if size <= WHOLE {
-                let bytes = archive.get(digest).await.map_err(Refused::Blob)?;
+                let bytes = archive.read(&blob).await.map_err(Refused::Blob)?;
                 Body::from(bytes.slice(range.start as usize..range.end as usize))
             } else {
                 Body::from_stream(archive.stream(blob, range.clone(), size))

@@ -32,12 +32,12 @@ impl Contents {
         if let Some(bytes) = self.files.get(&digest).await {
             return Ok(Some(bytes));
         }
-        let (_, size) = archive.blob(digest).await.map_err(|error| Problem::of_named(digest, error))?;
+        let (blob, size) = archive.blob(digest).await.map_err(|error| Problem::of_named(digest, error))?;
         if size > SMALL {
             return Ok(None);
         }
         let read = self.files.try_get_with(digest, async {
-            archive.get(digest).await.map_err(|error| Problem::of_named(digest, error))
+            archive.read(&blob).await.map_err(|error| Problem::of_named(digest, error))
         });
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }

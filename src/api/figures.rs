@@ -2,6 +2,7 @@
 
 use axum::Router;
 use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
 use std::net::SocketAddr;
@@ -25,9 +26,6 @@ const ENDS: [&str; 5] = ["succeeded", "failed", "dead", "cancelled", "queued"];
 /// several processes can be added, unlike quantiles.
 const SECONDS: [f64; 14] = [0.001, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0, 600.0];
 
-/// Media type of the text format of Prometheus.
-pub(super) const PROMETHEUS: &str = "text/plain; version=0.0.4; charset=utf-8";
-
 /// Returns the only metrics recorder of the process; the first call installs it.
 pub(super) fn recorder() -> Option<PrometheusHandle> {
     static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
@@ -44,6 +42,16 @@ pub(super) fn recorder() -> Option<PrometheusHandle> {
     RECORDER.get_or_init(install).clone()
 }
 
+/// Answers with the metrics of the process; empty without a recorder.
+pub(super) fn page(recorder: Option<&PrometheusHandle>) -> Response {
+    let text = recorder.map(|recorder| {
+        recorder.run_upkeep();
+        recorder.render()
+    });
+    let kind = HeaderValue::from_static("text/plain; version=0.0.4; charset=utf-8");
+    ([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response()
+}
+
 /// Merges the recorded durations into the histograms of the metrics every 5 s. Until then every duration is kept in
 /// memory.
 pub(super) async fn keep_up(metrics: PrometheusHandle) {
@@ -58,18 +66,20 @@ pub(super) async fn keep_up(metrics: PrometheusHandle) {
 pub(crate) async fn show_figures(listen: SocketAddr) -> std::io::Result<(SocketAddr, AbortOnDropHandle<()>)> {
     let listener = TcpListener::bind(listen).await?;
     let address = listener.local_addr()?;
-    let handle = recorder();
-    let page = move || async move {
-        let text = handle.map(|handle| {
-            handle.run_upkeep();
-            handle.render()
-        });
-        ([(header::CONTENT_TYPE, HeaderValue::from_static(PROMETHEUS))], text.unwrap_or_default())
-    };
-    let router = Router::new().route("/metrics", get(page)).route("/healthz", get(|| async { "ok\n" }));
+    let recorder = recorder();
+    let shown = recorder.clone();
+    let metrics = move || async move { page(shown.as_ref()) };
+    let router = Router::new().route("/metrics", get(metrics)).route("/healthz", get(|| async { "ok\n" }));
     let serving = tokio::spawn(async move {
-        if let Err(error) = axum::serve(listener, router).await {
-            tracing::error!(%error, "metrics are not served any more");
+        let serving = async {
+            if let Err(error) = axum::serve(listener, router).await {
+                tracing::error!(%error, "metrics are not served any more");
+            }
+        };
+        // Durations must not pile up while nobody asks for them.
+        match recorder {
+            Some(recorder) => drop(tokio::join!(serving, keep_up(recorder))),
+            None => serving.await,
         }
     });
     Ok((address, AbortOnDropHandle::new(serving)))

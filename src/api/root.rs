@@ -1,6 +1,6 @@
 //! Root of the interface: introduction, health, metrics and description.
 
-use super::figures::PROMETHEUS;
+use super::figures::page;
 use super::places::Places;
 use super::problem::{Kind, Problem};
 use super::schemas::Described;
@@ -88,12 +88,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     let (count, bytes) = app.engine.open_materials().await;
     metrics::gauge!("wavelume_opened_materials").set(count as f64);
     metrics::gauge!("wavelume_opened_bytes").set(bytes as f64);
-    let text = app.metrics.as_ref().map(|handle| {
-        handle.run_upkeep();
-        handle.render()
-    });
-    let kind = HeaderValue::from_static(PROMETHEUS);
-    Ok(([(header::CONTENT_TYPE, kind)], text.unwrap_or_default()).into_response())
+    Ok(page(app.metrics.as_ref()))
 }
 
 /// Get the OpenAPI description of this HTTP interface.

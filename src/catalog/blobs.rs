@@ -1,8 +1,8 @@
 //! Rows about stored bytes: which object holds a digest, which objects are being written, and which are to be deleted.
 //!
 //! ```text
-//! (absent) ─ intent ─▶ being written ─ row in, intent out ─▶ live ─ row out, doomed ─▶ doomed ─ deleted, row out ─▶
-//! gone                           └ intent expired ─▶ doomed
+//! (absent) ─ intent ─▶ being written ─ row in, intent out ─▶ live ─ row out ─▶ doomed ─ deleted, row out ─▶ gone
+//!                            └────────── intent expired ─────────────────────────▲
 //! ```
 //!
 //! Each arrow is one transaction. An object's name never comes back, so that neither a late write nor a late deletion
@@ -10,7 +10,7 @@
 //! doomed while a row names it, and a row cannot name a digest that was doomed before.
 
 use super::database::{Catalog, Write};
-use super::error::CatalogError;
+use super::error::{CatalogError, digest};
 use crate::store::{Digest, Object};
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -67,6 +67,13 @@ macro_rules! named {
     };
 }
 
+/// Query for the row about the stored bytes with the digest `$1`.
+macro_rules! blob {
+    () => {
+        "SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1"
+    };
+}
+
 impl Claim {
     /// Returns the digest to which this claim lets a row of the catalog refer.
     pub(crate) fn digest(&self) -> Digest {
@@ -80,7 +87,7 @@ impl Claim {
 impl Catalog {
     /// Returns the row of the catalog about the stored bytes with the given digest, if there is one.
     pub(crate) async fn blob(&self, digest: Digest) -> Result<Option<Blob>, CatalogError> {
-        sqlx::query("SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1")
+        sqlx::query(blob!())
             .bind(digest.to_string())
             .fetch_optional(&self.pool)
             .await?
@@ -128,8 +135,13 @@ impl Catalog {
     /// Marks a stored object in the catalog as missing or damaged, so that the next upload of the same bytes replaces
     /// it.
     pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {
-        self.mark(object, "UPDATE blobs SET suspect = 1 WHERE tenant = 'default' AND digest = $1 AND generation = $2")
-            .await
+        let _turn = self.turn().await;
+        sqlx::query("UPDATE blobs SET suspect = 1 WHERE tenant = 'default' AND digest = $1 AND generation = $2")
+            .bind(object.digest().to_string())
+            .bind(object.generation().to_owned())
+            .execute(&self.pool)
+            .await?;
+        Ok(())
     }
 
     /// Records in the catalog that the digest of a stored object was just recomputed from its bytes and is right.
@@ -144,16 +156,6 @@ impl Catalog {
         .bind(bytes as i64)
         .execute(&self.pool)
         .await?;
-        Ok(())
-    }
-
-    async fn mark(&self, object: &Object, statement: &'static str) -> Result<(), CatalogError> {
-        let _turn = self.turn().await;
-        sqlx::query(statement)
-            .bind(object.digest().to_string())
-            .bind(object.generation().to_owned())
-            .execute(&self.pool)
-            .await?;
         Ok(())
     }
 
@@ -210,7 +212,12 @@ impl Catalog {
         .bind(i64::from(most))
         .fetch_all(&self.pool)
         .await?;
-        rows.iter().map(|row| digest("unnamed", row.try_get(0)?)).collect()
+        rows.iter()
+            .map(|row| {
+                let text: String = row.try_get(0)?;
+                digest("unnamed", &text, &text)
+            })
+            .collect()
     }
 
     /// Lists the object with this digest for deletion, unless a row of the catalog refers to the digest. The deletion
@@ -220,12 +227,10 @@ impl Catalog {
         let text = digest.to_string();
         // The lock first: a row that names the digest is written before, and seen by the next statement, or after, and
         // refused by its foreign key.
-        let row = sqlx::query(write.sql(
-            "SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1{lock}",
-        ))
-        .bind(text.clone())
-        .fetch_optional(&mut *write.transaction)
-        .await?;
+        let row = sqlx::query(write.sql(concat!(blob!(), "{lock}")))
+            .bind(text.clone())
+            .fetch_optional(&mut *write.transaction)
+            .await?;
         let doomed = match row.map(|row| read(&row)).transpose()? {
             None => Doom::Gone,
             Some(blob) => {
@@ -255,27 +260,23 @@ impl Catalog {
     /// Reserves at most `most` objects that are due for deletion, and returns them with their sizes in bytes. No other
     /// process can reserve them for `time`.
     pub(crate) async fn take_doomed(&self, most: u32, time: Duration) -> Result<Vec<(Object, u64)>, CatalogError> {
-        let mut write = self.write().await?;
-        let due =
-            write.sql("SELECT object, bytes FROM doomed WHERE not_before <= $1 ORDER BY not_before LIMIT $2{skip}");
-        let rows = sqlx::query(due).bind(write.now).bind(i64::from(most)).fetch_all(&mut *write.transaction).await?;
-        let mut taken = Vec::with_capacity(rows.len());
-        for row in &rows {
+        let _turn = self.turn().await;
+        let rows = sqlx::query(self.sql(
+            "WITH due AS MATERIALIZED (SELECT object FROM doomed WHERE not_before <= {now} \
+             ORDER BY not_before LIMIT $1{skip}) UPDATE doomed SET not_before = {now} + $2, tries = tries + 1 \
+             WHERE object IN (SELECT object FROM due) RETURNING object, bytes",
+        ))
+        .bind(i64::from(most))
+        .bind(time.as_millis() as i64)
+        .fetch_all(&self.pool)
+        .await?;
+        let taken = rows.iter().map(|row| {
             let (object, bytes): (String, i64) = (row.try_get(0)?, row.try_get(1)?);
-            sqlx::query("UPDATE doomed SET not_before = $2, tries = tries + 1 WHERE object = $1")
-                .bind(object.clone())
-                .bind(write.now.saturating_add(time.as_millis() as i64))
-                .execute(&mut *write.transaction)
-                .await?;
-            let parsed = object.parse::<Object>().map_err(|error| CatalogError::Row {
-                table: "doomed",
-                id: object,
-                reason: error.to_string(),
-            })?;
-            taken.push((parsed, bytes.max(0) as u64));
-        }
-        write.commit().await?;
-        Ok(taken)
+            let parsed = object.parse::<Object>();
+            let fault = |reason| CatalogError::Row { table: "doomed", id: object.clone(), reason };
+            Ok((parsed.map_err(|error| fault(error.to_string()))?, bytes.max(0) as u64))
+        });
+        taken.collect()
     }
 
     /// Makes objects that wait for the end of their grace period due for deletion at once. Returns their number.
@@ -479,15 +480,12 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
 }
 
 fn read(row: &AnyRow) -> Result<Blob, CatalogError> {
+    let text: String = row.try_get("digest")?;
     Ok(Blob {
-        object: Object::of(digest("blobs", row.try_get("digest")?)?, row.try_get("generation")?),
+        object: Object::of(digest("blobs", &text, &text)?, row.try_get("generation")?),
         bytes: u64::try_from(row.try_get::<i64, _>("bytes")?).ok(),
         suspect: row.try_get::<i64, _>("suspect")? != 0,
     })
-}
-
-fn digest(table: &'static str, text: String) -> Result<Digest, CatalogError> {
-    text.parse().map_err(|e: crate::store::NotADigest| CatalogError::Row { table, id: text, reason: e.to_string() })
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Failures of the catalog.
 
+use crate::store::{Digest, NotADigest};
 use sqlx::migrate::MigrateError;
 use std::path::PathBuf;
 
@@ -52,4 +53,9 @@ pub enum CatalogError {
 /// row that it deletes.
 pub(super) fn breaks_reference(error: &sqlx::Error) -> bool {
     error.as_database_error().is_some_and(sqlx::error::DatabaseError::is_foreign_key_violation)
+}
+
+/// Parses a digest in row `id` of a table.
+pub(super) fn digest(table: &'static str, id: &str, text: &str) -> Result<Digest, CatalogError> {
+    text.parse().map_err(|error: NotADigest| CatalogError::Row { table, id: id.to_owned(), reason: error.to_string() })
 }

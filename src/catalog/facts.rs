@@ -45,17 +45,28 @@ impl Catalog {
         let id = uuid::Uuid::now_v7().to_string();
         self.state("instance", id.clone(), true).await?;
         self.state("store", "new".to_owned(), true).await?;
-        let turn = self.turn().await;
-        sqlx::query("DELETE FROM facts WHERE name = 'home'").execute(&self.pool).await?;
-        drop(turn);
-        // Noted anew, as the place of this catalog.
-        self.copied_from().await?;
+        if let Some(here) = self.here().await? {
+            self.state("home", here, true).await?;
+        }
         Ok(id)
     }
 
     /// Returns the id of the original if this catalog was copied to another database. Only PostgreSQL tells its
     /// databases apart; the file of a SQLite catalog may be moved freely.
     pub(crate) async fn copied_from(&self) -> Result<Option<String>, CatalogError> {
+        let Some(here) = self.here().await? else { return Ok(None) };
+        match self.fact("home").await? {
+            Some(home) if home == here => Ok(None),
+            Some(_) => Ok(Some(self.instance().await?)),
+            None => {
+                self.state("home", here, false).await?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Returns a text that tells this database from every other one of PostgreSQL; `None` for a SQLite file.
+    async fn here(&self) -> Result<Option<String>, CatalogError> {
         if self.dialect() == Dialect::Sqlite {
             return Ok(None);
         }
@@ -65,15 +76,7 @@ impl Catalog {
         )
         .fetch_one(&self.pool)
         .await?;
-        let here: String = row.try_get(0)?;
-        match self.fact("home").await? {
-            Some(home) if home == here => Ok(None),
-            Some(_) => Ok(Some(self.instance().await?)),
-            None => {
-                self.state("home", here, false).await?;
-                Ok(None)
-            }
-        }
+        Ok(Some(row.try_get(0)?))
     }
 
     /// Returns true if this catalog's id was ever written to a store.

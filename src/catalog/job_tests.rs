@@ -249,3 +249,58 @@ async fn measurements_stay_while_work_or_materials_stand_on_them() {
         assert_eq!(catalog.delete_measurement(lamp).await.unwrap(), Deleted::Done);
     }
 }
+
+#[tokio::test]
+async fn a_failed_job_is_queued_again_unless_its_measurement_is_gone() {
+    for (catalog, _guard) in testing::catalogs().await {
+        testing::add(&catalog, &testing::measurement("lamp")).await;
+        catalog.enqueue(&job("1"), 99).await.unwrap();
+        assert!(matches!(catalog.retry("1").await.unwrap(), Retried::Unended(JobState::Queued)));
+        let job = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
+        catalog.end(&job, &Ended::Failed("{}".to_owned())).await.unwrap();
+        let Retried::Queued(row) = catalog.retry("1").await.unwrap() else { panic!() };
+        assert_eq!((row.state, row.attempts, row.problem), (JobState::Queued, 0, None));
+        let again = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
+        assert!(again.epoch > job.epoch);
+        catalog.end(&again, &Ended::Failed("{}".to_owned())).await.unwrap();
+        catalog.delete_measurement(Digest::of(b"lamp")).await.unwrap();
+        assert!(matches!(catalog.retry("1").await.unwrap(), Retried::NoMeasurement));
+        assert!(matches!(catalog.retry("2").await.unwrap(), Retried::Absent));
+    }
+}
+
+#[tokio::test]
+async fn jobs_are_listed_by_state_and_measurement_and_seen_together() {
+    for (catalog, _guard) in testing::catalogs().await {
+        testing::add(&catalog, &testing::measurement("lamp")).await;
+        for id in ["a", "b", "c", "d"] {
+            catalog.enqueue(&job(id), 99).await.unwrap();
+        }
+        catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
+        let listed = async |filter: JobFilter| {
+            let page = catalog.jobs(&filter, None, 9).await.unwrap();
+            page.items.into_iter().map(|row| row.id).collect::<Vec<_>>()
+        };
+        assert_eq!(listed(JobFilter::default()).await.len(), 4);
+        assert_eq!(listed(JobFilter { state: Some(JobState::Running), ..JobFilter::default() }).await, ["a"]);
+        let other = JobFilter { measurement: Some(Digest::of(b"other")), ..JobFilter::default() };
+        assert!(listed(other).await.is_empty());
+        let (mut ids, mut cursor) = (Vec::new(), None);
+        loop {
+            let page = catalog.jobs(&JobFilter::default(), cursor, 3).await.unwrap();
+            ids.extend(page.items.into_iter().map(|row| row.id));
+            cursor = page.next;
+            if cursor.is_none() {
+                break;
+            }
+        }
+        ids.sort();
+        assert_eq!(ids, ["a", "b", "c", "d"]);
+        let wanted = ["a".to_owned(), "d".to_owned(), "absent".to_owned()];
+        catalog.watch(&wanted, LEASE).await.unwrap();
+        let mut seen = catalog.seen(&wanted).await.unwrap();
+        seen.sort_by(|a, b| a.id.cmp(&b.id));
+        let states: Vec<_> = seen.iter().map(|seen| (seen.id.as_str(), seen.state)).collect();
+        assert_eq!(states, [("a", JobState::Running), ("d", JobState::Queued)]);
+    }
+}

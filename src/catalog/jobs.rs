@@ -1,4 +1,4 @@
-//! Rows of jobs as clients see them: queued, looked up, counted, cancelled.
+//! Rows of jobs as clients see them: queued, looked up, listed, counted, cancelled and repeated.
 //!
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
 //! of its jobs, and a share that had nothing waiting begins at the rank that is being served (start-time fair queueing:
@@ -6,8 +6,9 @@
 //! only.
 
 use super::database::{Catalog, Write};
-use super::error::{CatalogError, breaks_reference};
+use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
+use super::page::{Cursor, Page};
 use crate::store::Digest;
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -31,6 +32,28 @@ pub(crate) struct JobCounts {
     pub running: u64,
     /// Time in ms since the oldest waiting job was created.
     pub oldest_ms: u64,
+}
+
+/// Filter of a list of jobs.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct JobFilter {
+    /// Restricts the list to jobs in this state.
+    pub state: Option<JobState>,
+    /// Restricts the list to jobs that read the measurement with this id.
+    pub measurement: Option<Digest>,
+}
+
+/// Outcome of putting an ended job back in the queue.
+#[derive(Clone, Debug)]
+pub(crate) enum Retried {
+    /// The job was put back, and waits in the queue again.
+    Queued(JobRow),
+    /// The job was not changed, because it waits, runs or has succeeded.
+    Unended(JobState),
+    /// The job cannot run again, because the measurement that it reads was deleted.
+    NoMeasurement,
+    /// No job has the given id.
+    Absent,
 }
 
 impl Catalog {
@@ -170,6 +193,54 @@ impl Catalog {
         })
         .await
     }
+
+    /// Returns a page of jobs, newest first.
+    pub(crate) async fn jobs(
+        &self,
+        filter: &JobFilter,
+        after: Option<Cursor>,
+        limit: usize,
+    ) -> Result<Page<JobRow>, CatalogError> {
+        let after = after.unwrap_or_else(Cursor::newest);
+        let rows = sqlx::query(concat!(
+            "SELECT ",
+            columns!(),
+            " FROM jobs WHERE tenant = 'default' AND (created_at, id) < ($1, $2) AND ($3 IS NULL OR state = $3) \
+             AND ($4 IS NULL OR measurement = $4) ORDER BY created_at DESC, id DESC LIMIT $5"
+        ))
+        .bind(after.created_at)
+        .bind(after.id)
+        .bind(filter.state.map(|state| state.name().to_owned()))
+        .bind(filter.measurement.map(|digest| digest.to_string()))
+        .bind(limit as i64 + 1)
+        .fetch_all(&self.pool)
+        .await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.clone() }))
+    }
+
+    /// Puts a job that failed, was given up or was cancelled back in the queue, as if it had never been tried.
+    pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
+        let turn = self.turn().await;
+        let retried = sqlx::query(self.sql(
+            "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
+             cancel_requested = 0, not_before = {now}, progress = 0.0, updated_at = {now} \
+             WHERE id = $1 AND state IN ('failed', 'dead', 'cancelled')",
+        ))
+        .bind(id.to_owned())
+        .execute(&self.pool)
+        .await;
+        drop(turn);
+        let changed = match retried {
+            Err(error) if breaks_reference(&error) => return Ok(Retried::NoMeasurement),
+            changed => changed?.rows_affected() == 1,
+        };
+        Ok(match self.job(id).await? {
+            None => Retried::Absent,
+            Some(row) if changed => Retried::Queued(row),
+            Some(row) => Retried::Unended(row.state),
+        })
+    }
 }
 
 /// Returns the rank in the queue of the next job of a share (jobs of one client), and raises the share's next rank by
@@ -209,11 +280,9 @@ pub(super) fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
     })
 }
 
-pub(super) fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
+fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
     let id: String = row.try_get("id")?;
-    let digest = |text: String| {
-        text.parse::<Digest>().map_err(|e| CatalogError::Row { table: "jobs", id: id.clone(), reason: e.to_string() })
-    };
+    let digest = |text: String| digest("jobs", &id, &text);
     Ok(JobRow {
         measurement: row.try_get::<Option<String>, _>("measurement")?.map(digest).transpose()?,
         state: state(&id, row.try_get("state")?)?,

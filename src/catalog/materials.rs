@@ -2,7 +2,7 @@
 
 use super::blobs::unname;
 use super::database::{Catalog, Write};
-use super::error::CatalogError;
+use super::error::{CatalogError, digest};
 use super::measurements::Deleted;
 use super::page::{Cursor, Page, pattern};
 use crate::domain::Quantity;
@@ -148,7 +148,7 @@ impl Catalog {
         for row in rows {
             let id: String = row.try_get("id")?;
             materials.push(MaterialRow {
-                id: digest(&id, &id)?,
+                id: digest("materials", &id, &id)?,
                 name: row.try_get("name")?,
                 tags: Vec::new(),
                 measurements: Vec::new(),
@@ -164,7 +164,7 @@ impl Catalog {
         );
         for row in sqlx::query(tags).bind(ids.clone()).fetch_all(&self.pool).await? {
             let id: String = row.try_get(0)?;
-            if let Some(&at) = at.get(&digest(&id, &id)?) {
+            if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].tags.push(row.try_get(1)?);
             }
         }
@@ -174,17 +174,12 @@ impl Catalog {
         );
         for row in sqlx::query(sources).bind(ids).fetch_all(&self.pool).await? {
             let (id, source): (String, String) = (row.try_get(0)?, row.try_get(1)?);
-            if let Some(&at) = at.get(&digest(&id, &id)?) {
-                materials[at].measurements.push(digest(&id, &source)?);
+            if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
+                materials[at].measurements.push(digest("materials", &id, &source)?);
             }
         }
         Ok(materials)
     }
-}
-
-fn digest(material: &str, text: &str) -> Result<Digest, CatalogError> {
-    let fault = |reason: String| CatalogError::Row { table: "materials", id: material.to_owned(), reason };
-    text.parse().map_err(|error: crate::store::NotADigest| fault(error.to_string()))
 }
 
 /// Upper bound on the number of names, and of licences, that a material keeps; the oldest are dropped first. Raising it
@@ -196,7 +191,7 @@ const MOST_NAMES: usize = 32;
 /// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays that of the first job. Name
 /// and licence are the latest given. All names, licences, tags and sources accumulate and stay searchable.
 ///
-/// Its blob must be taken before, in the same transaction.
+/// The claim on the material's file must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
     let id = new.id.to_string();
     // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.

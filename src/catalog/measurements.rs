@@ -2,7 +2,7 @@
 
 use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
-use super::error::{CatalogError, breaks_reference};
+use super::error::{CatalogError, breaks_reference, digest};
 use super::page::{Cursor, Page, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
@@ -234,13 +234,7 @@ impl Catalog {
 
 fn read(row: &AnyRow) -> Result<MeasurementRow, CatalogError> {
     let id: String = row.try_get("id")?;
-    let digest = |text: String| {
-        text.parse::<Digest>().map_err(|e| CatalogError::Row {
-            table: "measurements",
-            id: id.clone(),
-            reason: e.to_string(),
-        })
-    };
+    let digest = |text: String| digest("measurements", &id, &text);
     Ok(MeasurementRow {
         id: digest(id.clone())?,
         content: digest(row.try_get("content")?)?,

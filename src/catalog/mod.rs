@@ -1,9 +1,9 @@
 //! Catalog of measurements, materials, jobs and stored bytes: SQL and its migrations.
 //!
-//! The same statements serve SQLite and PostgreSQL: `$n` placeholders, three column types, and a few marks that each
-//! database writes in its own way ([`dialect`]). What must stay true while many processes write is said by foreign keys
-//! and by updates that name the state in which they find a row. Writes on SQLite begin with `BEGIN IMMEDIATE`, so that
-//! a transaction never has to give up because it read before it wrote.
+//! One text of each statement serves SQLite and PostgreSQL: `$n` placeholders, three column types, and a few marks that
+//! each database writes in its own way ([`dialect`]). What must stay true while many processes write is said by foreign
+//! keys and by updates that name the state in which they find a row. Writes on SQLite begin with `BEGIN IMMEDIATE`, so
+//! that a transaction never has to give up because it read before it wrote.
 
 mod blobs;
 mod database;
@@ -37,11 +37,12 @@ pub(crate) use blobs::{Blob, Claim, Doom, Namer};
 pub(crate) use database::Catalog;
 pub(crate) use dialect::Dialect;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
+pub(crate) use jobs::{JobFilter, Retried};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use retention::Retention;
-pub(crate) use watch::{JobFilter, Notice, Retried};
+pub(crate) use watch::Notice;
 
 #[cfg(test)]
 pub(crate) mod testing {

@@ -35,9 +35,7 @@ impl Catalog {
         };
         timeout(PATIENCE, looking).await.unwrap_or(Err(CatalogError::Locked))
     }
-}
 
-impl Catalog {
     /// Returns the error for a database that does not answer in time.
     fn silent(&self) -> CatalogError {
         match self.dialect {

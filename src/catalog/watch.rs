@@ -1,13 +1,11 @@
-//! Jobs as other processes see them: watched in one query, told by notifications, listed, and put back to the queue.
+//! Jobs of other processes: watched in one query, and told by notifications.
 
 use super::database::Catalog;
 use super::dialect::Dialect;
-use super::error::{CatalogError, breaks_reference};
-use super::job::{JobRow, JobState};
-use super::jobs::{read, state};
-use super::page::{Cursor, Page};
+use super::error::CatalogError;
+use super::job::JobState;
+use super::jobs::state;
 use super::place::Database;
-use crate::store::Digest;
 use sqlx::Row;
 use sqlx::postgres::PgListener;
 use std::time::Duration;
@@ -21,28 +19,6 @@ pub(crate) struct Seen {
     pub state: JobState,
     /// Progress of the job from 0 to 1.
     pub progress: f64,
-}
-
-/// Filter of a list of jobs.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct JobFilter {
-    /// Restricts the list to jobs in this state.
-    pub state: Option<JobState>,
-    /// Restricts the list to jobs that read the measurement with this id.
-    pub measurement: Option<Digest>,
-}
-
-/// Outcome of putting an ended job back in the queue.
-#[derive(Clone, Debug)]
-pub(crate) enum Retried {
-    /// The job was put back, and waits in the queue again.
-    Queued(JobRow),
-    /// The job was not changed, because it waits, runs or has succeeded.
-    Unended(JobState),
-    /// The job cannot run again, because the measurement that it reads was deleted.
-    NoMeasurement,
-    /// No job has the given id.
-    Absent,
 }
 
 /// Notification about jobs from another process.
@@ -91,54 +67,6 @@ impl Catalog {
         .execute(&self.pool)
         .await?;
         Ok(())
-    }
-
-    /// Returns a page of jobs, newest first.
-    pub(crate) async fn jobs(
-        &self,
-        filter: &JobFilter,
-        after: Option<Cursor>,
-        limit: usize,
-    ) -> Result<Page<JobRow>, CatalogError> {
-        let after = after.unwrap_or_else(Cursor::newest);
-        let rows = sqlx::query(concat!(
-            "SELECT ",
-            "id, measurement, state, progress, attempts, material, report, problem, created_at, updated_at",
-            " FROM jobs WHERE tenant = 'default' AND (created_at, id) < ($1, $2) AND ($3 IS NULL OR state = $3) \
-             AND ($4 IS NULL OR measurement = $4) ORDER BY created_at DESC, id DESC LIMIT $5"
-        ))
-        .bind(after.created_at)
-        .bind(after.id)
-        .bind(filter.state.map(|state| state.name().to_owned()))
-        .bind(filter.measurement.map(|digest| digest.to_string()))
-        .bind(limit as i64 + 1)
-        .fetch_all(&self.pool)
-        .await?;
-        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-        Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.clone() }))
-    }
-
-    /// Puts a job that failed, was given up or was cancelled back in the queue, as if it had never been tried.
-    pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
-        let turn = self.turn().await;
-        let retried = sqlx::query(self.sql(
-            "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
-             cancel_requested = 0, not_before = {now}, progress = 0.0, updated_at = {now} \
-             WHERE id = $1 AND state IN ('failed', 'dead', 'cancelled')",
-        ))
-        .bind(id.to_owned())
-        .execute(&self.pool)
-        .await;
-        drop(turn);
-        let changed = match retried {
-            Err(error) if breaks_reference(&error) => return Ok(Retried::NoMeasurement),
-            changed => changed?.rows_affected() == 1,
-        };
-        Ok(match self.job(id).await? {
-            None => Retried::Absent,
-            Some(row) if changed => Retried::Queued(row),
-            Some(row) => Retried::Unended(row.state),
-        })
     }
 
     /// Notifies other processes that a job was queued. It is best called seldom: PostgreSQL sends one notification at a
@@ -199,71 +127,7 @@ impl Notices {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::{Ended, NewJob, testing};
-
-    const LEASE: Duration = Duration::from_mins(1);
-
-    async fn queue(catalog: &Catalog, id: &str) {
-        let measurement = Some(Digest::of(b"lamp"));
-        let new =
-            NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement, share: String::new(), idempotency: None };
-        catalog.enqueue(&new, 99).await.unwrap();
-    }
-
-    #[tokio::test]
-    async fn a_failed_job_is_queued_again_unless_its_measurement_is_gone() {
-        for (catalog, _guard) in testing::catalogs().await {
-            testing::add(&catalog, &testing::measurement("lamp")).await;
-            queue(&catalog, "1").await;
-            assert!(matches!(catalog.retry("1").await.unwrap(), Retried::Unended(JobState::Queued)));
-            let job = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
-            catalog.end(&job, &Ended::Failed("{}".to_owned())).await.unwrap();
-            let Retried::Queued(row) = catalog.retry("1").await.unwrap() else { panic!() };
-            assert_eq!((row.state, row.attempts, row.problem), (JobState::Queued, 0, None));
-            let again = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
-            assert!(again.epoch > job.epoch);
-            catalog.end(&again, &Ended::Failed("{}".to_owned())).await.unwrap();
-            catalog.delete_measurement(Digest::of(b"lamp")).await.unwrap();
-            assert!(matches!(catalog.retry("1").await.unwrap(), Retried::NoMeasurement));
-            assert!(matches!(catalog.retry("2").await.unwrap(), Retried::Absent));
-        }
-    }
-
-    #[tokio::test]
-    async fn jobs_are_listed_by_state_and_measurement_and_seen_together() {
-        for (catalog, _guard) in testing::catalogs().await {
-            testing::add(&catalog, &testing::measurement("lamp")).await;
-            for id in ["a", "b", "c", "d"] {
-                queue(&catalog, id).await;
-            }
-            catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
-            let listed = async |filter: JobFilter| {
-                let page = catalog.jobs(&filter, None, 9).await.unwrap();
-                page.items.into_iter().map(|row| row.id).collect::<Vec<_>>()
-            };
-            assert_eq!(listed(JobFilter::default()).await.len(), 4);
-            assert_eq!(listed(JobFilter { state: Some(JobState::Running), ..JobFilter::default() }).await, ["a"]);
-            let other = JobFilter { measurement: Some(Digest::of(b"other")), ..JobFilter::default() };
-            assert!(listed(other).await.is_empty());
-            let (mut ids, mut cursor) = (Vec::new(), None);
-            loop {
-                let page = catalog.jobs(&JobFilter::default(), cursor, 3).await.unwrap();
-                ids.extend(page.items.into_iter().map(|row| row.id));
-                cursor = page.next;
-                if cursor.is_none() {
-                    break;
-                }
-            }
-            ids.sort();
-            assert_eq!(ids, ["a", "b", "c", "d"]);
-            let wanted = ["a".to_owned(), "d".to_owned(), "absent".to_owned()];
-            catalog.watch(&wanted, LEASE).await.unwrap();
-            let mut seen = catalog.seen(&wanted).await.unwrap();
-            seen.sort_by(|a, b| a.id.cmp(&b.id));
-            let states: Vec<_> = seen.iter().map(|seen| (seen.id.as_str(), seen.state)).collect();
-            assert_eq!(states, [("a", JobState::Running), ("d", JobState::Queued)]);
-        }
-    }
+    use crate::catalog::testing;
 
     #[tokio::test]
     async fn notifications_reach_the_processes_that_listen() {

@@ -1,12 +1,13 @@
 //! `wavelume demo`: the service on real measurements, uploaded and compressed through its own HTTP interface.
 
+use super::answer::{escaped, read, send, text};
 use super::failure::Failure;
 use super::health::reason;
 use super::output::{Table, count, per_cent, print, three_digits};
 use super::runtime::{block_on, stop_signal};
 use super::serve;
 use crate::api::Stop;
-use reqwest::{Client, RequestBuilder, Response, StatusCode};
+use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -244,49 +245,9 @@ impl Visitor {
     }
 }
 
-async fn send(request: RequestBuilder) -> Result<Response, Failure> {
-    request.send().await.map_err(|error| Failure::failed(reason(&error)))
-}
-
-/// Returns the JSON body of an HTTP response; fails with the problem that an unsuccessful response describes.
-async fn read(answer: Response) -> Result<Value, Failure> {
-    let (status, path) = (answer.status(), answer.url().path().to_owned());
-    let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
-    if status.is_success() {
-        return Ok(body);
-    }
-    let detail = body["detail"].as_str().or(body["title"].as_str()).unwrap_or("no detail");
-    Err(Failure::failed(format!("{path}: {status}: {detail}")))
-}
-
-fn text<'a>(answer: &'a Value, name: &str) -> Result<&'a str, Failure> {
-    answer[name].as_str().ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
-}
-
 /// Returns the number called `name` in the JSON description of a material, or else in `errors`, the report on
 /// compression errors in that description.
 fn number(material: &Value, name: &str) -> Result<f64, Failure> {
     let found = material[name].as_f64().or_else(|| material["errors"][name].as_f64());
     found.ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
-}
-
-/// Percent-encodes `text` as a value in a query string.
-fn escaped(text: &str) -> String {
-    text.bytes()
-        .map(|byte| match byte {
-            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' => char::from(byte).to_string(),
-            _ => format!("%{byte:02X}"),
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn queries_are_escaped() {
-        assert_eq!(escaped("light skin"), "light%20skin");
-        assert_eq!(escaped("b3-a.ies"), "b3-a.ies");
-    }
 }

@@ -1,5 +1,6 @@
 //! `wavelume jobs`: lists, cancels and repeats jobs of a running service.
 
+use super::answer::{escaped, read, send};
 use super::failure::Failure;
 use super::health::reason;
 use super::output::{Table, print, print_json};
@@ -86,8 +87,8 @@ async fn show(list: &List) -> Result<(), Failure> {
     while jobs.len() < list.limit {
         let mut query = query.clone();
         query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
-        let text: Vec<String> = query.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        let page = ask(&client.get(format!("{}/v1/jobs?{}", list.service.url, text.join("&")))).await?;
+        let text: Vec<String> = query.iter().map(|(name, value)| format!("{name}={}", escaped(value))).collect();
+        let page = read(send(client.get(format!("{}/v1/jobs?{}", list.service.url, text.join("&")))).await?).await?;
         jobs.extend(page["items"].as_array().into_iter().flatten().cloned());
         cursor = page["next"].as_str().map(str::to_owned);
         if cursor.is_none() {
@@ -113,7 +114,9 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
     let client = client()?;
     let mut failed = None;
     for id in &chosen.jobs {
-        match ask(&client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.url))).await {
+        let request = client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.url));
+        let answer = async { read(send(request).await?).await };
+        match answer.await {
             Ok(job) => print(&format!("{id}  {}\n", job["state"].as_str().unwrap_or_default()))?,
             Err(failure) => {
                 print(&format!("{id}  {failure}\n"))?;
@@ -126,19 +129,4 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
 
 fn client() -> Result<Client, Failure> {
     Client::builder().timeout(PATIENCE).build().map_err(|error| Failure::failed(reason(&error)))
-}
-
-/// Sends an HTTP request to the service, and returns the JSON of the answer. An answer that reports a problem becomes
-/// an error with the detail of the problem.
-async fn ask(request: &reqwest::RequestBuilder) -> Result<Value, Failure> {
-    let request = request.try_clone().ok_or_else(|| Failure::failed("the request cannot be sent"))?;
-    let answer = request.send().await.map_err(|error| Failure::failed(reason(&error)))?;
-    let is_success = answer.status().is_success();
-    let status = answer.status();
-    let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
-    if is_success {
-        return Ok(body);
-    }
-    let detail = body["detail"].as_str().map_or_else(|| status.to_string(), str::to_owned);
-    Err(Failure::failed(detail))
 }

@@ -1,5 +1,6 @@
 //! Command line, one file per command: translates between words and the library, without any science of its own.
 
+mod answer;
 mod bases;
 mod batch;
 mod color;

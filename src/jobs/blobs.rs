@@ -36,6 +36,13 @@ impl Archive {
     /// Returns all stored bytes with the given digest, after checking them against the digest.
     pub(crate) async fn get(&self, digest: Digest) -> Result<Bytes, BlobError> {
         let blob = self.catalog.blob(digest).await?.ok_or(StoreError::NotFound(digest))?;
+        self.read(&blob).await
+    }
+
+    /// Returns all bytes of a stored object that was just looked up in the catalog, after checking them against their
+    /// digest.
+    pub(crate) async fn read(&self, blob: &Blob) -> Result<Bytes, BlobError> {
+        let digest = blob.object.digest();
         let error = match self.store.get(&blob.object, blob.bytes).await {
             Ok(bytes) => return Ok(bytes),
             Err(error @ (StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. })) => error,
@@ -44,7 +51,7 @@ impl Archive {
         // The object may have been replaced since it was looked up.
         match self.catalog.blob(digest).await? {
             Some(now) if now.object != blob.object => Ok(self.store.get(&now.object, now.bytes).await?),
-            Some(_) => Err(self.suspected(&blob, error).await.into()),
+            Some(_) => Err(self.suspected(blob, error).await.into()),
             None => Err(StoreError::NotFound(digest).into()),
         }
     }

@@ -1,5 +1,5 @@
-//! Files stored and protected from removal (*pinned*) until a database row refers to them, and stored again if the
-//! protection expires first.
+//! Bytes written to the store under an announcement until a row of the catalog refers to them, and written again if the
+//! announcement expires first.
 
 use super::archive::{Archive, ArchiveError};
 use super::blobs::BlobError;

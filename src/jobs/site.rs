@@ -40,6 +40,7 @@ impl Site {
 pub(super) mod tests {
     use super::*;
     use crate::catalog::{Catalog, testing};
+    use crate::store::contract;
 
     /// Returns the places of two new services for tests: one with a single directory, one with PostgreSQL and an S3
     /// bucket.
@@ -47,15 +48,7 @@ pub(super) mod tests {
         let (alone, scratch) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         let database = testing::server().await;
         Catalog::migrate(&database, false).await.unwrap();
-        let shared = Site { database: Some(database), store: Some(bucket()), ..Site::new(scratch.path()) };
+        let shared = Site { database: Some(database), store: Some(contract::bucket()), ..Site::new(scratch.path()) };
         vec![(Site::new(alone.path()), alone), (shared, scratch)]
-    }
-
-    /// Returns a new prefix in the S3 bucket of the tests.
-    fn bucket() -> Place {
-        let bucket = std::env::var("WAVELUME_TEST_STORE").expect(
-            "WAVELUME_TEST_STORE is not set: run the tests as `tests/servers cargo test …`, which starts an S3 server",
-        );
-        format!("{bucket}/{}", uuid::Uuid::now_v7().simple()).parse().unwrap()
     }
 }

@@ -39,6 +39,14 @@ pub(crate) mod contract {
     use futures::TryStreamExt;
     use std::sync::Arc;
 
+    /// Returns a new prefix in the bucket of the S3 server that the tests use.
+    pub(crate) fn bucket() -> Place {
+        let bucket = std::env::var("WAVELUME_TEST_STORE").expect(
+            "WAVELUME_TEST_STORE is not set: run the tests as `tests/servers cargo test …`, which starts an S3 server",
+        );
+        format!("{bucket}/{}", uuid::Uuid::now_v7().simple()).parse().unwrap()
+    }
+
     pub(crate) async fn holds<S: Store + ?Sized + 'static>(store: Arc<S>, staging: &Staging) {
         let absent = Object::fresh(Digest::of(b"never published"));
         assert_eq!(store.size(&absent).await.unwrap(), None);

@@ -41,16 +41,12 @@ pub(super) fn open(bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
 
 #[cfg(test)]
 mod tests {
-    use crate::store::{Place, contract};
+    use crate::store::contract;
 
     #[tokio::test]
     async fn a_bucket_holds_the_contract() {
-        let bucket = std::env::var("WAVELUME_TEST_STORE").expect(
-            "WAVELUME_TEST_STORE is not set: run the tests as `tests/servers cargo test …`, which starts an S3 server",
-        );
-        let place: Place = format!("{bucket}/contract/{}", uuid::Uuid::now_v7().simple()).parse().unwrap();
         let scratch = tempfile::tempdir().unwrap();
-        let (store, staging) = place.open(scratch.path()).unwrap();
+        let (store, staging) = contract::bucket().open(scratch.path()).unwrap();
         contract::holds(store, &staging).await;
     }
 }

@@ -252,7 +252,8 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
 }
 
 /// Estimates how large the smallest possible file, now of `least` bytes, becomes if the user asks for just that size.
-/// Its metadata repeat the size asked for, now `bytes`, and numbers computed from it, which may get more digits.
+/// Metadata of the file repeat the size asked for, now `bytes`, and numbers computed from it, which may get more
+/// digits.
 fn with_longer_request(bytes: u64, least: f64) -> f64 {
     let digits = |number: u64| number.max(1).ilog10();
     least + f64::from(4 + 2 * digits(least as u64).saturating_sub(digits(bytes)))

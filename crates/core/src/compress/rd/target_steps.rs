@@ -194,7 +194,7 @@ pub(super) fn refined(
 /// vectors and zero-bin widths near `steps`. Only small files are refined, as their errors are not monotone in the
 /// step.
 ///
-/// Those of large files are monotone and their trials take long, so `steps` is returned for them.
+/// Errors of large files are monotone and their trials take long, so `steps` is returned for them.
 fn refined_grid(
     candidate: &Candidate<'_>,
     steps: Steps,

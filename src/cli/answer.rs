@@ -1,0 +1,48 @@
+//! Requests to a running service, and its answers as JSON.
+
+use super::failure::Failure;
+use super::health::reason;
+use reqwest::{RequestBuilder, Response};
+use serde_json::Value;
+
+/// Sends an HTTP request to a service.
+pub(super) async fn send(request: RequestBuilder) -> Result<Response, Failure> {
+    request.send().await.map_err(|error| Failure::failed(reason(&error)))
+}
+
+/// Returns the JSON body of an HTTP response; fails with the problem that an unsuccessful response describes.
+pub(super) async fn read(answer: Response) -> Result<Value, Failure> {
+    let (status, path) = (answer.status(), answer.url().path().to_owned());
+    let body: Value = answer.json().await.map_err(|error| Failure::failed(reason(&error)))?;
+    if status.is_success() {
+        return Ok(body);
+    }
+    let detail = body["detail"].as_str().or(body["title"].as_str()).unwrap_or("no detail");
+    Err(Failure::failed(format!("{path}: {status}: {detail}")))
+}
+
+/// Returns the text called `name` of an answer.
+pub(super) fn text<'a>(answer: &'a Value, name: &str) -> Result<&'a str, Failure> {
+    answer[name].as_str().ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
+}
+
+/// Percent-encodes `text` as a value in a query string.
+pub(super) fn escaped(text: &str) -> String {
+    text.bytes()
+        .map(|byte| match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' => char::from(byte).to_string(),
+            _ => format!("%{byte:02X}"),
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn queries_are_escaped() {
+        assert_eq!(escaped("light skin"), "light%20skin");
+        assert_eq!(escaped("b3-a.ies"), "b3-a.ies");
+    }
+}
