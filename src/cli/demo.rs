@@ -154,7 +154,7 @@ async fn exhibit(base: &str) -> Result<(), Failure> {
     print(&table.render())?;
     print(
         "file, float32 and stored in bytes; ratio of float32 to stored; errors of the decoded file\n\
-         what is stored holds its provenance, 150 bytes and more: a single spectrum has fewer\n",
+         stored sizes include 150 bytes or more of provenance, which outweighs a single spectrum\n",
     )?;
     if kept > 0 {
         print(&format!("{kept} of {} materials were in the data directory already and are used again\n", ids.len()))?;

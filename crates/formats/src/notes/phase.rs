@@ -19,7 +19,7 @@ wavelume_core::declare_notes! {
             "directions {outgoing_degrees} degrees apart are enough, {incoming_degrees} for incoming ones, though the table \
              has steps of {step_degrees} degrees: name the levels for more";
         Assumed WavelengthsNormalised { wavelengths: usize } =>
-            "each of {wavelengths} wavelengths is normalised by itself; what is said here is of the first";
+            "each of {wavelengths} wavelengths is normalised separately; the figures below are for the first";
         Filled EndsHeld { first_degrees: Brief, last_degrees: Brief } =>
             "the table goes from {first_degrees} to {last_degrees} degrees: its first and last value hold beyond";
         Warning UncoveredMasked => "angles that the table does not cover are masked";
