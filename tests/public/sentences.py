@@ -4,7 +4,7 @@
 Usage: sentences.py SEED [COMMENTS MESSAGES HELP]        (60, 20 and 10 without numbers)
 
 Each line is the number, the kind and the text; with --where the file and line stand behind it. The same seed draws the same
-sentences from the same code.
+sentences from the same code. A message that only passes on another one, as "{0}", has no words of its own and is not drawn.
 """
 import os
 import random
@@ -44,7 +44,8 @@ def gathered():
             (helps if is_help else comments).append((first, f"{place}:{start + 1}"))
         for found in re.finditer(r'#\[error\(\s*"((?:[^"\\]|\\.)*)"', text):
             message = re.sub(r"\\\s*\n\s*", "", found.group(1)).replace('\\"', '"')
-            messages.append((message, f"{place}:{text.count(chr(10), 0, found.start()) + 1}"))
+            if re.search(r"[a-z]", re.sub(r"\{[^}]*\}", "", message)):
+                messages.append((message, f"{place}:{text.count(chr(10), 0, found.start()) + 1}"))
     return [("comment", comments), ("message", messages), ("help", helps)]
 
 
