@@ -14,8 +14,8 @@ pub(crate) trait Passed {
     /// Takes note that the connection has room to send more and asks for the next piece of the response body. Does
     /// nothing by default.
     fn asked(&mut self) {}
-    /// Takes note that the connection got a piece of the response body, or the response head before it asked for any of
-    /// the body. Does nothing by default.
+    /// Takes note that the connection got bytes to send to the client: a piece of the response body, or the response
+    /// head while no piece was requested yet. Does nothing by default.
     fn gave(&mut self) {}
 }
 

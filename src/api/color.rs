@@ -143,7 +143,8 @@ enum Named<T> {
     Stored(Digest),
 }
 
-/// Illuminant and observer of a query, with the stored tables opened.
+/// Illuminant and observer of a colour query. Those that the client names by digest are opened from the store: tables
+/// of a light's spectrum or of colour-matching functions.
 pub(super) struct Sources {
     illuminant: Illuminant,
     observer: StandardObserver,

@@ -12,8 +12,8 @@ use std::ops::Range;
 /// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
-/// Answers with a stored blob that a catalog row names, like [`respond`]. A missing blob is reported as corruption of
-/// the store.
+/// Builds the HTTP response that sends the stored blob `digest`, whole or in part, as the request asks. A row of the
+/// catalog refers to the blob, so a missing blob is reported as corruption of the store.
 pub(crate) async fn respond_named(
     app: &App,
     digest: Digest,
@@ -48,7 +48,7 @@ pub(crate) async fn respond(
 
 /// Reason why a request for a stored file is not answered with bytes of the file.
 enum Refused {
-    /// The stored bytes of the file cannot be read.
+    /// The bytes of the stored file that the request asks for cannot be read from the store.
     Blob(BlobError),
     /// The request does not fit the stored file, for example because of a byte range beyond its end.
     Request(Problem),

@@ -17,7 +17,8 @@ use utoipa::{IntoParams, IntoResponses, ToSchema};
 struct Types {
     #[param(value_type = ExportName)]
     format: String,
-    /// Zero-based entry on each leading index axis: `I,J`. `npy` and `manifest` contain every entry and accept none.
+    /// Zero-based position of the exported entry on each leading index axis (columns of a table, scan positions):
+    /// `I,J`. Not allowed for `npy` and `manifest`, which contain every entry.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
     side: Option<u32>,
@@ -43,7 +44,8 @@ impl IntoParams for ExportParams {
     }
 }
 
-/// Answers to an export.
+/// HTTP responses to a request that exports a material, for the OpenAPI description: the exported file, or status 304
+/// without content.
 pub(super) struct ExportedFile;
 
 /// Text on the response header `Wavelume-Export-Error` in the OpenAPI description. The header states the error that an

@@ -42,9 +42,10 @@ pub(super) struct Job {
     /// Progress of the job from 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
-    /// Id of the measurement that the job reads; null for a report.
+    /// Id of the measurement that the job reads; null for a job that makes a report and reads no measurement.
     measurement: Option<Digest>,
-    /// Id of the material that the job made; null before the end and for a report.
+    /// Id of the material that the job made; null unless the job has succeeded, and for a job that makes a report
+    /// instead.
     material: Option<Digest>,
     /// Digest of the report that the job made: an array of tables, as `wavelume paper --json` prints it.
     report: Option<Digest>,

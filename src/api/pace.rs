@@ -20,7 +20,9 @@ pub(crate) struct Pace {
     idle: Duration,
     waited: Duration,
     bytes: u64,
-    /// History over one time window, an entry about every thirtieth of it: time waited and bytes received so far.
+    /// History of the arrival of a request body over one time window, an entry about every thirtieth of it. An entry is
+    /// the time waited for the client, without the grace time, and the bytes received, both since the start of the
+    /// body.
     history: VecDeque<(Duration, u64)>,
 }
 

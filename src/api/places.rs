@@ -123,7 +123,8 @@ impl Places {
 }
 
 impl Place {
-    /// Takes `count` further permits, all together or none.
+    /// Takes `count` permits (for example, for simultaneous uploads) from the pool in addition to those already held:
+    /// all of them or none.
     pub(crate) fn grow(&mut self, count: usize) -> Result<(), Full> {
         self.shared.take(self.peer, count)?;
         self.count += count;

@@ -11,7 +11,7 @@ use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-/// HTTP routes of introduction, health checks, metrics and interface description.
+/// HTTP routes of the start page (first commands to try), the health checks, the metrics and the OpenAPI description.
 pub(crate) fn routes() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(index))

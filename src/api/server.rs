@@ -56,7 +56,7 @@ pub enum ServeError {
         source: std::io::Error,
     },
     /// A host name or an origin in the configuration is invalid.
-    #[error("invalid setting {0}")]
+    #[error("a host name or an origin in the settings is invalid: {0}")]
     Setting(String),
     /// The data directory cannot be used.
     #[error(transparent)]
@@ -73,7 +73,8 @@ pub enum Stop {
     AtOnce,
 }
 
-/// Conversion of a shutdown signal that does not say how to stop: the service then stops at once.
+/// Conversion of a shutdown signal without a value into [`Stop::AtOnce`]: the service then stops without a notice
+/// period.
 impl From<()> for Stop {
     fn from((): ()) -> Self {
         Self::AtOnce

@@ -41,7 +41,7 @@ pub(crate) struct Held {
     pub(crate) bodies: Places,
     /// Counter of KiB of response bodies that are whole in memory until they are sent, in contrast to streamed ones.
     pub(crate) answers: Places,
-    /// Counter of batch evaluations that are answered as streams.
+    /// Counter of batch evaluations whose streamed answers are being computed or sent.
     pub(crate) streams: Places,
     /// Counter of exported files that are being made or sent.
     pub(crate) exports: Places,

@@ -43,7 +43,7 @@ struct Frame {
     has_checksum: bool,
     /// Size of the decompressed content in bytes that the frame header declares; `None` if it declares none.
     declared: Option<u64>,
-    /// Bytes of decompressed content of the frame read so far.
+    /// Number of bytes of decompressed content that have been read from the current zstd frame so far.
     read: u64,
 }
 

@@ -39,11 +39,11 @@ pub(crate) enum Claim {
 /// Kind of catalog row that refers to stored bytes by their digest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Namer {
-    /// Row of a material, whose file the stored bytes are.
+    /// Row of the catalog for a material; the digest is that of the material's file.
     Material,
-    /// Row of a job, whose report the stored bytes are.
+    /// Row of the catalog for a job; the digest is that of the report that the job made.
     Report,
-    /// Row of a measurement, whose content the stored bytes are.
+    /// Row of the catalog for a measurement; the digest is that of its content.
     Measurement,
 }
 
@@ -187,8 +187,8 @@ impl Catalog {
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Lists for deletion at most `most` objects whose announced write has expired. They are deleted only after the
-    /// time `later`, because a slow write may still be under way. Returns their number.
+    /// Lists for deletion at most `most` objects whose announced write has expired, and returns their number. They are
+    /// deleted only after a delay of `later`, because a slow write may still be under way.
     pub(crate) async fn doom_expired(&self, most: u32, later: Duration) -> Result<u64, CatalogError> {
         let mut write = self.write().await?;
         let expired =
@@ -393,8 +393,8 @@ pub(crate) struct BlobCounts {
     pub doomed_bytes: u64,
 }
 
-/// Lets a row that is written in the same transaction refer to stored bytes. Returns false if the claim on the bytes
-/// has expired: nothing may be written, and the bytes must be stored again.
+/// Lets the row that the transaction `write` adds to the catalog refer to stored bytes. Returns false if the permission
+/// (`claim`) has expired: the row must not be written, and the bytes must be stored again.
 pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, CatalogError> {
     let (object, bytes) = match claim {
         // The foreign key of the row decides.

@@ -42,9 +42,9 @@ pub enum CatalogError {
     Row {
         /// Name of the table that holds the invalid row.
         table: &'static str,
-        /// Id of the invalid row.
+        /// Id of the row in the catalog whose content this version of the program never writes.
         id: String,
-        /// Description of the fault of the row.
+        /// Description of what is wrong with the content of the invalid row in the catalog's table.
         reason: String,
     },
 }

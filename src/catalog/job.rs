@@ -90,7 +90,8 @@ pub(crate) struct Claimed {
     /// Fencing epoch: a number that rises with each claim of the job, and that every later write of the worker must
     /// match.
     pub epoch: i64,
-    /// Number of attempts to run the job started so far, this one included, without those whose worker vanished.
+    /// Number of attempts to run the job so far, including the attempt for which the worker has just claimed it.
+    /// Attempts whose worker vanished or was stopped do not count.
     pub attempts: u32,
 }
 
@@ -108,7 +109,8 @@ pub(crate) enum Beat {
 /// Outcome of a worker's attempt to run a job.
 #[derive(Clone, Debug)]
 pub(crate) enum Ended {
-    /// The attempt made a material. Its file was stored under the claim, which lets a row refer to the file.
+    /// The attempt made a material, and its file is in the store. The claim permits a row of the catalog to refer to
+    /// the file.
     Material(Box<NewMaterial>, Claim),
     /// The attempt made a report. Its bytes were stored under the claim, which lets a row refer to the bytes.
     Report(Claim),
@@ -137,7 +139,8 @@ pub(crate) enum Ending {
     Now(JobState),
     /// The worker no longer owned the job, so nothing was written.
     Lost,
-    /// The claim on the bytes of the result has expired, so nothing was written. The bytes must be stored again.
+    /// The result's stored bytes were deleted, or the permission to refer to them has expired, so the catalog was not
+    /// changed. The bytes must be stored again.
     Unpublished,
 }
 

@@ -29,7 +29,7 @@ pub(crate) struct NewMaterial {
     pub tags: Vec<String>,
     /// Id of the measurement from which the material was made.
     pub measurement: Digest,
-    /// Manifest of the material, a JSON object.
+    /// Description of the material as a JSON object: report of its compression, names, licences and origin.
     pub document: Map<String, Value>,
 }
 
@@ -256,8 +256,9 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     Ok(())
 }
 
-/// Appends `given` to the list of texts under `key` of a material's manifest, and returns the list: each text once, the
-/// latest last. If the manifest has no list yet, the list begins with `current`.
+/// Appends `given` to the list of names or licences under `key` of a material's manifest, and returns the list: each
+/// text once, the latest last. A list that the manifest lacks begins with `current`, the material's present name or
+/// licence.
 fn added(document: &mut Map<String, Value>, key: &str, current: Option<String>, given: Option<String>) -> Vec<String> {
     let listed = document.get(key).and_then(Value::as_array);
     let mut texts: Vec<String> = match listed {

@@ -16,7 +16,7 @@ pub(crate) struct NewMeasurement {
     pub id: Digest,
     /// BLAKE3 digest of the measurement's content.
     pub content: Digest,
-    /// Id of the measurement whose content is the spectrum joined with this measurement, if any.
+    /// Id of the measurement whose content is the spectrum by which this measurement is multiplied, if any.
     pub spectrum: Option<Digest>,
     /// Name of the measurement given by the user.
     pub name: Option<String>,
@@ -69,7 +69,8 @@ pub(crate) enum Added {
     Row(MeasurementRow, bool),
     /// The spectrum to which the measurement refers was deleted meanwhile, so nothing was written.
     NoSpectrum,
-    /// The claim on the stored content has expired, so nothing was written. The content must be stored again.
+    /// The measurement's stored content was deleted, or the permission to refer to it has expired, so no row was
+    /// written. The content must be stored again.
     Unpublished,
 }
 

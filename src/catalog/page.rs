@@ -18,7 +18,7 @@ pub(crate) struct NotACursor;
 /// One page of a list of rows, and the cursor of the next page if there are more rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Page<T> {
-    /// Rows of the page.
+    /// Entries of a list (rows of measurements, materials or jobs) that stand on this page of the list.
     pub items: Vec<T>,
     /// Cursor of the next page, if there are more rows.
     pub next: Option<Cursor>,

@@ -188,7 +188,8 @@ impl Catalog {
 }
 
 impl Ended {
-    /// Returns the claim on the stored bytes of the attempt's result, if the attempt made one.
+    /// Returns the claim (permission for a row of the catalog to refer to stored bytes) of the attempt's result; `None`
+    /// if the attempt has no result.
     fn claim(&self) -> Option<&Claim> {
         match self {
             Self::Material(_, claim) | Self::Report(claim) => Some(claim),
@@ -196,7 +197,8 @@ impl Ended {
         }
     }
 
-    /// Replaces the claim on the stored bytes of the attempt's result, after the bytes were stored again.
+    /// Replaces the claim (permission for a row of the catalog to refer to stored bytes) of a job's result, after the
+    /// bytes of the result were stored again.
     pub(crate) fn reclaim(&mut self, again: Claim) {
         match self {
             Self::Material(_, claim) | Self::Report(claim) => *claim = again,

@@ -21,7 +21,7 @@ pub(super) async fn read(answer: Response) -> Result<Value, Failure> {
     Err(Failure::failed(format!("{path}: {status}: {detail}")))
 }
 
-/// Returns the text called `name` of an answer.
+/// Returns the text in the field `name` of a JSON object with which the service answered.
 pub(super) fn text<'a>(answer: &'a Value, name: &str) -> Result<&'a str, Failure> {
     answer[name].as_str().ok_or_else(|| Failure::failed(format!("the service's answer has no `{name}`")))
 }

@@ -40,7 +40,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Returns the number of queries.
+    /// Returns the number of queries in this block of a table of queries.
     pub(crate) fn len(&self) -> usize {
         self.range.len()
     }

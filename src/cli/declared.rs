@@ -48,7 +48,8 @@ pub(super) fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value>
     }
 }
 
-/// Returns the values of all stated options by their names.
+/// Returns the values that the user stated on the command line for the given options, by the names of the options.
+/// Options whose value is a file are left out.
 pub(super) fn all_stated<'a>(
     matches: &ArgMatches,
     options: impl IntoIterator<Item = &'a Declared>,

@@ -74,8 +74,8 @@ pub(crate) fn write_array(
     write_marked(path, measurement, coverage, &[], json)
 }
 
-/// Writes a measurement as [`write_array`] does. If `filled` is not empty, a second array, `NAME.filled.npy`, is 1 for
-/// spectra that were filled in without samples; it has no spectral axis.
+/// Writes a measurement as a `.npy` array with a manifest of its axes beside it. If `filled` is not empty, a second
+/// array, `NAME.filled.npy`, without a spectral axis, marks by 1 the spectra that were filled in without samples.
 pub(crate) fn write_marked(
     path: &Path,
     measurement: Measurement,

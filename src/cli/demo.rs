@@ -76,7 +76,8 @@ const PAUSE: Duration = Duration::from_millis(100);
 struct Outcome {
     material: Value,
     seconds: f64,
-    /// True if an earlier start of the demonstration has already made this material.
+    /// True if an earlier start of `wavelume demo` had already compressed this measurement to the same material, which
+    /// is used again.
     kept: bool,
 }
 

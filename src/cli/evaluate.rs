@@ -38,7 +38,7 @@ pub(crate) struct Args {
     /// Interpolation between the stored directions of the material
     #[arg(long, value_enum, default_value_t)]
     interpolation: How,
-    /// Values to give at wavelengths outside the measured range
+    /// Values that the answer contains at wavelengths outside the measured range
     #[arg(long, value_enum, default_value_t)]
     beyond: Outside,
     #[command(flatten)]

@@ -55,7 +55,7 @@ impl Failure {
 }
 
 impl fmt::Display for Failure {
-    /// Writes the message as one line, even if it quotes text with line breaks.
+    /// Writes the message of a failed command as one line, even if the message quotes text with line breaks.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Usage(message) | Self::Failed(message) => f.write_str(&one_line(message)),

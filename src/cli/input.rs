@@ -18,7 +18,8 @@ pub(crate) struct MeasurementArgs {
     reading: ReadingArgs,
 }
 
-/// Bytes of a measurement file and of the file with its spectrum, and the options for reading them.
+/// Bytes of a measurement file, bytes of a second file with the spectrum by which the measurement is multiplied, if
+/// any, and the options for reading them.
 pub(crate) struct Loaded {
     bytes: Vec<u8>,
     spectrum: Option<Vec<u8>>,
@@ -34,7 +35,7 @@ impl MeasurementArgs {
         Ok(Loaded { bytes, spectrum, interpretation: self.interpretation(wavelengths)? })
     }
 
-    /// Returns true if the command line selects no single file of a zip archive.
+    /// Returns true if the command line does not name a file to read from a zip archive.
     pub(crate) fn names_no_member(&self) -> bool {
         self.reading.stated().member.is_none()
     }
@@ -60,7 +61,8 @@ impl Loaded {
         &self.interpretation
     }
 
-    /// Returns the bytes and reading options in the form that the library takes.
+    /// Returns the bytes of the measurement and of its separate spectrum file, if any, and the reading options, as the
+    /// input of `pipeline::read`.
     pub(crate) fn input(&self) -> Input<'_> {
         Input { bytes: &self.bytes, spectrum: self.spectrum.as_deref(), interpretation: &self.interpretation }
     }

@@ -64,7 +64,7 @@ struct Measured {
     masked_samples: u64,
     zero_samples: u64,
     negative_samples: u64,
-    /// The smallest and the largest sample.
+    /// Smallest and largest value of the tensor that would be compressed.
     range: Option<(f32, f32)>,
     coverage: Coverage,
     /// Detector aperture and source divergence of the instrument in degrees, as far as the file states them.
@@ -229,8 +229,8 @@ struct Material {
     /// Coarser versions that can be decoded from the first bytes of the file, coarsest first; the last is the whole
     /// material.
     levels: Vec<LevelInfo>,
-    /// Warnings that the incoming directions are too sparse to interpolate a lobe, and the warnings about scattered
-    /// samples that the metadata of the file states.
+    /// Warnings about the material: that its incoming directions are too sparse to interpolate a lobe, and those that
+    /// the metadata of the file states.
     warnings: Vec<String>,
     /// Provenance from the metadata of the file; `null` if there is none.
     provenance: Option<serde_json::Value>,

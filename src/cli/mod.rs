@@ -74,7 +74,8 @@ enum Command {
     Decode(decode::Args),
     /// Evaluate the spectrum of a material for a pair of directions
     Evaluate(evaluate::Args),
-    /// Draw random directions in proportion to the light that a material sends
+    /// Draw random outgoing directions in proportion to the light that a material emits, reflects or transmits into
+    /// them
     Sample(sample::Args),
     /// Compute the colour of a material: XYZ, Lab, sRGB
     Color(color::Args),

@@ -168,7 +168,7 @@ impl Table {
         Self { rows: vec![headings.iter().map(|h| h.trim_start_matches('>').to_owned()).collect()], right }
     }
 
-    /// Adds a row with one cell for each heading.
+    /// Adds a row of cells, one under each column heading, to the text table.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = String>) {
         self.rows.push(cells.into_iter().collect());
     }

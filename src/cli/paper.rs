@@ -7,13 +7,13 @@ use crate::paper::{self, PaperError, TABLES};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Recompute only this table of the paper (1 to 7); may be repeated
+    /// Recompute only this table of the paper (Claustres et al. 2006), 1 to 7; may be repeated
     #[arg(long = "table", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=7))]
     tables: Vec<u8>,
-    /// Print the recomputed tables of the paper as one JSON array
+    /// Print the recomputed tables of the paper (Claustres et al. 2006) as one JSON array
     #[arg(long, conflicts_with = "csv")]
     json: bool,
-    /// Print the recomputed tables of the paper as CSV, one line for each number
+    /// Print the recomputed tables of the paper (Claustres et al. 2006) as CSV, one line for each number
     #[arg(long)]
     csv: bool,
 }

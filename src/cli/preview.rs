@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Material (compressed measurement) to draw
+    /// Material (compressed measurement) to show in the picture
     #[arg(value_name = "M.wlm")]
     material: PathBuf,
     /// PNG picture to write; an existing file is replaced as a whole
@@ -19,8 +19,8 @@ pub(crate) struct Args {
     /// Width and height of the picture in pixels, 64 to 512
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SIZE, value_parser = size)]
     size: usize,
-    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0 [default: the
-    /// first; every column of a spectral table]
+    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0 [default: all
+    /// entries in a plot of spectra, otherwise the first]
     #[arg(long, value_name = "I,...", value_parser = query::index)]
     index: Option<List<usize>>,
     #[command(flatten)]

@@ -15,7 +15,7 @@ pub(super) struct ReadingArgs {
 }
 
 impl ReadingArgs {
-    /// Returns the path of the spectrum that the command line names, which is joined with a luminaire.
+    /// Returns the path of the spectrum file that the command line names: a luminaire is multiplied by this spectrum.
     pub(super) fn spectrum(&self) -> Option<&Path> {
         self.file(Interpretation::SPECTRUM.name)
     }

@@ -90,7 +90,7 @@ pub(crate) fn axes_lines(sheet: &mut Sheet, axes: &[String]) {
     sheet.line("axes", axes);
 }
 
-/// Adds the report line on kept coefficients: their number, and the number of samples for each of them.
+/// Adds the report line on kept coefficients: their number `kept`, and the number of samples divided by it.
 pub(crate) fn coefficient_line(sheet: &mut Sheet, kept: Option<u64>, ratio: Option<f64>) {
     if let (Some(kept), Some(ratio)) = (kept, ratio) {
         sheet.line("coefficients", format!("{} kept, {} samples each", count(kept), three_digits(ratio)));
@@ -177,7 +177,8 @@ pub(crate) fn coverage_lines(sheet: &mut Sheet, coverage: &Coverage) {
     }
 }
 
-/// Adds the report lines on scattered samples: their number, their noise and their outliers.
+/// Adds the report lines on samples at individual directions instead of a grid: their number, their noise and their
+/// outliers.
 fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     let negative = if report.negative > 0 { format!(", {} negative", count(report.negative)) } else { String::new() };
     sheet.line(
@@ -187,8 +188,8 @@ fn scatter_lines(sheet: &mut Sheet, report: &ScatterReport) {
     scatter_noise_lines(sheet, report.noise, report.rejected, (Some(report.isolated), report.lobe));
 }
 
-/// Adds the report lines on the noise and the outliers of scattered samples. `isolated` are the outliers without others
-/// near them; `lobe` counts values of a narrow lobe, which are no outliers.
+/// Adds the report lines on the noise and the outliers of samples at individual directions instead of a grid.
+/// `isolated` are the outliers without others near them; `lobe` counts values of a narrow lobe, which are no outliers.
 fn scatter_noise_lines(
     sheet: &mut Sheet,
     noise: Option<f64>,
@@ -271,7 +272,8 @@ fn stopped_at(auto: &AutoReport) -> String {
     }
 }
 
-/// Describes the largest differences between the light of a material and that of its samples.
+/// Describes the largest relative differences between the values of a material and those of its samples, each summed
+/// over outgoing directions.
 fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
     let signed = |off: f64| format!("{} {}", per_cent(off.abs()), if off > 0.0 { "too much" } else { "too little" });
     let stated = |off: Option<f64>| off.map_or_else(|| "unknown: no samples there".to_owned(), signed);
@@ -283,7 +285,8 @@ fn light_at_samples(light: &SampleLight, is_any_rejected: bool) -> String {
     format!("{kept}; with the rejected samples that lie together {together}, with all rejected ones {all}")
 }
 
-/// Adds the report lines on noise, outliers and errors at scattered samples, as the metadata of a material states them.
+/// Adds the report lines on samples at individual directions instead of a grid: their noise, their outliers, and the
+/// errors of the material at them. The numbers come from the metadata of the material.
 pub(crate) fn stated_fit_lines(sheet: &mut Sheet, fit: &FitReport) {
     scatter_noise_lines(sheet, fit.noise, fit.rejected, (fit.isolated, fit.lobe));
     fit_line(sheet, fit);

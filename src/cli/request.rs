@@ -31,7 +31,7 @@ pub(crate) struct TargetArgs(Option<Target>);
 #[derive(Clone, Debug)]
 pub(crate) struct RequestArgs(Request);
 
-/// Number of threads that compute.
+/// Number of threads on which a command computes its result.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
     /// Number of threads [default: one per core]; results do not depend on it
@@ -40,14 +40,16 @@ pub(crate) struct ThreadsArgs {
 }
 
 impl AxesArgs {
-    /// Returns a compression request with these axes and the default target.
+    /// Returns a compression request with the axes that the command line chooses, and with the default promise: a
+    /// relative error of at most 1 %.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
 }
 
 impl TargetArgs {
-    /// Returns the compression target that the command line gives; `None` without one.
+    /// Returns the promise of a compression (error bound, size or ratio) that the command line states; `None` if it
+    /// states no promise.
     pub(crate) fn named(&self) -> Option<Target> {
         self.0
     }
@@ -59,13 +61,14 @@ impl TargetArgs {
 }
 
 impl RequestArgs {
-    /// Returns the compression request.
+    /// Returns the compression request with the promise and the options that the command line states.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
 }
 
-/// Builds a request for `target` from the stated options, of those that `takes` accepts.
+/// Builds a compression request with the promise `target` (error bound, size or ratio) and those options of the command
+/// line that `takes` accepts.
 fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -> Result<Request, clap::Error> {
     let mut options = all_stated(matches, Request::OPTIONS.iter().filter(|declared| takes(declared)));
     options.insert("target".to_owned(), json!(target));
@@ -76,7 +79,8 @@ fn is_of_axes(declared: &Declared) -> bool {
     AXES.contains(&declared.name)
 }
 
-/// Builds the command-line argument of a compression target. `--er-l2` also takes `auto`.
+/// Builds the command-line argument for one promise of a compression, such as `--bytes` for a size. The one for
+/// `--er-l2`, a relative error, also takes `auto` instead of a number.
 fn target_argument(declared: &'static Declared) -> Arg {
     if declared.name != DEFAULT_TARGET.name() {
         return argument(declared);
@@ -94,7 +98,8 @@ fn targets() -> impl Iterator<Item = &'static Declared> {
     Target::DECLARED.iter().filter(|declared| declared.name != AUTO)
 }
 
-/// Builds the compression target that the command line gives; `None` without one.
+/// Builds the promise of a compression (error bound, size or ratio) from the command line; `None` if it states no
+/// promise.
 fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option<Target>, clap::Error> {
     let found = targets().find_map(|declared| Some((declared, stated(matches, declared)?)));
     let Some((declared, value)) = found else { return Ok(None) };

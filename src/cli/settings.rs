@@ -10,7 +10,7 @@ pub(crate) type Settings = Chosen<ALL>;
 /// Values of the settings of a worker, which serves nobody, in the order of [`SETTINGS`].
 pub(crate) type WorkSettings = Chosen<WORK>;
 
-/// Values of the settings that say what is kept, in the order of [`SETTINGS`].
+/// Values of the settings on the time for which deleted data and ended jobs are kept, in the order of [`SETTINGS`].
 pub(crate) type KeepSettings = Chosen<KEEP>;
 
 const ALL: u8 = 0;
@@ -22,8 +22,8 @@ const KEEP: u8 = 2;
 #[derive(Clone, Debug)]
 pub(crate) struct Chosen<const CHOICE: u8>(Vec<u64>);
 
-/// Help headings of the settings that a command has, by choice: all settings, those that a worker needs, and those for
-/// keeping data. An empty list means every heading.
+/// Help headings of the settings that a command accepts. The three lists are for a service, for a worker and for a
+/// command that only removes old data; an empty list stands for all headings.
 const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Stopping"], &["Keeping"]];
 
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.

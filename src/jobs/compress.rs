@@ -30,8 +30,8 @@ impl Work for CompressRequest {
         Some(self.measurement)
     }
 
-    /// Returns the request as JSON: its flexible parts (any JSON, refused unknown fields) do not survive a format that
-    /// is not self-describing.
+    /// Returns the compression request as JSON, because the binary encoding of the job queue can neither hold its
+    /// fields of arbitrary JSON nor detect unknown fields.
     fn arguments(&self) -> Result<String, String> {
         serde_json::to_string(self).map_err(|error| error.to_string())
     }

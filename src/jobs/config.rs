@@ -135,7 +135,8 @@ limits! {
         keep_succeeded: Duration = Duration::from_hours(30 * 24), Time >= 0;
         /// Age at which the entry of a job that has failed or is dead is deleted.
         keep_failed: Duration = Duration::from_hours(90 * 24), Time >= 0;
-        /// Interval at which the service looks for deleted bytes and old entries to remove.
+        /// Interval at which the service removes the bytes of deleted measurements and materials and the entries of
+        /// ended jobs, once they were kept for long enough.
         sweep: Duration = Duration::from_hours(1), Time >= 1000;
     }
     "Connections" {
@@ -179,8 +180,8 @@ limits! {
         uploads_each: usize = 8, Count >= 0;
         /// Upper bound on the time that one upload or one JSON body takes to arrive.
         upload_time: Duration = Duration::from_mins(15), Time >= 100;
-        /// Lower bound on the rate at which an upload or a JSON body arrives, averaged over any `body-window` that
-        /// follows `body-grace`.
+        /// Lower bound, in bytes a second, on the rate at which an upload or a JSON body arrives. The rate is an
+        /// average over the time `body-window`; the time `body-grace` at the beginning does not count.
         body_rate: u64 = 16 << 10, Rate >= 0;
         /// Time over which the rate of an arriving body is averaged, to compare it with `body-rate`.
         body_window: Duration = Duration::from_secs(30), Time >= 100;
@@ -215,8 +216,8 @@ limits! {
         streams_each: usize = 4, Count >= 0;
         /// Upper bound on the exported files that are computed or sent at once, over all addresses.
         exports: usize = 4, Count >= 0;
-        /// Upper bound on the exported files that are computed or sent at once for one address. The service computes
-        /// one file more than this at a time.
+        /// Upper bound on the exported files that are computed or sent at once for one address. Over all addresses, at
+        /// most one file more than this is computed at once.
         exports_each: usize = 2, Count >= 0;
         /// Upper bound on the clients that follow a job at once, over all addresses: through its event stream or with
         /// `Prefer: wait`.

@@ -15,7 +15,7 @@ const MAX_FIELDS: usize = 200;
 /// Description of an uploaded file as it was parsed, and the reading options that the client stated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Understood {
-    /// Name of the format.
+    /// Name of the format of the uploaded measurement file.
     pub format: String,
     /// Revision and variant of the file format, e.g. LM-63-2002.
     pub dialect: Option<String>,
@@ -25,7 +25,8 @@ pub(crate) struct Understood {
     pub unit: Option<Unit>,
     /// Axes on which the file states its values, outermost first.
     pub axes: Vec<DescribedAxis>,
-    /// Number of values in the file.
+    /// Number of values in the uploaded measurement file, missing ones included; null if reading the file needs an
+    /// option that the upload did not state.
     pub samples: Option<u64>,
     /// Smallest and largest value in the file.
     pub range: Option<[f64; 2]>,
@@ -49,7 +50,7 @@ pub(crate) struct Understood {
 /// Axis on which a file states its values; the kind of the axis decides which fields are present.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub(crate) struct DescribedAxis {
-    /// Kind of the axis.
+    /// Kind of coordinate on the axis, such as polar angles, wavelengths or numbered entries without geometry.
     pub kind: AxisKind,
     /// Number of entries on this axis of the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -63,8 +64,8 @@ pub(crate) struct DescribedAxis {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub last: Option<f64>,
-    /// Unit of the first and last entry of the axis (`first`, `last`) and of their mean distance (`spacing`): `degree`
-    /// or `nm`.
+    /// Unit, `degree` or `nm`, of the first and last entry of the axis (`first`, `last`) and of the mean distance
+    /// between neighbouring entries (`spacing`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub unit: Option<String>,
@@ -92,7 +93,7 @@ pub(crate) struct DescribedAxis {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub labels: Option<Vec<String>>,
-    /// Mean angle between neighbouring outgoing directions.
+    /// Mean angle between neighbouring outgoing directions, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     pub spacing: Option<f64>,
@@ -106,17 +107,17 @@ pub(crate) enum AxisKind {
     Triangles,
     /// Directions on a grid of angles, or a list of scattered directions.
     Directions,
-    /// Outgoing directions of a BRDF that the file defines as a function, not at fixed directions.
+    /// Outgoing directions of a BRDF or phase function that has a value in every direction, interpolated from the file.
     Outgoing,
     /// Polar angles of the incoming direction in data that do not depend on its azimuth.
     Elevation,
-    /// Polar angles of the incoming direction.
+    /// Axis of the polar angles of the incoming directions, in degrees.
     ThetaI,
-    /// Azimuths of the incoming direction.
+    /// Axis of the azimuths of the incoming directions, in degrees.
     PhiI,
-    /// Polar angles of the outgoing direction.
+    /// Axis of the polar angles of the outgoing directions, in degrees.
     ThetaO,
-    /// Azimuths of the outgoing direction.
+    /// Axis of the azimuths of the outgoing directions, in degrees.
     PhiO,
     /// Wavelengths of the data, in nm.
     Wavelength,

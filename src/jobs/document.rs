@@ -52,8 +52,9 @@ impl Manifest {
         }
     }
 
-    /// Parses the description of a material from the database. Documents from before 2026-11-23 keep the errors at
-    /// scattered samples in an object of their own; these errors move to the fields of today.
+    /// Parses the description of a material from the database. Before 2026-11-23, descriptions had the errors at
+    /// samples in an object `errors_at_samples`. Its fields move up one level, where the errors of the cells, which had
+    /// the same names, get the suffix `_cells`.
     pub(crate) fn read(document: &str) -> Result<Self, serde_json::Error> {
         let mut document: Map<String, Value> = serde_json::from_str(document)?;
         if let Some(Value::Object(at_samples)) = document.remove("errors_at_samples") {

@@ -44,7 +44,7 @@ pub(crate) enum OpenError {
     /// The store of uploaded and computed files failed.
     #[error(transparent)]
     Blob(#[from] BlobError),
-    /// The computation failed.
+    /// The work that opens the material panicked, or was refused because too much other work was waiting.
     #[error(transparent)]
     Maths(#[from] MathsError),
     /// The bytes are not a material: damaged before they were stored, or of another version.

@@ -19,7 +19,7 @@ pub(crate) trait Queued {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum FrameError {
     /// The bytes are well-formed, but hold content that this version does not know: a newer version wrote them.
-    #[error("a newer version of the program wrote the arguments of this job: {0}")]
+    #[error("the arguments of a queued job cannot be decoded, because a newer version of the program wrote them: {0}")]
     Newer(String),
     /// The text of a job in the queue is damaged: no version of the program writes such text. Or the arguments of a job
     /// are too large to be queued.

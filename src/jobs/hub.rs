@@ -30,7 +30,7 @@ pub(crate) struct Control {
     job: Arc<str>,
     progress: AtomicU64,
     stop: AtomicBool,
-    /// True once somebody elsewhere has begun to follow the job, until its worker has seen it.
+    /// True once a client of another process has begun to follow the job, until the job's worker has taken note.
     watched: AtomicBool,
     changes: broadcast::Sender<Arc<str>>,
 }
@@ -59,7 +59,7 @@ impl Hub {
         control
     }
 
-    /// Removes a job that no longer runs in this process.
+    /// Removes a job from the list of the jobs that run in this process.
     pub(crate) fn leave(&self, job: &str) {
         self.running().remove(job);
         self.changed(job);
@@ -77,7 +77,7 @@ impl Hub {
         }
     }
 
-    /// Notes that somebody elsewhere follows a job, if it runs here.
+    /// Takes note that a client of another process follows a job, if the job runs in this process.
     pub(crate) fn watch(&self, job: &str) {
         if let Some(control) = self.running().get(job) {
             control.watched.store(true, Ordering::Relaxed);
@@ -143,7 +143,7 @@ impl Control {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Returns true once after somebody elsewhere has begun to follow the job.
+    /// Returns true if a client of another process has begun to follow the job since the last call.
     pub(crate) fn take_watched(&self) -> bool {
         self.watched.swap(false, Ordering::Relaxed)
     }

@@ -35,7 +35,7 @@ pub(crate) enum IngestError {
     #[error(transparent)]
     Unfit(#[from] UploadError),
     /// The measurement by whose spectrum the upload is to be multiplied cannot be used for that.
-    #[error("spectrum: {0}")]
+    #[error("the upload cannot be multiplied by the spectrum of another measurement: {0}")]
     Spectrum(#[from] SpectrumError),
     /// The computation that reads and describes the upload failed, or too many others were waiting.
     #[error(transparent)]
@@ -70,7 +70,7 @@ pub(crate) enum UploadError {
         most: u64,
     },
     /// No file of the uploaded archive is a measurement.
-    #[error("an archive of {} files without a measurement: {}", skipped.len(), first_of(skipped))]
+    #[error("none of {} files in the archive is a measurement; first reasons: {}", skipped.len(), first_of(skipped))]
     NoMeasurement {
         /// Names of the files in the uploaded archive, each with the reason why the service does not store it as a
         /// measurement.
@@ -82,7 +82,8 @@ pub(crate) enum UploadError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum SpectrumError {
-    /// The service has no measurement with the identifier that the upload gives for its spectrum.
+    /// The service has no measurement with the identifier that the client gave for the spectrum by which the upload is
+    /// to be multiplied.
     #[error("there is no measurement {id}")]
     Missing {
         /// Identifier, as the client gave it, of the stored measurement by whose spectrum the upload is to be
@@ -91,13 +92,13 @@ pub(crate) enum SpectrumError {
     },
     /// The measurement by whose spectrum the upload is to be multiplied was itself uploaded with options for reading,
     /// which the multiplication does not apply.
-    #[error("measurement {id} was uploaded with options, which joining does not heed; expected one uploaded without")]
+    #[error("measurement {id} has reading options and cannot multiply an upload; upload its spectrum without options")]
     WithOptions {
         /// Identifier of the stored measurement by whose spectrum the upload is to be multiplied.
         id: Digest,
     },
     /// The measurement by whose spectrum the upload is to be multiplied was deleted while the upload was read.
-    #[error("the measurement was deleted while the upload was read")]
+    #[error("the spectrum by which to multiply the upload was deleted meanwhile; upload the spectrum again")]
     Deleted,
     /// The stored measurement by which the upload is to be multiplied does not contain a spectrum.
     #[error(transparent)]
@@ -196,8 +197,9 @@ impl Engine {
     }
 }
 
-/// Returns true if a file that needs an option may be kept until a job names it. An array may always wait for its axes.
-/// Any other file may wait only if the client stated no option, since otherwise a stated option is at fault.
+/// Returns true if an uploaded file that needs an option may be stored until a job states the option. An array may
+/// always wait for its axes. Any other file may wait only if the upload stated no option, since otherwise a stated
+/// option is at fault.
 fn can_wait(error: &FormatError, options: &Options) -> bool {
     error.kind == FormatErrorKind::NeedsOption && (error.format == "npy" || options.is_default())
 }

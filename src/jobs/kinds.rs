@@ -63,7 +63,8 @@ macro_rules! kinds {
                 }
             }
 
-            /// Checks the request before any data is read.
+            /// Checks the content of a job request, such as its texts, options and table numbers, before the job is
+            /// queued.
             pub(crate) fn check(&self) -> Result<(), RequestError> {
                 match self {
                     $(Self::$kind(request) => Work::check(request.as_ref()),)+
@@ -99,7 +100,7 @@ macro_rules! kinds {
 
 // A new kind needs its module and lines at the end: frames in the queue are read by the position of their kind.
 kinds! {
-    /// Make a material of a measurement.
+    /// Compression of a measurement to a material (a file with a promised error).
     Compress { request: String } = CompressRequest;
     /// Make the report on the tables of the paper by Claustres et al. (2006).
     Paper { tables: Vec<u8> } = PaperRequest;

@@ -24,8 +24,8 @@ pub(crate) enum MathsError {
     /// Too much other work is waiting for the thread pool already.
     #[error("too many computations are waiting already; try again later")]
     Busy,
-    /// The work panicked: a bug of the service.
-    #[error("the computation panicked: {0}")]
+    /// Work on a thread pool, such as a query or a compression, panicked because of a bug of the service.
+    #[error("a computation of the service, such as a query or a compression, panicked: {0}")]
     Panicked(String),
 }
 
@@ -60,8 +60,9 @@ impl Maths {
         self.spawn((turn, admission), work).await
     }
 
-    /// Runs `work` on the thread pool when its turn comes, without a time limit: for callers that bound the waiting
-    /// work themselves. The caller must keep polling, because a turn that has come is held until it is taken.
+    /// Runs `work` on the thread pool when its turn comes, and waits for the turn without a time limit. Callers bound
+    /// the number of waiting computations themselves. The caller must keep polling, because a turn that has come is
+    /// held until it is taken.
     pub(crate) async fn run_in_turn<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,

@@ -16,15 +16,15 @@ use utoipa::{PartialSchema, ToSchema};
 const NOT_UPLOADED: &str = "member";
 /// Option that an upload has from the manifest beside an array in an archive.
 const UNPACKED: &str = "axes";
-/// Options that a job may state when the upload did not.
+/// Names of the options for reading a measurement that a compression job may state if the upload did not.
 const LATER: [&str; 2] = ["axes", "quantity"];
 
-/// Options for reading the bytes of a measurement; kept in its document. An option unknown to this version is an error:
-/// bytes read without it would be read wrongly.
+/// Options for reading the bytes of a measurement; kept in the JSON description of the measurement in the database. An
+/// option unknown to this version is an error: bytes read without it would be read wrongly.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Options {
-    /// Measurement whose content is the spectrum to join.
+    /// Id of the measurement whose content is the spectrum by which the uploaded measurement is multiplied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Digest>,
     /// Reading options that the parsers of measurement file formats take, for example the quantity.
@@ -79,7 +79,8 @@ impl Options {
         serde_json::from_value(stated.into()).map_err(|error| error.to_string())
     }
 
-    /// Replaces the axes by those of the manifest beside an array.
+    /// Returns a copy of these options for reading an array in which `axes`, from the manifest beside the array,
+    /// replace the stated ones.
     pub(super) fn with_axes(&self, axes: Option<serde_json::Value>) -> Self {
         Self { spectrum: self.spectrum, stated: Interpretation { axes, ..self.stated.clone() } }
     }
@@ -111,12 +112,12 @@ impl Options {
     }
 }
 
-/// Returns the options with which a measurement may have been read.
+/// Returns the declarations of all options for reading that can be stored with an uploaded measurement.
 fn of_measurement() -> impl Iterator<Item = &'static Declared> {
     Interpretation::OPTIONS.iter().filter(|declared| declared.name != NOT_UPLOADED)
 }
 
-/// Describes an option as a parameter of a query.
+/// Describes an option as a parameter of the query string of a URL, for OpenAPI.
 pub(crate) fn parameter_of(declared: &Declared) -> RefOr<Schema> {
     if let Some(name) = named_schema(declared) {
         return Ref::from_schema_name(name).into();
@@ -127,7 +128,7 @@ pub(crate) fn parameter_of(declared: &Declared) -> RefOr<Schema> {
     Schema::from(values).into()
 }
 
-/// Describes an option as a property, which may be null.
+/// Describes an option as a property of a JSON object in OpenAPI; the value of the property may be null.
 fn property_of(declared: &Declared) -> RefOr<Schema> {
     let Some(name) = named_schema(declared) else { return schema_of(declared).into() };
     let described = Ref::builder().ref_location_from_schema_name(name).description(Some(declared.help.trim()));
@@ -135,7 +136,7 @@ fn property_of(declared: &Declared) -> RefOr<Schema> {
     Schema::from(OneOfBuilder::new().item(described.build()).item(nothing).build()).into()
 }
 
-/// Returns the name of the schema of a value that has one.
+/// Returns the name of the OpenAPI schema that describes the values of an option; `None` if that schema has no name.
 fn named_schema(declared: &Declared) -> Option<Cow<'static, str>> {
     match declared.values {
         Values::Name { .. } => {

@@ -28,16 +28,16 @@ pub(crate) enum PaperKind {
 pub(crate) struct PaperRequest {
     /// Kind of the job: always `paper`.
     pub kind: PaperKind,
-    /// Numbers of the tables to recompute, in the desired order: 1 to 7 as in the paper, each at most once. Default:
-    /// all tables.
+    /// Numbers, 1 to 7, of the tables of Claustres et al. (2006) to recompute, in the desired order and each at most
+    /// once. Default: all tables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
     pub tables: Option<Vec<i64>>,
 }
 
 impl PaperRequest {
-    /// Returns the table numbers, 1 to 7, that the request states. The error says that a number is unknown or repeated,
-    /// or that there is none.
+    /// Returns the numbers, 1 to 7, of the tables of Claustres et al. (2006) that the request names, or all if it names
+    /// none. The error says that a number is unknown or repeated, or that the list is empty.
     fn numbers(&self) -> Result<Vec<u8>, String> {
         let Some(wanted) = &self.tables else { return Ok(TABLES.to_vec()) };
         if wanted.is_empty() {

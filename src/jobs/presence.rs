@@ -57,7 +57,8 @@ impl Presence {
         Ok(gone)
     }
 
-    /// Removes the files of dead workers, after their jobs went back to the queue. Blocks on disk access.
+    /// Removes the lock files of workers whose process has ended, after their jobs went back to the queue. Blocks on
+    /// disk access.
     pub(crate) fn forget(&self, gone: &[String]) {
         for name in gone {
             // Another process may have been faster.

@@ -18,8 +18,9 @@ const INTENT: Duration = Duration::from_hours(1);
 /// announcement expires during the write.
 const PROLONG: Duration = Duration::from_mins(10);
 
-/// Number of times that the same bytes are stored before their upload or job attempt fails. Raising it only helps a
-/// process that each time pauses for longer than an announcement lasts ([`INTENT`]).
+/// Number of times that the bytes of an upload or of a job's result are stored before the upload or the job attempt
+/// fails. They are stored again if the process paused for longer than [`INTENT`] before it wrote a row that refers to
+/// them. Raising it tolerates more such pauses.
 const TIMES: u32 = 3;
 
 /// Bytes in the store, with the claim that lets a row of the catalog refer to them. Their staged (temporary) file stays

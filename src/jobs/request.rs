@@ -7,7 +7,7 @@ use crate::store::Digest;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-/// Kind of a request to compress.
+/// Value of `kind` in a request for a compression job: always `compress`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum CompressKind {
@@ -26,7 +26,7 @@ pub(crate) struct CompressRequest {
     pub kind: CompressKind,
     /// Id of the measurement.
     pub measurement: Digest,
-    /// Reading options that the upload did not state.
+    /// Options for reading the measurement, which replace those that its upload stated.
     #[serde(flatten)]
     pub reading: LaterOptions,
     /// Options of the compression.
@@ -46,11 +46,12 @@ pub(crate) struct CompressRequest {
     pub tags: Vec<String>,
 }
 
-/// Faults of a request that was read.
+/// Faults in the content of a well-formed job request: in its texts, table numbers or compression options.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum RequestError {
-    /// A text or table number in a job request is not allowed, for example the material's name, licence or tags.
-    #[error("job request: {0}")]
+    /// A job request has an invalid text, such as the material's name, licence or tags, or an invalid number of a table
+    /// of Claustres et al. (2006).
+    #[error("the job request has an invalid value: {0}")]
     Text(String),
     /// An option of the compression with a value that it does not accept.
     #[error(transparent)]
@@ -61,7 +62,8 @@ pub(crate) enum RequestError {
 const MAX_TAGS: usize = 32;
 
 impl CompressRequest {
-    /// Checks the client's texts before any measurement is read. The error describes the fault.
+    /// Checks the material's name, licence and tags that the client states, before the measurement is read. The error
+    /// describes the fault.
     pub(super) fn check_texts(&self) -> Result<(), String> {
         for (what, text) in [("name", &self.name), ("licence", &self.licence)] {
             if let Some(text) = text {

@@ -20,7 +20,8 @@ pub(super) struct Turns {
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// Addresses of the waiting clients, the next one first; each has an entry in `queues`.
+    /// IP addresses of the clients that wait for a permit to use a scarce resource, the next one first. `queues` has
+    /// the waiting requests of each.
     order: VecDeque<IpAddr>,
     queues: HashMap<IpAddr, VecDeque<oneshot::Sender<Turn>>>,
 }
@@ -38,7 +39,8 @@ impl Turns {
         Self { shared: Arc::new(Mutex::new(Waiting { free: count, order: VecDeque::new(), queues: HashMap::new() })) }
     }
 
-    /// Waits for a permit, on behalf of the client of the running task.
+    /// Waits for a permit to use a scarce resource, in the queue of the client on whose behalf the current async task
+    /// runs.
     pub(super) async fn take(&self) -> Turn {
         let client = CLIENT.try_with(|client| *client).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
         let receive = {

@@ -8,13 +8,14 @@ use crate::store::Digest;
 use std::future::Future;
 use std::sync::Arc;
 
-/// Request for a job of one kind.
+/// Request for a job of one particular kind, such as compression: its checks, its arguments in the job queue, and the
+/// attempt to run it.
 pub(super) trait Work {
     /// Arguments of a job as the job queue stores them. Workers of other versions of the program read them: their form
     /// never changes.
     type Arguments;
 
-    /// Checks the request before any data is read.
+    /// Checks the content of a job request, such as its texts and options, before the job is queued.
     fn check(&self) -> Result<(), RequestError>;
 
     /// Returns the measurement that the job reads, if any.

@@ -217,8 +217,9 @@ async fn guard(
 /// Longest pause between two tries to record the end of an attempt. Raising it spares a database that is restarting.
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
-/// Records the end of an attempt in the catalog, and returns what was recorded. So that no result is lost, it is tried
-/// again while the database is away, until the worker must stop. Bytes whose claim has expired are stored again.
+/// Records the end of a job attempt in the catalog, and returns what was recorded. While the database is away,
+/// recording is tried again until the worker must stop. Bytes of the result that the catalog may no longer refer to are
+/// stored again.
 async fn end(
     engine: &Engine,
     job: &Claimed,

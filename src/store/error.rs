@@ -12,9 +12,9 @@ pub enum StoreError {
     /// The bytes stored under a digest have another digest, so they are damaged.
     #[error("stored bytes are damaged: found the digest {found}, expected {stored}")]
     Corrupt {
-        /// Digest under which the bytes are stored.
+        /// Digest under which the damaged file is stored, that of its original bytes.
         stored: Digest,
-        /// Digest of the bytes that were found.
+        /// Digest computed from the bytes that were read from the store.
         found: Digest,
     },
     /// The requested byte range does not lie within the stored file.

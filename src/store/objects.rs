@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Way in which a staged (temporary) file becomes an object of the store.
 #[derive(Clone, Debug)]
 pub(super) enum Publication {
-    /// The file is renamed; it lies in this folder of the store.
+    /// The staged file lies in this folder of the store and is renamed to the path of the object.
     Rename(&'static str),
     /// The bytes of the file are sent to the store.
     Upload,

@@ -22,7 +22,7 @@ pub enum OpenError {
     /// The file of a material cannot be read.
     #[error("cannot read {}: {error}", path.display())]
     Read {
-        /// Path of the file.
+        /// Path of the file that cannot be read.
         path: PathBuf,
         /// Error that the operating system reported.
         error: io::Error,
@@ -30,7 +30,7 @@ pub enum OpenError {
     /// The file does not contain a valid compressed material.
     #[error("cannot open {} as a material: {error}", path.display())]
     Material {
-        /// Path of the file.
+        /// Path of the file that is not a valid compressed material.
         path: PathBuf,
         /// Reason why the content of the file is not a valid material.
         error: EvaluateError,

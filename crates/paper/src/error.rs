@@ -6,7 +6,7 @@ use crate::domain::Cancelled;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PaperError {
     /// The paper by Claustres et al. (2006) has no reproducible table with the requested number.
-    #[error("found table number {found}, expected 1 to 7")]
+    #[error("found table number {found} of the paper by Claustres et al. (2006), expected 1 to 7")]
     NoSuchTable {
         /// Number of the table of the paper by Claustres et al. (2006) that the caller asked for.
         found: u8,
@@ -14,7 +14,7 @@ pub enum PaperError {
     /// The bundled measurement data cannot be read as expected.
     #[error("the bundled measurement data cannot be read: {0}")]
     Data(String),
-    /// The caller cancelled the computation of the table.
+    /// The caller cancelled the reproduction of a table of the paper by Claustres et al. (2006).
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

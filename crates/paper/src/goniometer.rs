@@ -13,21 +13,23 @@ use crate::formats::{Acquisition, Samples};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-/// A BRDF measured by the virtual goniometer, on triangles in the layout of the reproduced paper.
+/// BRDF measured by a simulated goniometer, on triangles of directions as in the paper by Claustres et al. (2006): 16
+/// incoming and 1024 outgoing ones.
 pub(super) struct Goniometer {
     /// Axes of the BRDF: `[16 incoming triangles, 1024 outgoing triangles, 75 wavelengths]`.
     pub(super) axes: Vec<Axis>,
     /// Samples of the BRDF projected onto triangles of directions and wavelengths, row-major.
     pub(super) projected: Vec<f32>,
-    /// Readings of the instrument, `[16 incoming triangles, 1024 outgoing directions, 75 wavelengths]`.
+    /// Readings of the simulated goniometer (BRDF values in sr⁻¹ with noise),
+    /// `[16 incoming triangles, 1024 outgoing directions, 75 wavelengths]`.
     pub(super) readings: Vec<f32>,
     /// Index of the outgoing triangle that contains each measured outgoing direction.
     cells: Vec<usize>,
 }
 
 const DIRECTIONS: usize = 1024;
-/// Largest angle in degrees between a measured direction and the centroid of the triangle at which the instrument aims.
-/// The triangles are 4 to 8 degrees wide. Raising it leaves more triangles without a reading.
+/// Largest angle in degrees by which the simulated goniometer misses the centroid of the triangle at which it aims. The
+/// triangles are 4 to 8 degrees wide. Raising it leaves more triangles without a reading.
 const AIM: f64 = 1.8;
 const LAMBDAS: usize = 75;
 /// Number of nearest readings from which the value of a triangle without reading is interpolated.

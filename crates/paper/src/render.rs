@@ -64,7 +64,7 @@ impl Table {
         out
     }
 
-    /// Returns the reproduced table of the paper as JSON: title, columns, rows, and statistics.
+    /// Returns the reproduced table of Claustres et al. (2006) as JSON: title, columns, rows, and statistics.
     pub fn json(&self) -> serde_json::Value {
         serde_json::json!(self)
     }
@@ -74,7 +74,8 @@ impl Table {
     }
 }
 
-/// Formats a number with up to three significant digits, the most that the paper prints.
+/// Formats a number with up to three significant digits, the most in the tables of Claustres et al. (2006). Numbers
+/// from 100 on are rounded to integers.
 fn figure(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),

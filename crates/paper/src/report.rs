@@ -10,14 +10,14 @@ use serde::Serialize;
 pub struct Table {
     /// Table number in the paper by Claustres et al. (2006), 1 to 7.
     pub number: u8,
-    /// Title of the reproduced table, which says what its numbers are.
+    /// Title of the table reproduced from the paper by Claustres et al. (2006); it says what the numbers are.
     pub title: String,
     /// Text that names the data that this program compressed, and says how they differ from those of Claustres et al.
     /// (2006).
     pub data: String,
     /// Descriptions of how each method selects wavelet coefficients, one sentence for each method.
     pub methods: Vec<String>,
-    /// Column headings of the reproduced table.
+    /// Column headings of the table reproduced from the paper by Claustres et al. (2006).
     pub columns: Vec<String>,
     /// Rows of the reproduced table, one for each combination of subject (spectrum, material) and method.
     pub rows: Vec<Row>,
@@ -49,8 +49,8 @@ pub struct Cell {
     /// Number computed by this program for one cell of a reproduced table: an error in per cent unless the column says
     /// otherwise.
     pub ours: f64,
-    /// Number that Claustres et al. (2006) published for the same cell of a reproduced table: an error in per cent
-    /// unless the column says otherwise. `None` if they published none.
+    /// Number that Claustres et al. (2006) published for one cell of the reproduced table: an error in per cent unless
+    /// the column says otherwise. `None` if they published none.
     pub paper: Option<f64>,
     /// Ratio of this program's number for one cell of a reproduced table to that of Claustres et al. (2006); `None` if
     /// they published no positive number.
@@ -86,8 +86,8 @@ impl Cell {
 }
 
 impl Table {
-    /// Adds, for each compression method in this reproduced table, statistics of the ratios of computed to published
-    /// errors. Methods keep the order of their first appearance.
+    /// Completes a table reproduced from the paper by Claustres et al. (2006) with statistics, for each compression
+    /// method, of the ratios of computed to published errors. Methods keep the order of their first appearance.
     pub(super) fn summarised(mut self) -> Self {
         let mut methods: Vec<&str> = Vec::new();
         for row in &self.rows {

@@ -9,8 +9,9 @@ use crate::compress::selection::{GenericTransform, Rule};
 use crate::domain::{ErrorReport, Progress};
 use crate::transform::LineBasis;
 
-/// Compression ratio, then the L1 and L2 errors of plastic in per cent published in Table 5 of Claustres et al. (2006):
-/// first without, then with thresholds that adapt to the range of the data.
+/// Figures published in Table 5 of Claustres et al. (2006) for the BRDF of plastic. Each entry has a compression ratio,
+/// the L1 and L2 errors in per cent with fixed thresholds, and those with thresholds that adapt to the range of the
+/// data.
 const PRINTED: [(usize, [f64; 2], [f64; 2]); 2] = [(128, [20.0, 37.0], [8.8, 20.0]), (256, [21.0, 41.0], [15.0, 30.0])];
 
 /// Names and roughnesses of two simulated plastics, both with a lighter diffuse base than the one for Table 3 of

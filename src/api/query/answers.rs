@@ -55,7 +55,8 @@ pub(super) struct EvaluateAnswer {
 pub(super) struct AlbedoAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     pub(super) wavelengths: Option<Vec<f64>>,
-    /// Values of the integral, one for each wavelength, in the material's unit times sr; null if masked.
+    /// Integral over all outgoing directions, one value for each wavelength, in the material's unit times sr; null if
+    /// masked.
     #[schema(value_type = Vec<Option<f32>>)]
     pub(super) values: Vec<f32>,
 }
@@ -66,8 +67,8 @@ pub(super) struct AlbedoAnswer {
 pub(super) struct AlbedosAnswer {
     /// Wavelengths in nm; null for data without wavelengths.
     wavelengths: Option<Vec<f64>>,
-    /// Values of the integrals, indexed `[incoming direction][wavelength]`, in the material's unit times sr; null where
-    /// masked.
+    /// Integrals over all outgoing directions, indexed `[incoming direction][wavelength]`, in the material's unit times
+    /// sr; null where masked.
     #[schema(value_type = Vec<Vec<Option<f32>>>)]
     values: Rows,
 }

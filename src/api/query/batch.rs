@@ -53,8 +53,8 @@ struct EvaluateRequest {
     index: Vec<usize>,
 }
 
-/// Pairs of directions for which sampling densities are evaluated, in degrees `[θ, φ]`. A list of one direction is
-/// combined with every direction of the other list.
+/// Request for sampling densities at pairs of directions. Incoming and outgoing directions are two lists of `[θ, φ]` in
+/// degrees; a list of one direction is combined with every direction of the other list.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 struct PdfRequest {
@@ -327,8 +327,8 @@ async fn answer(
     stream(&app, peer, material, question, Source::body(pieces, cutter), answer, length).await
 }
 
-/// Checks the headers of a batch request. Returns the encodings of the body and of the answer, and the operation that
-/// the query string asks for; fails if that is invalid.
+/// Checks the headers of a batch request and the operation in its query string. Returns the encodings of the request
+/// body and of the answer, and the operation. Fails if a header or the query string is invalid.
 fn check(
     headers: &HeaderMap,
     question: Result<Question, Problem>,

@@ -49,8 +49,8 @@ pub(super) struct Places {
 /// Some queries of a batch, in the encoding in which they arrived.
 #[derive(Clone, Debug)]
 pub(super) enum Records {
-    /// Parsed lists of the directions of a batch, and the range of the numbers (from 0, over the whole batch) of the
-    /// answers that belong to these queries.
+    /// Parsed lists of the directions of a whole batch, and the range of its queries that these records stand for,
+    /// numbered from 0. Each answer wanted for a pair of directions counts as a query.
     Listed(Arc<Places>, Range<usize>),
     /// Binary records, one for each query: polar angle and azimuth of each direction in degrees, as little-endian f32.
     Floats(Directions, Bytes),

@@ -40,7 +40,8 @@ impl Question {
         }
     }
 
-    /// Returns the directions that a binary query record contains for this operation on `material`.
+    /// Returns the directions that a binary query record contains, as far as `material` depends on them. Evaluations
+    /// and densities need the incoming and the outgoing direction, random directions and albedos the incoming one.
     pub(super) fn directions(&self, material: &Material) -> Result<Directions, Problem> {
         let layout = Layout::of(material.quantity(), material.axes()).map_err(|error| Problem::internal(&error))?;
         let (wi, wo) = (layout.incoming.is_some(), layout.outgoing.is_some());

@@ -28,8 +28,8 @@ pub(super) struct ReadAhead {
 #[derive(Debug)]
 struct Piece {
     bytes: Result<Bytes, Problem>,
-    /// Permit that counts the bytes of one piece of a request body against the read-ahead limit [`AHEAD`]. It is
-    /// released when the piece is taken from the queue.
+    /// Permit that counts the bytes of one piece of a request body against [`AHEAD`], the limit on bytes that are read
+    /// before they are needed. It is released when the piece is taken from the queue of such pieces.
     _share: Option<OwnedSemaphorePermit>,
 }
 

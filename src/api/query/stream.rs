@@ -31,8 +31,8 @@ const BLOCK_VALUES: usize = 1 << 19;
 /// Upper bound on the number of consecutive queries of a batch that one thread evaluates together. Raising it uses
 /// fewer threads.
 const PART: usize = 512;
-/// Upper bound on the number of output values that one thread computes for its part of a block of queries. Parts with
-/// many values per query reach it before [`PART`]. Raising it uses fewer threads.
+/// Upper bound on the number of output values of the queries that one thread evaluates together. Queries with many
+/// values each reach it before [`PART`], the bound on their number. Raising it uses fewer threads.
 const PART_VALUES: usize = 1 << 16;
 /// Largest number of blocks of queries of one streamed answer that are being evaluated or wait to be sent. Raising it
 /// costs memory and lets more blocks be evaluated at once.

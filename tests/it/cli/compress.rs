@@ -246,7 +246,8 @@ fn colours_are_promised_and_reported() {
     let lamp = data("aerolamp.csv");
     let refusal = refused(2, &["compress", &lamp, "-o", &out, "--delta-e", "1"]);
     assert!(
-        refusal.contains("delta_e: wavelengths from 199.9") && refusal.contains("at least 400 to 700 nm"),
+        refusal.contains("delta_e: colour differences of this measurement cannot be computed: wavelengths from 199.9")
+            && refusal.contains("at least 400 to 700 nm"),
         "{refusal}"
     );
     let refusal = refused(2, &[&line[..], &["--policy", "conventional"]].concat());

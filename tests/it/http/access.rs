@@ -71,9 +71,9 @@ async fn names_and_origins_are_settings() {
     service.stop().await;
 
     for (names, origins, expected) in [
-        ("http://x", "", "invalid setting --name"),
-        ("", "*", "invalid setting --origin"),
-        ("", "app.example.org", "invalid setting --origin"),
+        ("http://x", "", "a host name or an origin in the settings is invalid: --name"),
+        ("", "*", "a host name or an origin in the settings is invalid: --origin"),
+        ("", "app.example.org", "a host name or an origin in the settings is invalid: --origin"),
     ] {
         let mut wrong = config(data.path());
         (wrong.names, wrong.origins) = (vec![names.to_owned()], vec![origins.to_owned()]);

@@ -239,7 +239,7 @@ impl Multiplier {
         Ok(Self { space: Arc::clone(space), columns })
     }
 
-    /// Returns the pointwise product of `spectrum` and the fixed spectrum from which the multiplication was created.
+    /// Returns the pointwise product of `spectrum` and the fixed spectrum that was passed to [`Multiplier::new`].
     pub fn product(&self, spectrum: &SparseSpectrum) -> Result<SparseSpectrum, AlgebraError> {
         let mut sum = Accumulator::new(&self.space);
         self.product_into(1.0, spectrum, &mut sum)?;
@@ -247,7 +247,7 @@ impl Multiplier {
     }
 
     /// Adds to `sum`, without allocation, `factor` times the pointwise product of `spectrum` and the fixed spectrum
-    /// from which the multiplication was created.
+    /// that was passed to [`Multiplier::new`].
     pub fn product_into(
         &self,
         factor: f64,

@@ -41,7 +41,7 @@ pub(crate) struct Rows {
 pub(crate) enum Payload {
     /// Signed integer: sign and magnitude are coded.
     Integer,
-    /// Nonzero float32: the bits of the number are coded.
+    /// Coefficient as a nonzero float32: the exponent is entropy-coded, sign and mantissa are stored as plain bits.
     Float,
 }
 

@@ -31,8 +31,9 @@ pub(crate) struct ClassGrid {
     pub(crate) lanes: Vec<usize>,
 }
 
-/// Encodes or decodes the sample classes of a tensor `[incoming, polar, azimuths, lanes]`, where lanes are entries of
-/// the last axis, such as wavelengths. A decoder overwrites `classes`.
+/// Encodes or decodes the class of each sample (positive, negative, zero or masked) of a tensor
+/// `[incoming, polar, azimuths, lanes]`. Lanes are entries of the last axis, such as wavelengths. A decoder overwrites
+/// `classes`.
 ///
 /// # Panics
 /// If the number of classes is not the product of the lengths.

@@ -3,8 +3,8 @@
 use super::model::Model;
 use super::range::BitCoder;
 
-/// Number of classes of an averaged magnitude of coded integers in units of 1/16, used as contexts of adaptive
-/// probabilities; finer than the [`COARSE`] classes of a single integer.
+/// Number of classes, used as contexts of adaptive probabilities, of the mean magnitude of several coded integers. The
+/// mean is counted in sixteenths; the magnitude of a single integer has fewer classes, [`COARSE`].
 pub(crate) const FINE: usize = 12;
 /// Number of coarse classes of an integer magnitude, used as contexts of adaptive probabilities.
 pub(crate) const COARSE: usize = 6;

@@ -223,13 +223,13 @@ fn random_access_is_refused_where_blocks_are_not_coded_by_themselves() {
     let er = Target::ErL2(0.02);
     let random_of = |target, policy| Settings { random_access: true, ..settings(target, policy) };
     for (m, settings, found) in [
-        (&brdf, random_of(er, Policy::Conventional), "found policy conventional"),
-        (&brdf, random_of(Target::Lossless, Policy::Rd), "found policy lossless"),
-        (&brdf, random_of(Target::MaxRelativeError(0.02), Policy::Rd), "found a target that bounds every sample"),
-        (&brdf, random_of(Target::MaxAbsoluteError(0.02), Policy::Rd), "found a target that bounds every sample"),
-        (&brdf, Settings { basis: "haar".to_owned(), ..random(er) }, "found basis haar"),
-        (&edf, random(er), "found no incoming directions and no index in the axes [sphere"),
-        (&table, random(er), "found no incoming directions and no index in the axes ["),
+        (&brdf, random_of(er, Policy::Conventional), "policy conventional codes"),
+        (&brdf, random_of(Target::Lossless, Policy::Rd), "policy lossless codes"),
+        (&brdf, random_of(Target::MaxRelativeError(0.02), Policy::Rd), "bounds the error of every sample"),
+        (&brdf, random_of(Target::MaxAbsoluteError(0.02), Policy::Rd), "bounds the error of every sample"),
+        (&brdf, Settings { basis: "haar".to_owned(), ..random(er) }, "basis haar codes"),
+        (&edf, random(er), "nor numbered entries (an index axis) for random access in the axes [sphere"),
+        (&table, random(er), "nor numbered entries (an index axis) for random access in the axes ["),
     ] {
         match compress(m, &settings, &Silent) {
             Err(CompressError::Setting(error @ SettingError::RandomAccess(_))) => {

@@ -54,7 +54,7 @@ impl Compressed {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct Ranked {
-    /// Name of the basis.
+    /// Name of the spectral basis, for example `klt`.
     pub basis: String,
     /// Size in bytes of the file made with this basis, or of its coefficients alone if only those were compared.
     pub bytes: u64,

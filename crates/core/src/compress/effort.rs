@@ -2,7 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Work of a search for a file, counted in trials and in samples.
+/// Work of the search for a compressed file that meets its target: number of trial compressions, and of the samples
+/// that they process.
 ///
 /// A trial quantises coefficients with one step or threshold, and codes them, reconstructs the samples from them, or
 /// both. Transforms shared by trials, and counts of coefficients, are not trials.
@@ -10,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Effort {
     /// Number of trials (quantisations that were coded or reconstructed), including those on a part of the samples.
     pub trials: u64,
-    /// Number of samples that all trial quantisations processed together; a sample counts once for each trial.
+    /// Number of samples processed, summed over all trial quantisations: a sample counts once for each trial.
     pub samples: u64,
 }
 

@@ -58,7 +58,8 @@ fn lamp(noise: f64) -> Measurement {
     })
 }
 
-/// Test BRDF: a gloss lobe on a diffuse base, narrower across x by the factor `stretch`.
+/// Test BRDF: a gloss lobe on a diffuse base, narrower in the x direction than in the y direction by the square root of
+/// `stretch`.
 fn glossy(axes: &[Axis], stretch: f64) -> Measurement {
     let wi = |i: usize| match &axes[0] {
         Axis::Elevation(degrees) => Direction::from_degrees(degrees[i], 0.0).xyz(),

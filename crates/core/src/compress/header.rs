@@ -78,19 +78,21 @@ pub(crate) struct Header {
     pub(crate) lobe: Option<Lobe>,
     /// True if the grid chunk lists coarser resolution levels.
     pub(crate) grid_levels: bool,
-    /// Payload length in bytes of the pyramid chunk, or of a grid chunk with coarser levels; 0 without either.
+    /// Payload length in bytes of the chunk that codes samples on triangles by prediction, or samples on a grid of
+    /// angles with coarser levels; 0 without such a chunk.
     pub(crate) pyramid_length: usize,
     /// True if the samples themselves are coded, false if their logarithms are.
     pub(crate) linear: bool,
     pub(crate) step: f32,
     /// Quantiser step of the corrections that keep the total light (albedo or flux), in natural logarithms; 0 without
-    /// corrections. If it is negative, some corrections apply to negative samples only, see `light`.
+    /// corrections. If it is negative, its magnitude is the step, and each correction applies either to the negative
+    /// samples alone or to all others.
     pub(crate) light_step: f32,
     pub(crate) correction_step: f32,
     pub(crate) has_classes: bool,
     pub(crate) floor: f32,
-    /// Common factor of a lossless file: each sample is this factor times the number in the exact chunk; 1 without a
-    /// factor.
+    /// Common factor of a lossless file: each sample is this factor times the number that the file stores for it; 1
+    /// without a factor.
     pub(crate) factor: f64,
     pub(crate) kept: u64,
     pub(crate) errors: ErrorReport,

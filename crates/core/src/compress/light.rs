@@ -200,8 +200,8 @@ struct Negative {
 
 impl Negative {
     /// Total light of the negative samples, as a positive number, after `shift` is added to the natural logarithms of
-    /// their magnitudes: the sum of weight · magnitude, with (projected) solid angles as weights. Magnitudes stay
-    /// within their bound.
+    /// their magnitudes: the sum of weight · magnitude, with (projected) solid angles as weights. No magnitude exceeds
+    /// the largest that a decoder produces.
     fn light(&self, shift: f64) -> f64 {
         let factor = libm::exp(shift);
         self.samples.iter().map(|(weight, size)| weight * (factor * size).min(self.largest)).sum()
@@ -225,18 +225,20 @@ impl Negative {
 /// Fraction of the allowed relative error of the light (albedo, flux) up to which decoded samples are not corrected.
 /// The remainder allows for rounding.
 const NEAR: f64 = 0.9;
-/// Ratio of the step that corrects logarithms of non-negative samples to that of negative ones, to keep the light
-/// (albedo, flux). These need finer steps, because the light may be a small difference of two large sums.
+/// Ratio of the step in which logarithms of non-negative samples are corrected to that for negative samples, to keep
+/// the light (albedo, flux). Negative samples need finer steps, because the light may be a small difference of two
+/// large sums.
 const PARTS: f64 = 16.0;
-/// Largest amount added to the logarithm of a negative sample's magnitude to correct the light (albedo, flux). It makes
-/// the sample negligible or takes it to its bound.
+/// Largest change of the natural logarithm of a negative sample's magnitude that corrects the light (albedo, flux). A
+/// decrease by it makes the sample negligible; an increase takes the magnitude to the largest that a decoder produces.
 const MOST_SHIFT: f64 = 20.0;
 /// Upper bound on the number of correction steps added to the logarithm of a negative sample's magnitude to correct the
 /// light (albedo, flux). Float32 holds every integer up to it.
 const MOST_STEPS: f64 = (1 << 24) as f64;
 
-/// Decodes correction `k` of the light (albedo, flux): true if it is for samples marked as negative, false if for the
-/// others, and the change of their natural logarithms. With `step` ≥ 0 the others change by k · `step`.
+/// Decodes the integer `k` of a correction that keeps the light (albedo, flux). Returns true if it applies to samples
+/// marked as negative, false if to the others, and the change of their natural logarithms. The sign of `step` selects
+/// the rule: with `step` ≥ 0, k changes the others by k · `step`.
 ///
 /// With `step` < 0, an even k changes the others by k/2 · |`step`|, and an odd k changes negative samples by (k − 1)/2
 /// · |`step`| / 16.

@@ -13,7 +13,8 @@ pub(super) fn metadata_kind(axes: &[Axis]) -> ChunkKind {
     if on_grid { ChunkKind::Provenance } else { ChunkKind::Metadata }
 }
 
-/// Writes the metadata of a measurement on `axes` as its chunk.
+/// Encodes the metadata text of a measurement as a chunk of the compressed file. The kind of chunk depends on `axes`,
+/// the axes of the measurement.
 pub(super) fn metadata_chunk(axes: &[Axis], text: &str) -> (ChunkKind, Vec<u8>) {
     match metadata_kind(axes) {
         ChunkKind::Provenance => (ChunkKind::Provenance, write_provenance(text)),

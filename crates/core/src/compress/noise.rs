@@ -47,7 +47,8 @@ pub struct Noise {
     /// Standard deviation of the noise that is independent from sample to sample, of a typical (median) sample,
     /// relative to it. 0 if none was found.
     pub relative: f64,
-    /// Standard error of the estimated relative noise, including the part that may be signal instead.
+    /// Standard error of the estimated relative noise: its statistical error, combined with the amount that was
+    /// attributed to signal and subtracted.
     pub uncertainty: f64,
     /// Relative standard deviation of the noise that neighbouring spectral samples share (a direction's gain error); 0
     /// if none was found or there is no spectral axis.
@@ -203,8 +204,9 @@ struct Block {
     /// averaged.
     high_mean: Vec<f64>,
     third_mean: Vec<f64>,
-    /// Sum of squares of the coefficients of polynomial degree 2 along the first axis of a block of samples, each first
-    /// averaged over wavelengths. Curved signals raise it; their coefficients of higher degree are not noise alone.
+    /// Curvature of a block of samples along its first axis: the sum of squares of its polynomial coefficients of
+    /// degree 2, after they are averaged over wavelengths. Estimates along one axis use only the blocks of least
+    /// curvature, because coefficients of higher degree contain signal in the others.
     second_mean: f64,
     /// Reciprocal of the number n of entries on the second axis of a block of samples. The mean over this axis has 1/n
     /// of the noise variance of single samples.

@@ -17,7 +17,8 @@ impl Parts {
     }
 }
 
-/// Assembles a file from its header, with the errors that the header states at this point, its chunks and its metadata.
+/// Assembles the bytes of a file from its header, chunks and metadata. The error figures in the header are written as
+/// they currently stand, even if not yet final.
 pub(super) fn assemble(parts: &Parts, metadata: Option<&str>) -> Vec<u8> {
     let kind = if parts.header.grid_levels { ChunkKind::Grid } else { ChunkKind::Pyramid };
     let pyramid_length = parts.chunk(kind).map_or(0, <[u8]>::len);

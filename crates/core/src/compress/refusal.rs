@@ -19,12 +19,13 @@ pub(super) fn cannot_follow(
     UnreachableError::CannotFollow { option, wanted, closest, basis: basis.name(), linear }.into()
 }
 
-/// Builds the error for a bound on every sample that float32 cannot resolve.
+/// Builds the error that a requested bound on each sample's error is too small for float32 to resolve.
 pub(super) fn below_rounding(target: Target, measurement: &Measurement) -> CompressError {
     UnreachableError::BelowRounding { target, largest: largest_magnitude(measurement) }.into()
 }
 
-/// Builds the error for a wanted size below the smallest file, or a ratio above the one of fewest coefficients.
+/// Builds the error that a requested file size is below the smallest possible, or a requested ratio of samples to kept
+/// coefficients above the largest possible.
 pub(super) fn too_large(
     target: Target,
     least: f64,
@@ -40,7 +41,7 @@ pub(super) fn beyond_float32(header: &Header, index: usize, sample: f32) -> Comp
     UnreachableError::SampleOverflow { policy: header.policy, basis, index, sample }.into()
 }
 
-/// Builds the error for a file that its own decoder rejects, whatever its size.
+/// Builds the error for a newly compressed file that is not written, because the decoder rejects it.
 pub(super) fn undecodable(header: &Header, reason: CodecError) -> CompressError {
     let basis = basis_of(&header.axes, &header.transforms, header.klt);
     UnreachableError::Undecodable { policy: header.policy, basis, reason }.into()
@@ -53,8 +54,8 @@ pub(super) fn transform_overflows(policy: Policy, basis: SpectralBasis, measurem
     UnreachableError::TransformOverflow { policy, basis: basis.name(), largest }.into()
 }
 
-/// Returns the failure of the spectral basis that came closest to the requested target. `refused` holds for each basis
-/// that failed the error or size it reached, and the failure to report.
+/// Returns the failure of the spectral basis that came closest to the requested target. Each element of `refused`
+/// describes a basis that missed the target: the error or size it reached, and the failure to report.
 pub(super) fn nothing_reaches(refused: Vec<(f64, UnreachableError)>) -> CompressError {
     let closest = refused.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
     closest.map_or(UnreachableError::NoBasis, |(_, error)| error).into()

@@ -43,8 +43,8 @@ pub(crate) fn largest<E>(
 /// `finest`. The powers do not depend on `start`, so that searches with slightly different targets find each other's
 /// results.
 pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64> {
-    /// Upper bound on the number of powers of two tried as quantiser steps; they span more than the range that rounding
-    /// affects.
+    /// Upper bound on the number of powers of two tried as quantiser steps. Together they span more than the range of
+    /// steps in which rounding errors mislead a search by halving.
     const MOST: usize = 12;
     let first = libm::exp2(libm::floor(libm::log2(start.max(finest))));
     let powers = std::iter::successors(Some(first), |step| Some(0.5 * step));
@@ -205,7 +205,8 @@ mod tests {
     use super::*;
     use std::convert::Infallible;
 
-    /// Returns the quantiser step that a search finds for sizes `size_of(step)`, and the number of trials.
+    /// Returns the finest quantiser step with `size_of(step)` at most `most`, as a search from `start` finds it, and
+    /// the number of steps that it tried.
     fn fitted(start: f32, most: f64, size_of: impl Fn(f64) -> f64) -> (Option<Notch>, u32) {
         let mut trials = 0;
         let size = |at: Notch| {

@@ -38,17 +38,17 @@ pub enum SettingError {
     NeedsRd {
         /// Option in the settings that only the rate–distortion policy (`rd`) supports.
         option: RdOption,
-        /// Compression policy in the settings, which does not support the option.
+        /// Compression policy in the settings, with which an option that only policy `rd` supports was given.
         policy: Policy,
     },
     /// Requested bound on the error of albedos that cannot be kept with the other settings, or that the target already
     /// implies.
-    #[error("albedo_error: {0}")]
+    #[error("the option albedo_error cannot be used: {0}")]
     Albedo(AlbedoConflict),
     /// Random access requested where single incoming directions cannot be coded separately.
     #[error(
-        "random_access: found {0}, expected policy rd with basis auto or klt, a target that does not bound every sample, and \
-         incoming directions or an index in front of the outgoing directions"
+        "random_access: {0}; expected policy rd, basis auto or klt, no bound on the error of every sample, and incoming \
+         directions or an index axis before the outgoing directions"
     )]
     RandomAccess(RandomAccessConflict),
     /// Straight-line interpolation requested between directions that are not on a grid of angles.
@@ -80,7 +80,7 @@ pub enum SettingError {
         found: usize,
     },
     /// Requested bound on colour differences of spectra whose colours cannot be computed.
-    #[error("delta_e: {0}")]
+    #[error("delta_e: colour differences of this measurement cannot be computed: {0}")]
     Colour(#[from] ColourError),
     /// Measurement whose noise cannot be estimated.
     #[error(
@@ -90,13 +90,13 @@ pub enum SettingError {
     )]
     NoNoise,
     /// Axes for which no spectral basis is available.
-    #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
+    #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Transforms that do not suit the axes of the measurement.
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// Failure to compute the principal components of the data.
-    #[error("basis klt: {0}")]
+    #[error("cannot compute the principal components of the data (basis klt): {0}")]
     Klt(#[from] KltError),
     /// Symmetry that does not map the directions of the measurement to themselves.
     #[error("the symmetry does not map the directions of the measurement to themselves")]
@@ -177,20 +177,24 @@ pub enum AlbedoConflict {
 pub enum RandomAccessConflict {
     /// Compression policy that codes all incoming directions together, so that none can be decoded alone as random
     /// access needs.
-    #[error("policy {0}, which codes all incoming directions together, so that none can be decoded alone")]
+    #[error("policy {0} codes all incoming directions together and thus allows no random access to one of them")]
     Policy(Policy),
     /// Spectral basis with which all incoming directions are coded together: any but the data's own principal
     /// components.
-    #[error("basis {0}, which codes all incoming directions together, so that none can be decoded alone")]
+    #[error("basis {0} codes all incoming directions together and thus allows no random access to one of them")]
     Basis(String),
-    /// Target that bounds every sample, with corrections coded for all samples together.
+    /// Target that bounds the error of every sample: corrections of samples are coded for all incoming directions
+    /// together, so that none can be decoded alone.
     #[error(
-        "a target that bounds every sample, which takes corrections coded for all incoming directions together, so \
-         that none can be decoded alone"
+        "a target that bounds the error of every sample needs corrections coded for all incoming directions together and \
+         thus allows no random access to one of them"
     )]
     EverySample,
     /// Axes with neither incoming directions nor numbered entries before the outgoing directions: there are no parts
     /// that could be decoded singly.
-    #[error("no incoming directions and no index in the axes [{}]", .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", "))]
+    #[error(
+        "found neither incoming directions nor numbered entries (an index axis) for random access in the axes [{}]",
+        .0.iter().map(Axis::describe).collect::<Vec<_>>().join(", ")
+    )]
     Axes(Vec<Axis>),
 }

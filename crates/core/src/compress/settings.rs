@@ -101,8 +101,8 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     Ok(())
 }
 
-/// Converts the floor from a fraction of the largest sample to the unit of a sample, rounded to f32 as the file stores
-/// it; 0 without a floor.
+/// Converts the floor of the relative errors (samples below it do not count in them) from a fraction of the largest
+/// sample to the unit of a sample. The result is rounded to f32 as the file stores it; 0 without a floor.
 pub fn absolute_floor(measurement: &Measurement, floor: Option<f64>) -> f32 {
     let maximum = || measurement.tensor.range().map_or(0.0, |(_, high)| f64::from(high.max(0.0)));
     floor.map_or(0.0, |floor| (floor * maximum()) as f32)

@@ -121,7 +121,8 @@ pub(crate) struct Bound {
 }
 
 impl Bound {
-    /// Returns true if the bounded figure of an error report is within its bound.
+    /// Returns true if the error that the compression target bounds, for example er(L2), is at most the bound in an
+    /// error report.
     pub(crate) fn keeps(&self, errors: &ErrorReport) -> bool {
         (self.figure)(errors) <= self.at_most
     }

@@ -83,7 +83,8 @@ pub(crate) fn compress(
     best(found, settings.target)
 }
 
-/// Returns the best of files made to one target, with the ranking of all of them; of equal files the earlier one.
+/// Returns the best of several files made to one target: the smallest, or that of least error er(L2) if the target is a
+/// size or a ratio. Of equally good files it returns the first. A ranking of all is included.
 fn best(mut found: Vec<Compressed>, target: Target) -> Result<Compressed, CompressError> {
     let by_error = matches!(target, Target::Ratio(_) | Target::Bytes(_));
     found.sort_by(|a, b| {
@@ -230,7 +231,7 @@ impl<'a> Work<'a> {
         refusal::too_large(self.settings.target, smallest, of, self.settings.metadata.is_some())
     }
 
-    /// Threshold at which the search starts: 1 % of the mean magnitude of a sample.
+    /// Threshold on coefficients with which the search for the best one starts: 1 % of the mean magnitude of a sample.
     fn scale(&self) -> f64 {
         let samples = self.measurement.tensor.samples();
         let sum: f64 = samples.iter().filter(|s| !s.is_nan()).map(|s| f64::from(s.abs())).sum();

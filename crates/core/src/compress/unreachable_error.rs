@@ -10,7 +10,7 @@ use crate::codec::CodecError;
 #[non_exhaustive]
 pub enum UnreachableError {
     /// Axes for which no spectral basis is available.
-    #[error("no spectral basis fits these axes: name one with the option basis, or use lossless")]
+    #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Error bound that a basis does not reach, however small the quantiser step.
     #[error("{}", cannot_follow((option, *wanted), *closest, (basis, *linear)))]
@@ -33,7 +33,7 @@ pub enum UnreachableError {
     BelowRounding {
         /// Compression target that bounds the error of every sample.
         target: Target,
-        /// Largest magnitude of a sample.
+        /// Largest magnitude found among the samples of the measurement.
         largest: f64,
     },
     /// Error bound below the smallest error that a file can state.
@@ -87,7 +87,7 @@ pub enum UnreachableError {
         /// Value of the bounded quantity, an error or a size in bytes as `option` says, in the file that came closest
         /// to the bound.
         found: f64,
-        /// Name of the spectral basis of the file that came closest to the bound.
+        /// Name of the spectral basis of the file that came closest to the requested bound on its error or size.
         basis: String,
     },
     /// Samples below the floor (the smallest sample whose relative error counts) that would decode with an absolute
@@ -102,7 +102,8 @@ pub enum UnreachableError {
         wanted: f64,
         /// Requested floor, the smallest sample whose relative error counts, in the unit of the samples.
         floor: f64,
-        /// Largest error of a sample below the floor, in the unit of the samples.
+        /// Largest absolute error of a sample below the floor (the smallest sample whose relative error counts), in the
+        /// unit of the samples.
         found: f64,
     },
     /// Samples that decode as masked although measured, or as numbers although masked.
@@ -138,7 +139,7 @@ pub enum UnreachableError {
         basis: String,
         /// Row-major index of the sample that decodes beyond float32.
         index: usize,
-        /// Value of the sample in the measurement.
+        /// Measured value of the sample that decodes beyond float32, in the unit of the samples.
         sample: f32,
     },
     /// Samples so large that their transform exceeds float32, in a policy that transforms the samples themselves.
@@ -151,7 +152,7 @@ pub enum UnreachableError {
         policy: Policy,
         /// Name of the spectral basis whose transform coefficients exceed float32.
         basis: &'static str,
-        /// Largest magnitude of a sample.
+        /// Largest magnitude found among the samples of the measurement.
         largest: f64,
     },
     /// Coefficient, supplied by the caller, that float32 cannot hold.

@@ -269,7 +269,8 @@ pub enum DirectionGridError {
         /// before it; in degrees.
         found: f64,
     },
-    /// The azimuths do not fit the stated part of the circle.
+    /// The azimuths span a range that contradicts their stated extent: a circle needs less than 360°, a closed circle
+    /// exactly 360°, others at most 360°.
     #[error("azimuths go from {first} to {last} degrees, expected azimuths that fit their stated extent `{extent}`")]
     Span {
         /// First azimuth of the grid, in degrees.

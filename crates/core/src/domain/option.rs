@@ -27,7 +27,7 @@ pub enum Values {
     Number {
         /// Placeholder in the help text for the number that the user gives as the option's value, such as `E`.
         shown: &'static str,
-        /// Range of accepted numbers.
+        /// Range of numbers that the option accepts.
         limits: Limits,
     },
     /// Option that takes a whole number in a range, both ends included.
@@ -57,7 +57,7 @@ pub enum Values {
         /// Check of a text that the user gave. The error says what was expected.
         check: fn(&str) -> Result<(), String>,
     },
-    /// Bytes of a file: its path on the command line, the id of uploaded bytes over HTTP.
+    /// Option that takes a file: its path on the command line, the id of the uploaded bytes over HTTP.
     File {
         /// Placeholder in the help text for the path that the user gives as the option's value, such as `SPD`.
         shown: &'static str,

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("unknown {what} `{found}`, expected one of {expected}")]
 pub struct UnknownName {
-    /// Kind of object that the name should denote, for example `unit`.
+    /// Kind of object that the unknown name should denote, for example `unit`.
     pub what: &'static str,
     /// Name found in the input that is not in the list of known names, for example of known units.
     pub found: String,
@@ -135,7 +135,7 @@ impl Quantity {
 pub enum Unit {
     /// Relative values, of which only ratios are meaningful.
     Relative,
-    /// Dimensionless number.
+    /// Unit 1 of dimensionless samples, such as reflectances.
     One,
     /// Per steradian, sr⁻¹.
     PerSteradian,

@@ -10,17 +10,18 @@ use crate::domain::{Direction, TriangleMesh};
 /// Squared sine of the angle to corner b of a spherical triangle below which a direction counts as that corner.
 const CORNER: f64 = 1e-24;
 
-/// Number of intervals along a triangle's edge between the points at which the smooth function is tested for nonzero
-/// values in the triangle. More intervals find narrower nonzero areas.
+/// Number of intervals along a triangle's edge between the points at which a material's smoothly interpolated function
+/// is tested for nonzero values in the triangle. More intervals find narrower nonzero areas.
 const STEPS: u32 = 24;
-/// Distance from a triangle's edges of the nearest points at which the smooth function is tested for nonzero values, in
-/// intervals between these points. It keeps them from lying exactly on an edge.
+/// Distance from a triangle's edges of the nearest points at which a material's smoothly interpolated function is
+/// tested for nonzero values, in intervals between these points. It keeps them from lying exactly on an edge.
 const INSIDE: f64 = 1e-5;
-/// Distance in radians, from an interpolation node, of eight points around it at which the smooth function is tested
-/// for nonzero values. Each lies in another of the interpolation patches that meet at the node.
+/// Distance in radians, from an interpolation node, of eight points around it at which a material's smoothly
+/// interpolated function is tested for nonzero values. Each lies in another of the interpolation patches that meet at
+/// the node.
 const BESIDE: f64 = 1e-5;
-/// Offsets from an interpolation node of the eight points around it at which the smooth function is tested, in units of
-/// [`BESIDE`] along two tangents that are not parallel.
+/// Offsets from an interpolation node of the eight points around it at which a material's smoothly interpolated
+/// function is tested, in units of [`BESIDE`] along two tangents that are not parallel.
 const WAYS: [[f64; 2]; 8] =
     [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
 
@@ -98,9 +99,9 @@ impl Background {
     }
 }
 
-/// Returns, for each triangle, true if the smooth function may have light in it. An interpolation patch with a lit
-/// corner is lit as a whole and may cover dark triangles. Without patches, light reaches all triangles that share a
-/// corner with a lit one.
+/// Returns, for each triangle, true if the material's smoothly interpolated function may be nonzero in it. An
+/// interpolation patch with a lit corner is lit as a whole and may cover dark triangles. Without patches, light reaches
+/// all triangles that share a corner with a lit one.
 fn reached(smooth: Option<&Smooth>, entry: usize, lookup: &MeshLookup, has_light: &[bool]) -> Vec<bool> {
     if !has_light.contains(&false) {
         return has_light.to_vec();
@@ -144,7 +145,7 @@ fn of(entries: &[[LitCells; 2]], entry: usize, density: Density) -> &LitCells {
     &entries[entry][usize::from(density == Density::Linear)]
 }
 
-/// Triangles with light, from which directions are drawn uniformly in solid angle.
+/// Mesh triangles in which a function is nonzero, from which outgoing directions are drawn uniformly in solid angle.
 #[derive(Debug)]
 pub(super) struct LitCells {
     is_lit: Vec<bool>,

@@ -99,9 +99,9 @@ impl Carried {
     }
 
     /// Finds the outgoing direction under the incoming direction `from` that moves to `wo` if its lobe follows the
-    /// incoming direction to `to`. The second number times the sampling density there is its contribution to the
-    /// density at `wo` (0 without such a direction). The third is the fraction of directions drawn at `wo` that stay at
-    /// `wo`.
+    /// incoming direction to `to`. Returns this direction and two numbers. The first, times the sampling density at the
+    /// direction, is the direction's contribution to the density at `wo` (0 without such a direction). The second is
+    /// the fraction of directions drawn at `wo` that stay at `wo`.
     #[inline(always)]
     pub(super) fn origin(&self, wo: Vector) -> (Vector, f64, f64) {
         let back = self.back(wo);
@@ -123,8 +123,9 @@ impl Carried {
     }
 }
 
-/// Alignment of lobes between incoming directions that applies on the same side of the horizon as the height `z`, and
-/// the sign of z there (0 without a horizon). On a whole sphere, transmitted light is always aligned by rotation.
+/// Rule that moves an outgoing direction, whose z coordinate is `z`, with its lobe from one incoming direction to
+/// another. Also the sign of z on the hemisphere in which the direction stays, or 0 if it may move over the whole
+/// sphere. On a whole sphere, transmitted light is always moved by rotation.
 #[inline(always)]
 fn side_by(alignment: Alignment, domain: Domain, z: f64) -> (Alignment, f64) {
     match domain {
@@ -167,8 +168,9 @@ fn turn_between(a: Vector, b: Vector) -> [f64; 2] {
     [cos_a * cos_b + sin_a * sin_b, cos_a * sin_b - sin_a * cos_b]
 }
 
-/// Fraction of the directions drawn in a band near the horizon that stay where they are drawn. No direction moves into
-/// that band if lobes rise with the incoming direction, yet the material's function is nonzero there.
+/// Fraction of the directions drawn in a band near the horizon that are not moved with their lobe to the queried
+/// incoming direction. If moves raise directions, none arrives in that band, yet the material's function is nonzero
+/// there.
 pub(super) const STAYING: f64 = 0.5;
 
 /// Incoming directions for a block of queries (batch evaluated together): for each query, one at which values are

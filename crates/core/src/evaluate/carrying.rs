@@ -18,8 +18,8 @@ use std::sync::Arc;
 /// the unit square drawn at each. More points make the choice more reliable and slower.
 const COMPARED: u32 = 8;
 const POINTS: u32 = 12;
-/// Minimum cosine of the incoming directions at which sampling is compared; the function carries little light at
-/// grazing incidence.
+/// Minimum cosine of the polar angle of incoming directions at which sampling with and without lobe alignment is
+/// compared. At grazing incidence the function carries little light.
 const LOWEST_COSINE: f64 = 0.15;
 
 /// Builds the trees of triangles from which outgoing directions are drawn in proportion to the function's mean over

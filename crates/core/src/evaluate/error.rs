@@ -113,14 +113,14 @@ pub enum QueryError {
     Count {
         /// Directions of which the query gives the wrong number: incoming or outgoing.
         argument: Argument,
-        /// Number of unit vectors that the query gives.
+        /// Number of unit vectors that the caller passes to a query of a batch of directions.
         found: usize,
         /// Number of directions that the query needs: one for each direction pair or random point.
         expected: usize,
     },
     /// Array for results, scratch space or weights passed to a query with the wrong length.
     #[error(
-        "array for results, scratch space or weights has the wrong length: {lengths}",
+        "found {found} elements in an array for results, scratch space or weights, expected {expected}: {lengths}",
         lengths = buffer.refusal(*found, *expected)
     )]
     Length {
@@ -190,7 +190,7 @@ pub enum QueryError {
         quantity: Quantity,
     },
     /// Reciprocity is requested of a quantity whose data cannot show it.
-    #[error("wi and wo cannot be exchanged: a {quantity} {}", match quantity {
+    #[error("wi and wo cannot be exchanged, because this {quantity} {reason}", reason = match quantity {
         Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
         _ => "has no reciprocity, expected a brdf, bsdf or phase function",
     })]
@@ -224,7 +224,10 @@ pub enum QueryError {
         u: [f64; 2],
     },
     /// Fraction δ of defensive samples (drawn independently of the function's values) outside 0 ≤ δ < 1.
-    #[error("a defensive part of {found} (drawn whatever the function is), expected 0 or more and less than 1")]
+    #[error(
+        "the fraction of defensive samples (drawn independently of the function's values) is {found}, expected 0 or more \
+         and less than 1"
+    )]
     Defensive {
         /// Requested fraction of defensive samples (drawn independently of the function's values) among all samples.
         found: f64,

@@ -226,8 +226,8 @@ impl Geometry {
         self.look_up(wi, || 0, MeshLookup::locate, nearest, |entry| entry)
     }
 
-    /// Incoming samples around `wi` with interpolation weights, via means around mesh vertices; sample 0 alone without
-    /// an incoming axis.
+    /// Incoming samples, with weights, from which values at `wi` are interpolated smoothly; sample 0 alone without an
+    /// incoming axis. On a mesh, means of the triangles around each vertex are interpolated between vertices.
     pub(super) fn incoming_stencil(&self, wi: Option<Direction>) -> Result<Stencil, EvaluateError> {
         self.look_up(wi, || Stencil::one(0), MeshLookup::stencil, elevation_stencil, Stencil::one)
     }
@@ -455,7 +455,7 @@ impl Geometry {
         Ok(())
     }
 
-    /// Heap memory of the lookup tables in bytes.
+    /// Heap memory, in bytes, of the tables in which incoming and outgoing directions are looked up.
     pub(super) fn memory(&self) -> usize {
         let incoming = match &self.incoming {
             Incoming::None => 0,

@@ -122,7 +122,7 @@ impl Cube {
         [middle - reach, middle + reach]
     }
 
-    /// Sub-cubes of the cube that the unit sphere passes through.
+    /// Smaller cubes into which this cube divides, without those that the octant x, y, z ≥ 0 of the unit sphere misses.
     fn parts(self) -> Vec<Self> {
         let half = self.half / f64::from(PARTS);
         let at = |part: u32| [part % PARTS, part / PARTS % PARTS, part / (PARTS * PARTS)];

@@ -74,7 +74,8 @@ pub(super) enum Nodes {
     Same(Vector),
     /// Incoming elevations in degrees and their directions at azimuth 0.
     Elevations(Vec<f64>, Vec<Vector>),
-    /// Centroids of a mesh of incoming triangles and, between them, the mesh's vertices.
+    /// Interpolation nodes at the centroids of a mesh of incoming triangles, which are sampled, and at the mesh's
+    /// vertices, whose values derive from the centroids around.
     Triangles(Triangles),
 }
 

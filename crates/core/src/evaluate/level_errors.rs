@@ -81,7 +81,8 @@ mod tests {
         DirectionGrid::new(frame, polar, Some(Azimuths { angles, extent })).unwrap()
     }
 
-    /// Test measurement of a lobe with noise, zeros and masked samples, under each of the incoming elevations.
+    /// Test measurement of a lobe with noise, zeros and masked samples, under each polar angle of incidence in
+    /// `incoming` (degrees); without any, the lobe is that of 20°.
     fn measured(
         quantity: Quantity,
         incoming: Option<Vec<f64>>,

@@ -13,8 +13,8 @@ const FEW: usize = 8;
 /// Number of polar angles of incidence at which the lobe's albedo is tabulated for sampling, uniform in the cosine from
 /// the horizon to the normal. More give a more accurate share of samples.
 const INCIDENCES: usize = 33;
-/// Upper bound on the fraction of directions drawn from the lobe. The rest is drawn from the sampled data, which may
-/// reflect where their sampling trees see no light.
+/// Upper bound on the fraction of directions drawn from the analytic lobe. The rest is drawn from the sampled data,
+/// which may reflect light in directions for which their sampling trees record none.
 const MOST: f64 = 0.98;
 
 /// Analytic lobe that is added to the sampled data of a material.
@@ -160,8 +160,8 @@ impl LobePart {
         self.part * self.under.density(wo) + (1.0 - self.part) * cells
     }
 
-    /// Returns the lobe's direction for a point of the unit square. If the point selects the sampled data instead,
-    /// returns it as an error, stretched to the whole square.
+    /// Draws a direction from the analytic lobe for a point of the unit square. If the point selects the sampled data
+    /// instead of the lobe, returns `Err` with the point, stretched to the whole square.
     #[inline]
     pub(super) fn drawn(&self, [u, v]: [f64; 2]) -> Result<Direction, [f64; 2]> {
         if u < self.part {
@@ -185,5 +185,6 @@ impl LobePart {
     }
 }
 
-/// Fraction of the lobe's light, counted from its centre, beyond which drawn directions are not inverted to points.
+/// Fraction of the lobe's light, counted from its centre outwards, beyond which the point of the unit square that draws
+/// a direction is not computed. Farther out, points of different directions are too close together.
 const CLOSE: f64 = 0.9999;

@@ -36,8 +36,8 @@ pub(super) struct Mixture<'a> {
     entry: usize,
     options: SampleOptions,
     parts: Parts,
-    /// Alignment of lobes, outgoing domain and queried incoming direction; `None` if drawn directions are left in
-    /// place.
+    /// Rule that moves drawn directions with their lobes, domain of outgoing directions, and queried incoming
+    /// direction. `None` if drawn directions are not moved.
     carry: Option<(Carry, Vector)>,
     defensive: f64,
 }
@@ -169,15 +169,15 @@ impl<'a> Mixture<'a> {
         Some(Carried::over(alignment, domain, z, self.function.node_direction(node), to))
     }
 
-    /// Options for drawing from one sampling tree: those of the mixture, but with no directions drawn independently of
-    /// the function.
+    /// Options for drawing from one of several sampling trees: those of the caller, but with no directions drawn
+    /// independently of the function's values.
     #[inline(always)]
     fn own(&self) -> SampleOptions {
         SampleOptions { defensive: 0.0, ..self.options }
     }
 
-    /// Density in sr⁻¹ of a direction inside the outgoing domain. For isotropic data the direction is given with `wi`
-    /// rotated to azimuth 0.
+    /// Probability density in sr⁻¹ with which the mixture, sampling trees and defensive component together, draws the
+    /// direction `wo` inside the outgoing domain. For isotropic data `wo` is given with `wi` rotated to azimuth 0.
     #[inline(always)]
     pub(super) fn density(&self, wo: Direction) -> f64 {
         let (own, warps) = (self.own(), self.trees.warps());

@@ -16,8 +16,8 @@ pub struct Place<'a> {
 /// Interpolation between the samples over directions: piecewise constant or smooth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Piecewise constant: the value of the triangle that contains the direction, as in the paper, and of the nearest
-    /// incoming elevation.
+    /// Piecewise constant interpolation: the sample of the triangle that contains a direction, and for incoming
+    /// elevations the sample of the nearest one.
     Constant,
     /// Smooth interpolation, continuous over directions.
     #[default]

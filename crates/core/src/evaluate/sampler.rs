@@ -84,7 +84,8 @@ impl<'a> Sampler<'a> {
         self.lobe.is_some()
     }
 
-    /// Analytic lobe under `wi`, as a component beside the trees of the sampling mixture.
+    /// Analytic lobe for the incoming direction `wi`, from which outgoing directions are drawn in addition to the
+    /// sampled data.
     #[inline]
     fn lobe_beside(&self, mixture: &Mixture<'_>, wi: Option<Direction>) -> Option<LobePart> {
         let (lobe, colour) = self.lobe?;
@@ -157,8 +158,9 @@ impl<'a> Sampler<'a> {
         Ok(())
     }
 
-    /// Draws an outgoing direction; returns it with its density and the result of `value`. `value` receives the pair of
-    /// directions, the interpolation, and the numbers of the incoming sample and of the spectrum if known.
+    /// Draws an outgoing direction. Returns it with its probability density in sr⁻¹ and a result that the caller's
+    /// function `value` computes, such as the function value there. `value` receives the pair of directions, the
+    /// interpolation and, if known, the indices of the tabulated incoming direction and of the spectrum.
     #[inline(always)]
     pub(super) fn drawn_with<T>(
         &self,

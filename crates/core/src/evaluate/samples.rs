@@ -5,7 +5,8 @@ use super::geometry::Geometry;
 use super::lookup::Stencil;
 use super::place::{Interpolation, Place};
 
-/// Number of wavelengths summed together if some samples are masked.
+/// Number of consecutive wavelengths for which weighted samples are summed in one pass if some samples are masked.
+/// Raising it takes more scratch memory.
 const BLOCK: usize = 64;
 
 /// All samples of a material, `[combination of indices, incoming, outgoing, wavelength]`.

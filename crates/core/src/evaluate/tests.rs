@@ -268,7 +268,7 @@ fn refusals_name_their_reason() {
     is_unfit(m.evaluate(at(wi, None), how, &mut out), "no wo was given, but this brdf");
     is_unfit(
         m.evaluate(at(wi, wo), how, &mut out[..1]),
-        "array for results, scratch space or weights has the wrong length: room for 1 samples, expected 2",
+        "found 1 elements in an array for results, scratch space or weights, expected 2: room for 1 samples, expected 2",
     );
     let below = "wi has theta = 95.000 degrees, outside the incoming domain `hemisphere`";
     is_unfit(m.evaluate(at(Some(angles(95.0, 0.0)), wo), how, &mut out), below);
@@ -277,7 +277,7 @@ fn refusals_name_their_reason() {
     is_unfit(m.pdf(&[], None, angles(5.0, 0.0), None), "no wi was given, but this brdf");
     is_unfit(
         m.at_wavelengths(at(wi, wo), how, Beyond::Masked, &[400.0], &mut out),
-        "array for results, scratch space or weights has the wrong length: room for 2 samples, expected 1",
+        "found 2 elements in an array for results, scratch space or weights, expected 1: room for 2 samples, expected 1",
     );
     is_unfit(m.sample(&[], wi, [0.5, 1.5], None), "u = [0.5, 1.5], expected");
     is_unfit(m.sample(&[], wi, [f64::NAN, 0.5], None), "u = [NaN, 0.5], expected");
@@ -302,7 +302,7 @@ fn refusals_name_their_reason() {
     is_unfit(one.evaluate(at(wi, wo), how, &mut out), "wo was given, but this reflectance");
     is_unfit(
         m.albedo(&[], wi, how, &mut out[..1]),
-        "array for results, scratch space or weights has the wrong length: room for 1 samples, expected 2",
+        "found 1 elements in an array for results, scratch space or weights, expected 2: room for 1 samples, expected 2",
     );
     assert_eq!(spectrum(&one, at(wi, None), Interpolation::Constant), m_row(&one, 0));
 }
@@ -618,7 +618,7 @@ fn directions_lead_back_to_their_point_and_wavelengths_have_their_own_trees() {
     );
     for defensive in [1.0, -0.1, f64::NAN] {
         let options = SampleOptions { defensive, ..SampleOptions::default() };
-        is_unfit(m.sample(&[], wi, [0.5; 2], options), "a defensive part of");
+        is_unfit(m.sample(&[], wi, [0.5; 2], options), "the fraction of defensive samples");
     }
     // No point maps to a direction outside the domain.
     assert_eq!(m.invert(&[], wi, angles(120.0, 0.0), None).unwrap(), None);

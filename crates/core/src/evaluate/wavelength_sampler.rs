@@ -70,7 +70,8 @@ impl<'a> WavelengthSampler<'a> {
         }
     }
 
-    /// Density in sr⁻¹ like [`super::Material::pdf`], by the values at the sampler's wavelength.
+    /// Returns the probability density, in sr⁻¹, with which [`Self::sample`] draws the outgoing direction `wo` by the
+    /// values at the sampler's wavelength.
     pub fn pdf(
         &self,
         index: &[usize],

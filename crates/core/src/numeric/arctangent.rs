@@ -3,7 +3,7 @@
 /// Angle in degrees by which a point is rotated, in the computation of its polar angle, if it lies nearer to a diagonal
 /// than to an axis.
 const DIAGONAL: f64 = 45.0;
-/// Tangent of 22.5°, half of [`DIAGONAL`]: the slope beyond which a point lies nearer to a diagonal than to an axis.
+/// Tangent of 22.5°: the slope beyond which a point lies nearer to a diagonal (at 45°) than to an axis.
 const HALF_WAY: f64 = 0.414_213_562_373_095_03;
 /// Polynomial coefficients of the arc tangent in degrees: atan q = q · Σ `TERMS[k]`·q²ᵏ for |q| up to [`HALF_WAY`].
 /// Interpolated at Chebyshev points, with a relative error of 4e-17 before rounding.

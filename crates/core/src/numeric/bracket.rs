@@ -10,8 +10,8 @@ pub struct Bracket {
     /// Index of the lower of the two entries of an increasing list between which a given number lies; of the first or
     /// last entry if the number is outside the list.
     pub below: usize,
-    /// Index of the upper of the two entries of an increasing list between which a given number lies; of the lower one
-    /// if no entry is larger than the number, or all are.
+    /// Index of the upper of the two entries of an increasing list between which a given number lies. If no entry is
+    /// larger than the number, index of the last entry; if all are, of the first.
     pub above: usize,
     /// Interpolation weight of the upper list entry, 0..=1; 0 beyond the ends of the list.
     pub t: f64,

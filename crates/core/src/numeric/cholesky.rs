@@ -179,7 +179,8 @@ impl GramFactor {
         }
     }
 
-    /// Multiplies `x` in place by L⁻ᵀ, where L·Lᵀ is the Gram matrix of the columns. Skipped columns get 0.
+    /// Multiplies `x` in place by L⁻ᵀ, where L is the Cholesky factor of a Gram matrix. Elements for columns that the
+    /// factorisation skipped as linearly dependent become 0.
     pub(crate) fn solve_transposed(&self, x: &mut [f64]) {
         for i in (0..self.n).rev() {
             let row = &self.lower[i * self.n..][..self.n];

@@ -21,7 +21,7 @@ pub(crate) fn any_list<'a, T: Arbitrary<'a>>(
     list(u, lengths, Unstructured::arbitrary)
 }
 
-/// Draws a random text of at most `most` characters, without control characters.
+/// Generates a random text of at most `most` characters, without control characters.
 pub(crate) fn text(u: &mut Unstructured<'_>, most: usize) -> Result<String> {
     let characters: Vec<char> = any_list(u, 0..=most)?;
     Ok(characters.into_iter().filter(|c| !c.is_control()).collect())

@@ -9,8 +9,8 @@ const LANES: usize = 4;
 /// Ridge regularisation of recursive least squares, relative to the mean square of each feature. Raising it keeps
 /// coefficients near their prior for more examples.
 const RIDGE: f64 = 10.0;
-/// Growth factor of the number of examples after which the least-squares system is solved again (at least one more
-/// example is added). Raising it solves less often.
+/// Factor by which the number of training examples of a least-squares predictor grows before its coefficients are
+/// solved for again. At least one example is added. Raising it solves less often.
 const GROWTH: f64 = 1.05;
 
 /// Recursive least squares: predicts a number as a linear combination of features, learned from all examples so far.

@@ -63,7 +63,7 @@ impl<'a> Bsdf<'a> {
         self.0.eval(Some(wi), Some(wo))
     }
 
-    /// Writes the spectrum of the BSDF to `out`, like [`Bsdf::eval`].
+    /// Writes the spectrum of the BSDF for incoming `wi` and outgoing `wo` to `out`, in sr⁻¹, without a cosine.
     ///
     /// # Panics
     /// If the length of `out` is not [`Bsdf::lambdas`].

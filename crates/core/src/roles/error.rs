@@ -32,7 +32,7 @@ pub enum RoleError {
     },
     /// The material lacks incoming or outgoing directions that its requested use as a surface, light source, phase
     /// function or spectrum needs. Or it has directions that this use does not allow.
-    #[error("directions of this {quantity}: found {found}, expected {expected}")]
+    #[error("kinds of directions (incoming, outgoing) of this {quantity}: found {found}, expected {expected}")]
     Directions {
         /// Radiometric quantity of the material.
         quantity: Quantity,

@@ -89,14 +89,14 @@ fn a_role_is_refused_once_and_says_why() {
     assert_eq!(refused(surface.phase().unwrap_err()), "this material is of quantity brdf, expected a phase function");
     assert_eq!(
         refused(surface.spectrum().unwrap_err()),
-        "directions of this brdf: found incoming and outgoing directions, expected no directions"
+        "kinds of directions (incoming, outgoing) of this brdf: found incoming and outgoing directions, expected no directions"
     );
     let lamp = material(Quantity::Edf, vec![triangles(Domain::Sphere, 1), wavelengths()]);
     assert_eq!(refused(lamp.bsdf().unwrap_err()), "this material is of quantity edf, expected a brdf, btdf or bsdf");
     let table = material(Quantity::Reflectance, vec![triangles(Domain::Hemisphere, 1), wavelengths()]);
     assert_eq!(
         refused(table.spectrum().unwrap_err()),
-        "directions of this reflectance: found incoming directions alone, expected no directions"
+        "kinds of directions (incoming, outgoing) of this reflectance: found incoming directions alone, expected no directions"
     );
     let several = material(
         Quantity::Edf,

@@ -21,8 +21,8 @@ pub(super) enum Row<'a> {
     /// Row near the top or bottom of a sparse matrix, which is not the shifted copy of another row: pairs (column,
     /// value).
     Edge(&'a [(usize, f64)]),
-    /// Row far from the top and bottom of the matrix, where every second row has the same weights, shifted along the
-    /// diagonal: index of the row, and pairs of (column − row, weight).
+    /// Row far from the top and bottom of a sparse matrix (one level of a wavelet filter bank): index of the row, and
+    /// pairs (column − row, weight). Every second such row has the same weights, shifted along the diagonal.
     Inner(usize, &'a [(i64, f64)]),
 }
 

@@ -55,15 +55,16 @@ impl Sequence {
         self.length
     }
 
-    /// Advances this description from the input of a wavelet level to that of the next coarser one: half as many smooth
-    /// coefficients, rounded up. The level just passed has no special filters near the ends of the signal.
+    /// Advances a description of a wavelet transform's smooth coefficients from the input of one level to that of the
+    /// next coarser one: half as many, rounded up. The level just passed has no special filters near the ends of the
+    /// signal.
     pub(super) fn pass_regular(&mut self) {
         *self = Self::new(self.length.div_ceil(2));
     }
 
-    /// Advances this description of the smooth coefficients from the input of a wavelet level to that of the next
-    /// coarser one. The level just passed has the low-pass filter `low`, and special filters `ends` near the ends of
-    /// the signal.
+    /// Advances this description (number of smooth coefficients, and their values for polynomial signals) from the
+    /// input of a wavelet level to that of the next coarser one. The level just passed has the low-pass filter `low`,
+    /// and special filters `ends` near the ends of the signal.
     ///
     /// Values for polynomial signals are advanced only if `keeps` is true.
     fn pass(&mut self, low: &Taps, ends: &Ends, keeps: bool) {

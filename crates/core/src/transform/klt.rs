@@ -60,7 +60,7 @@ pub enum KltError {
     NotFinite {
         /// Index, from 0, of the row of data (such as a spectrum) that contains the masked or infinite sample.
         row: usize,
-        /// Position of the sample within its row, from 0.
+        /// Position, from 0, of the masked or infinite sample within its row of data (such as a spectrum).
         entry: usize,
     },
 }

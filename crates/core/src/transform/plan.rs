@@ -129,7 +129,7 @@ impl Plan {
         self.axes.len()
     }
 
-    /// Returns the wavelet transform of axis `axis`.
+    /// Returns the choice of wavelet transform along axis `axis`: wavelet basis and boundary rule, or no transform.
     ///
     /// # Panics
     /// If `axis` is out of range.
@@ -171,7 +171,8 @@ impl Plan {
         self.axes[axis].length
     }
 
-    /// Returns the precomputed transform of axis `axis` after checking that `index` is in range.
+    /// Returns the precomputed transform of axis number `axis`, after checking that `index` is less than the number of
+    /// entries on that axis.
     pub(super) fn operator(&self, axis: usize, index: usize) -> &Operator {
         let axis = &self.axes[axis];
         assert!(index < axis.length, "index {index} on an axis of {} entries", axis.length);

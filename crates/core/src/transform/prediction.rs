@@ -53,7 +53,8 @@ impl Moments {
         mean
     }
 
-    /// Returns the mean of (p·a)(p·b) over the positions p of the finest triangles.
+    /// Returns the mean of (p·a)(p·b) over the centroids p of the finest triangles inside a coarser one, for given
+    /// vectors a and b.
     fn product(&self, a: Vector, b: Vector) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.second;
         let row =

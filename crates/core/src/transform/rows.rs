@@ -207,7 +207,8 @@ pub(super) fn from_mean_and_rest(w: [f32; 3], a: &mut [f32], b: &mut [f32], c: &
     }
 }
 
-/// Multiplies four rows, entry by entry, by a 4 × 4 `matrix`.
+/// Multiplies four rows of equal length by a 4 × 4 `matrix` in place: at each position, it transforms the vector of
+/// their four entries.
 pub(super) fn mix(matrix: &[[f32; 4]; 4], a: &mut [f32], b: &mut [f32], c: &mut [f32], d: &mut [f32]) {
     let [m0, m1, m2, m3] = matrix;
     for (((a, b), c), d) in a.iter_mut().zip(b).zip(c).zip(d) {

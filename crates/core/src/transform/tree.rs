@@ -17,8 +17,8 @@ pub struct AxisTree {
     pub parent: Vec<Option<u32>>,
     /// Indices of all wavelet coefficients along the axis, sorted by wavelet level, then by index.
     pub order: Vec<u32>,
-    /// Positions in `order` at which the levels start: `order[starts[l]..starts[l + 1]]` are the indices of level `l`.
-    /// There is one entry more than levels.
+    /// Positions in `order` at which the wavelet levels start: `order[starts[l]..starts[l + 1]]` are the indices of the
+    /// coefficients of level `l`. There is one entry more than levels.
     pub starts: Vec<usize>,
 }
 

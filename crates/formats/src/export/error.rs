@@ -15,8 +15,9 @@ pub enum ExportError {
     Setting(#[from] OptionError),
     /// The exported file would exceed the size limit.
     #[error(
-        "the exported file would have {}, expected at most {most} bytes: {instead}",
-        found.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"))
+        "the exported file would have {size}, expected at most {most} bytes: {advice}",
+        advice = instead,
+        size = found.map_or_else(|| "far more bytes than fit".to_owned(), |bytes| format!("{bytes} bytes"))
     )]
     OverLimit {
         /// Size that the exported file would have, in bytes; `None` if it overflows `usize`.
@@ -95,7 +96,8 @@ pub enum OptionError {
     },
     /// The user chose no entry by an index, but the format holds a single entry of the index axes.
     #[error(
-        "the material has {} entries, expected the option `index`: the one to write as {format}",
+        "the material has {} numbered entries (such as spectra or specimens), but {format} holds one: choose it with the \
+         option `index`",
         shape.iter().map(usize::to_string).collect::<Vec<_>>().join(" × ")
     )]
     MissingIndex {

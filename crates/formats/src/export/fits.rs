@@ -10,8 +10,8 @@ use crate::evaluate::Material;
 /// Domains of directions above the surface.
 pub(super) const UPPER: &[Domain] = &[Domain::Hemisphere, Domain::Sphere];
 
-/// Refuses a format that cannot hold the material, and options that are invalid or have no effect. `writers` are those
-/// that the refusal chooses from.
+/// Refuses a format that cannot hold the material, and options that are invalid or have no effect. The error for an
+/// unsuitable format names those of `writers` that can hold the material.
 pub(super) fn check(
     material: &Material,
     writer: &Writer,

@@ -1,9 +1,9 @@
-//! The formats that are written, made from the table of writers.
+//! File formats to which a material can be exported, declared from the table of their writers.
 
 /// Declares the enum of export formats from a list of names and writers, with one variant for each format.
 macro_rules! writers {
     ($($format:ident = $writer:path,)+) => {
-        /// The formats that are written.
+        /// File formats to which a material can be exported.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum ExportFormat {
             $(#[doc = concat!("Format `", stringify!($format), "`; see [`ExportFormat::description`].")] $format,)+
@@ -17,7 +17,7 @@ macro_rules! writers {
                 match self { $(Self::$format => &$writer),+ }
             }
 
-            /// Returns the stable name used on the command line and over HTTP.
+            /// Returns the stable name of the export format, as used on the command line and over HTTP.
             pub fn name(self) -> &'static str {
                 self.writer().name
             }

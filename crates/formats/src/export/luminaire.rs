@@ -48,7 +48,7 @@ pub(super) const EULUMDAT: Writer = Writer {
 /// Reduction of a spectrum to one intensity of a luminaire file.
 #[derive(Clone, Debug, PartialEq)]
 struct Photometry {
-    /// Intensity = Σ weight · sample.
+    /// Weights of the spectral samples: the luminaire's intensity in a direction is Σ weight · sample over wavelengths.
     weights: Vec<f64>,
     unit: Unit,
     /// Description of the spectrum that the luminaire file cannot hold; `None` if the material has no spectrum.
@@ -56,8 +56,8 @@ struct Photometry {
 }
 
 impl Photometry {
-    /// Returns `None` if the material is not a luminaire, or if its values are neither single numbers nor spectral
-    /// densities.
+    /// Returns the weights and the unit with which the spectra of a luminaire are reduced to intensities. Returns
+    /// `None` if the material is not a luminaire, or if its values are neither single numbers nor spectral densities.
     fn of(material: &Material) -> Option<Self> {
         let layout = material.layout();
         if material.quantity() != Quantity::Edf || layout.outgoing.is_none() {

@@ -45,7 +45,8 @@ pub struct AddedError {
 /// Distribution of the random directions at which a file is compared with its material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Draws {
-    /// `wi` is above the surface; `wo` is above, below, or on either side. The density is proportional to |cos θ|.
+    /// Random directions for a BRDF, BTDF or BSDF: `wi` above the surface, and `wo` above it, below it or on both
+    /// sides. The density of each is proportional to |cos θ|.
     Surface { above: bool, below: bool },
     /// There is no `wi`; `wo` is uniform on the part of the unit sphere between the heights `z = low` and `z = high`.
     Emission { low: i8, high: i8 },

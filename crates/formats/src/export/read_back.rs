@@ -47,8 +47,8 @@ fn around(angles: &[f64], angle: f64) -> Ends {
     Bracket::held(angles, angle).weights()
 }
 
-/// Returns the indices of the listed azimuths around `phi` with their weights of linear interpolation, and the number
-/// of listed azimuths.
+/// Returns the indices of the listed azimuths around `phi` with their weights of linear interpolation, and the length
+/// of the list.
 fn azimuths(angles: &Angles, phi: f64) -> (Ends, usize) {
     let Some(azimuths) = &angles.phi else { return (ALL, 1) };
     let listed = &azimuths.phi;

@@ -70,7 +70,8 @@ pub(super) struct Incident {
     pub(super) side: usize,
 }
 
-/// Returns the incident directions and the node count of an exported RGL file with `channels` channels.
+/// Returns the incident directions of an exported RGL file with `channels` channels, and the number of nodes along a
+/// side of its table of outgoing directions.
 pub(super) fn incident(material: &Material, options: &ExportOptions, channels: usize) -> Result<Incident, ExportError> {
     let axis = material.layout().incoming.map(|axis| &cell_axes(material)[axis]);
     let own = match axis {

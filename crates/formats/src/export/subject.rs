@@ -29,7 +29,8 @@ pub(super) fn colours(material: &Material) -> Option<Channels> {
     Channels::of(material, &Viewing::default()).ok().filter(Channels::coloured)
 }
 
-/// Returns the index of the entry to export on the index axes; the first entry by default.
+/// Returns the position, on each index axis, of the entry (spectrum or specimen) of a material that is exported; the
+/// first entry by default.
 pub(super) fn entry(material: &Material, options: &ExportOptions) -> Vec<usize> {
     options.index.clone().unwrap_or_else(|| vec![0; material.layout().indices])
 }

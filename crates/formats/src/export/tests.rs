@@ -53,7 +53,7 @@ fn elevations() -> Axis {
     Axis::Elevation((0..=8).map(|i| 10.0 * f64::from(i)).collect())
 }
 
-/// BRDF of a rough lobe on a diffuse base, redder the longer the wavelength.
+/// BRDF of a rough lobe on a diffuse base, whose values rise linearly with the wavelength.
 fn rough(wi: Direction, wo: Direction, lambda: f64) -> f64 {
     let [x, y, z] =
         [0, 1, 2].map(|k| wi.xyz()[k] + wo.xyz()[k].abs() * if k == 2 { 1.0 } else { wo.xyz()[k].signum() });
@@ -203,7 +203,11 @@ fn spectra_are_written_to_the_bit() {
     assert_eq!((spd.about.error.er_l2, spd.about.error.pairs, spd.about.lost.len()), (0.0, 15, 2));
     let missing = kind(export(&colours, ExportFormat::Spd, &defaults()));
     assert_eq!(missing, OptionError::MissingIndex { shape: vec![2], format: "spd" }.into());
-    assert_eq!(missing.to_string(), "the material has 2 entries, expected the option `index`: the one to write as spd");
+    assert_eq!(
+        missing.to_string(),
+        "the material has 2 numbered entries (such as spectra or specimens), but spd holds one: choose it with the option \
+         `index`"
+    );
     let beyond = ExportOptions { index: Some(vec![2]), ..defaults() };
     assert!(matches!(kind(export(&colours, ExportFormat::Spd, &beyond)), ExportError::Evaluate(_)));
 }

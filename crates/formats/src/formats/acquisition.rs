@@ -99,7 +99,8 @@ pub struct Modelled {
     pub function: Arc<dyn DirectionalFunction>,
 }
 
-/// Function of an incoming and an outgoing direction, both above the surface unless the caller states otherwise.
+/// Function, such as a BRDF, that can be evaluated at any incoming and outgoing direction. Both are above the surface
+/// unless the caller states otherwise.
 pub trait DirectionalFunction: Debug + Send + Sync {
     /// Writes f(wi, wo) in the unit of the measurement, one value per wavelength or channel. The value of a BRDF
     /// excludes the factor cos θo. NaN = missing.
@@ -224,8 +225,8 @@ impl ParseReport {
         self.notes.push(note.into());
     }
 
-    /// Adds a note to the parser's report: on a change of the samples, such as a merged seam, that is needed only if
-    /// they are averaged over triangles.
+    /// Adds a note on a change of the samples, such as a merged seam, to the parser's report. The note applies only if
+    /// the samples are averaged over triangles.
     pub(super) fn note_unfolding(&mut self, note: impl Into<Note>) {
         self.unfolding.push(self.notes.len());
         self.note(note);

@@ -24,7 +24,7 @@ pub enum FormatErrorKind {
     Malformed,
     /// The file is valid, but the reader does not support it.
     Unsupported,
-    /// A size in the file is over a limit.
+    /// The content of the file exceeds a limit of the reader, for example the largest number of samples.
     OverLimit,
     /// The file is valid, but an option (unit, quantity, axes) is missing or contradicts it.
     NeedsOption,

@@ -26,7 +26,8 @@ pub(super) const KEYS: [&str; 2] = ["detector_aperture", "source_divergence"];
 /// Description of the allowed values of an instrument's angle, for error messages.
 pub(super) const EXPECTED: &str = "a full angle in degrees, from 0 to 180";
 
-/// Parses an instrument's angle in degrees from the text of a header; `None` if it is invalid.
+/// Parses the full angle of the detector's aperture or of the source's divergence, in degrees, from the text of a
+/// header field; `None` if it is invalid.
 pub(super) fn angle(text: &str) -> Option<f64> {
     number(text).and_then(checked)
 }
@@ -43,7 +44,8 @@ impl Instrument {
         Self { detector_aperture, source_divergence }
     }
 
-    /// Returns true if the file states no angle of the instrument.
+    /// Returns true if the measured file states neither the angle of the detector's aperture nor that of the source's
+    /// divergence.
     pub fn is_unknown(&self) -> bool {
         *self == Self::default()
     }

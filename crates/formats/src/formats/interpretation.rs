@@ -111,7 +111,8 @@ impl Interpretation {
         values: Values::File { shown: "SPD" },
     };
 
-    /// Returns the quantity of the measurement that the user requests.
+    /// Returns the radiometric quantity, such as BRDF, that the user states for the values in a file; `None` if the
+    /// user states none.
     pub(super) fn quantity(&self) -> Option<Quantity> {
         self.quantity.map(StatedQuantity::quantity)
     }

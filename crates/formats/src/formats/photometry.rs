@@ -89,7 +89,7 @@ fn refused(spectrum: &Acquisition, message: impl Into<String>) -> FormatError {
     FormatError::new(FormatErrorKind::NeedsOption, spectrum.format, message)
 }
 
-/// Refuses measurements other than a luminaire without a spectral axis, which cannot be joined with a spectrum.
+/// Refuses a measurement that cannot be joined with a spectrum: any but a luminaire without a spectral axis.
 fn check_luminaire(acquisition: &Acquisition) -> Result<(), FormatError> {
     let spectral = acquisition.spectral_factor.is_some()
         || match &acquisition.samples {

@@ -8,7 +8,8 @@ use serde::Serialize;
 
 /// Marker in a reader's list of accepted options: the reader accepts reflectance factors.
 pub(super) const FACTOR: &str = "quantity reflectance-factor";
-/// Options that every reader accepts, or that a request for axes states.
+/// Options of the user that no reader of a file format refuses as without effect: all readers, or the choice of axes
+/// after reading, use them.
 const ANYWHERE: [&str; 3] = ["quantity", "unit", "wavelengths"];
 /// Number of bytes at the start of a file that a probe sees as text.
 pub(super) const HEAD_BYTES: usize = 1 << 16;

@@ -3,7 +3,7 @@
 use super::Brief;
 
 wavelume_core::declare_notes! {
-    /// Notes on tables of phase functions and volume scattering functions.
+    /// Remarks for the user (warnings, assumptions) on tables of phase functions and volume scattering functions.
     PhaseNote {
         Warning Negative { values: usize, lowest: Brief } =>
             "{values} values are negative, down to {lowest}; kept as they are";

@@ -3,7 +3,7 @@
 use super::Brief;
 
 wavelume_core::declare_notes! {
-    /// Notes on measurements of surfaces: BRDFs, BTDFs and their angles.
+    /// Remarks for the user (warnings, assumptions) on measurements of surfaces: BRDFs, BTDFs and their angles.
     ScatteringNote {
         Assumed LinearSrgb => "the channels are taken as linear sRGB";
         Assumed ThreeValuesAsSrgb => "three values a row: taken as the channels of linear sRGB";

@@ -147,7 +147,8 @@ impl CellErrors {
     }
 }
 
-/// Results of evaluating a decoded file, for its report.
+/// Errors of a decoded file at the samples of its measurement, and the material to evaluate further, for the report on
+/// the compression.
 pub(super) struct Measured<'a> {
     /// Errors of the decoded file at scattered samples; `None` for other samples.
     pub(super) fit: Option<(FitReport, AtSamples)>,

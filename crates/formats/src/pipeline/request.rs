@@ -112,8 +112,9 @@ options! {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub wavelengths: Option<String> = None =>
             Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
-        /// Method that selects and codes the coefficients: rd (rate-distortion), lossless, or a policy of the paper:
-        /// conventional (one threshold), generic (one threshold for each space) or adaptive.
+        /// Method that selects and codes the coefficients: rd (rate-distortion), lossless, or a method of Claustres et
+        /// al. (2006). Those are conventional (one threshold), generic (one threshold for each axis of the samples) and
+        /// adaptive (thresholds for each axis that grow with the range of the values).
         #[serde(default)]
         pub policy: Policy = Policy::Rd => Values::Name {
             shown: "POLICY",
@@ -147,9 +148,9 @@ options! {
             names: || Curve::ALL.iter().map(|known| known.name()).collect(),
             default: Some("cubic"),
         },
-        /// Fails if the material adds an error to the noise of scattered samples that exceeds both twice the promised
-        /// error and half the noise. Also fails if its total light differs from that of the samples. Otherwise these
-        /// are warnings.
+        /// Fails, instead of warning, if the material adds an error to the noise of scattered samples that exceeds both
+        /// twice the promised error and half the noise. Also fails, instead of warning, if its total light differs from
+        /// that of the samples.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         pub strict: bool = false => Values::Switch,
         /// Stores the provenance in the file: source, options and program. This is the default; it can be switched off.
@@ -207,7 +208,7 @@ impl Request {
         Ok(())
     }
 
-    /// Returns the requested axes for the projection of the measurement.
+    /// Returns the requested axes onto which the measurement is resampled before compression.
     pub(super) fn axes(&self) -> Result<AxesRequest, WavelengthError> {
         Ok(AxesRequest {
             domain: self.domain,

@@ -15,7 +15,7 @@ use crate::projection::{self, AxesRequest, DirectionDomain};
 /// A file written from a measurement at the angles of its source file.
 #[derive(Clone, Debug)]
 pub struct Restated {
-    /// Bytes of the written file.
+    /// Content of the file written at the angles of the measurement's source file.
     pub bytes: Vec<u8>,
     /// Format of the written file.
     pub format: ExportFormat,
@@ -66,7 +66,7 @@ pub(super) fn restate_as(
     }
 }
 
-/// Writes a measurement whose header fields have the names of `format`.
+/// Writes a measurement in `format`; the header fields in `origin` already have the names that this format uses.
 fn restate_own(
     measurement: &Measurement,
     numbers: Option<Numbers<'_>>,

@@ -115,8 +115,8 @@ enum Class {
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     classes: [Pair; 3],
-    /// Variance that the weighted sum of the samples has if each sample has a relative noise of 1. Isolated outliers
-    /// are not in this sum.
+    /// Variance, due to noise, of the sum of sample values over outgoing directions weighted by solid angle, if each
+    /// sample's relative standard deviation is 1. Isolated outliers are left out of the sum.
     variance: f64,
     /// Largest magnitude that one sample contributes to the weighted sum of samples; isolated outliers are left out.
     largest: f64,
@@ -256,7 +256,7 @@ fn is_off(light: &IncidenceLight) -> bool {
 pub(super) enum Untold {
     /// Number of sample values that belong to a lobe that could not be fitted.
     Together(u64),
-    /// Outliers of the samples that lie around a likely centre of a lobe, such as the mirror direction.
+    /// Outliers among the samples around a likely lobe centre, such as the mirror direction.
     Centred(UnresolvedLobe),
 }
 

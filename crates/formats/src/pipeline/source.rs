@@ -4,7 +4,7 @@ use super::digest::digest;
 use super::error::PipelineError;
 use crate::formats::{self, Acquisition, Interpretation};
 
-/// Bytes of a file with a measurement, and the user's interpretation of them.
+/// Bytes of a measurement file, and the properties that the user states because the file does not, such as its unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
     /// Contents of the measurement file.
@@ -36,7 +36,7 @@ pub struct Source {
     pub acquisition: Acquisition,
     /// Digest of the bytes of the measurement file: `b3-` and BLAKE3 in hex.
     pub content_digest: String,
-    /// Digest of the bytes of the spectrum joined with a luminaire; `None` if there is none.
+    /// Digest of the bytes of the spectrum file that is joined with the luminaire; `None` if no spectrum was given.
     pub spectrum_digest: Option<String>,
 }
 

@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 /// Upper bound on the number of colours in one answer. Raising it allows larger tables of spectra.
 const MOST_COLOURS: usize = 4096;
 
-/// Request for colours of a material: the entry and the directions at which they are computed.
+/// Request for colours of a material: the entry (spectrum or specimen) and the directions for which they are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Question<'a> {
     /// Index of the one entry (spectrum or specimen) of a material whose colour is requested: its position on each
@@ -38,7 +38,8 @@ pub struct Colours {
     pub observer: String,
     /// Tristimulus values XYZ of the white point, scaled to Y = 100.
     pub white: [f64; 3],
-    /// Colour of each entry; `None` if its measured wavelengths are too few for a colour.
+    /// Colour of each requested entry (spectrum or specimen) of the material; `None` for an entry with too few measured
+    /// wavelengths.
     pub colours: Vec<Option<Colour>>,
 }
 
@@ -55,8 +56,8 @@ pub struct Colour {
     pub xy: Option<[f64; 2]>,
     /// CIE 1976 L*a*b* coordinates of the colour, relative to white.
     pub lab: [f64; 3],
-    /// Linear sRGB of the colour, possibly out of gamut. Lights are scaled so that the largest channel of all colours
-    /// is 1.
+    /// Linear sRGB of the colour, possibly out of gamut. The colours of light sources are scaled by a common factor, so
+    /// that the largest channel among all entries is 1.
     pub linear_srgb: [f64; 3],
     /// Linear sRGB of the colour after mapping into the gamut.
     pub mapped_srgb: [f64; 3],
@@ -276,7 +277,7 @@ fn watts(unit: Unit) -> Option<f64> {
     }
 }
 
-/// Returns the index of every entry on the index axes of a material, in row-major order.
+/// Returns, for every entry (spectrum or specimen) of a material in row-major order, its position on each index axis.
 fn every(material: &Material, axes: &[Axis]) -> Result<Vec<Vec<usize>>, PreviewError> {
     let count: usize = axes.iter().map(Axis::len).product();
     if count > MOST_COLOURS {

@@ -7,7 +7,8 @@ use crate::evaluate::EvaluateError;
 /// Reasons why a colour or picture of a material cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PreviewError {
-    /// The material has no value for the requested directions or the requested entry: their number or range is wrong.
+    /// The material cannot be evaluated as requested: directions, or the index of an entry (spectrum or specimen), are
+    /// missing, too many or out of range.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
     /// The material's spectra, with the light and observer given, do not define a colour.
@@ -31,8 +32,11 @@ pub enum QuestionError {
         /// Radiometric quantity of the material.
         quantity: Quantity,
     },
-    /// The request has no index, but one entry of the material has to be chosen.
-    #[error("found no index, expected one number for each index axis of the material, {expected} in all")]
+    /// The request lacks the index that selects one entry (spectrum or specimen) of a material with numbered entries.
+    #[error(
+        "found no index of one entry (spectrum or specimen) of the material, expected one number for each axis of \
+         numbered entries, {expected} in all"
+    )]
     MissingIndex {
         /// Number of index axes of the material; a request has to name a position on each of them.
         expected: usize,
@@ -57,8 +61,8 @@ pub enum QuestionError {
          one answer: give the index of one entry"
     )]
     TooMany {
-        /// Number of entries of the material, each with a colour of its own: the product of the lengths of its index
-        /// axes.
+        /// Number of entries (spectra or specimens) of the material, each with a colour of its own: the product of the
+        /// lengths of its axes of numbered entries.
         found: usize,
         /// Upper bound on the number of colours in one answer.
         most: usize,

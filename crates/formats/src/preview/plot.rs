@@ -13,7 +13,7 @@ use crate::evaluate::{Interpolation, Material, Place};
 /// Upper bound on the number of curves in one plot; of more spectra, evenly spaced ones are drawn. Raising it fills the
 /// picture.
 const MOST_CURVES: usize = 48;
-/// Angles of incidence at which a directional reflectance is drawn, in degrees.
+/// Angles of incidence, in degrees, at which a plot shows the spectra of a directional reflectance.
 const INCIDENCES: [f64; 4] = [0.0, 45.0, 65.0, 80.0];
 
 /// Draws a table of spectra: curves over wavelength, or patches of colour without wavelengths.

@@ -9,7 +9,7 @@ use crate::domain::colour::map_to_gamut;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{Interpolation, Material, Place};
 
-/// Colour of curves of light that has no hue.
+/// Colour of the curves of a polar diagram if the light that they show is black or of unknown colour.
 const NEUTRAL: Ink = [0.66, 0.72, 0.82];
 /// Ratio of largest to smallest scattered light above which a polar diagram has a logarithmic radius. Raising it draws
 /// more diagrams linearly.
@@ -349,7 +349,8 @@ fn dashed(canvas: &mut Canvas, points: &[Option<Point>], width: f64, ink: Ink) {
     }
 }
 
-/// Returns the display colour of light at full brightness, lightened so that it is visible on a dark background.
+/// Returns the display colour of light given in linear sRGB, scaled to full brightness and lightened enough to be
+/// visible on a dark background.
 fn ink_of(light: [f64; 3], coloured: bool) -> Ink {
     let brightest = light.iter().copied().fold(0.0, f64::max);
     if !coloured || brightest <= 0.0 || light.iter().any(|c| c.is_nan()) {

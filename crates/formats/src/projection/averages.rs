@@ -180,7 +180,8 @@ pub(super) fn divisions(mesh: TriangleMesh, angles: &Angles) -> u32 {
 struct Tally<'a> {
     interpolant: &'a Interpolant<'a>,
     entries: Vec<(u32, f64)>,
-    /// Weights of theta rows at a pole, whose value is their mean over azimuth, as (row, weight).
+    /// Weights of the grid's rows at a pole, as (row, weight). The value at a pole is the mean of the row's samples
+    /// over azimuth.
     poles: Vec<(usize, f64)>,
     outside: f64,
     total: f64,

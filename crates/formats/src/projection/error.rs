@@ -17,7 +17,7 @@ pub enum ProjectionError {
         level: LevelError,
     },
     /// The polar angles and azimuths of the samples form no grid.
-    #[error("unusable {role} angles: {angles}")]
+    #[error("the {role} polar angles and azimuths form no usable grid: {reason}", reason = angles)]
     Angles {
         /// Direction axis (incoming or outgoing) whose polar angles and azimuths in the file are refused.
         role: Role,
@@ -40,7 +40,7 @@ pub enum ProjectionError {
     /// The grid of directions in the file cannot become an axis of the result.
     #[error("the file's grid of directions cannot become an axis: {0}")]
     Grid(#[from] StatedGridError),
-    /// The axes of the result exceed their limits on size.
+    /// The axes onto which the measurement is projected are invalid or make more samples than the limit.
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The tensor of the result cannot be created.
@@ -138,7 +138,7 @@ pub enum LevelError {
     TooFine {
         /// Requested subdivision level of the triangle mesh of directions.
         found: u8,
-        /// Triangle mesh of the data.
+        /// Triangle mesh of the incoming or outgoing directions in the data; the requested level is finer.
         mesh: TriangleMesh,
     },
 }
@@ -183,7 +183,9 @@ pub enum AnglesError {
         found: f64,
     },
     /// The polar angles or azimuths do not increase strictly.
-    #[error("found {angle} {found} after {before}, expected strictly increasing angles")]
+    #[error(
+        "found {angle} {found} after {before} degrees in a grid of directions, expected strictly increasing angles"
+    )]
     Order {
         /// Angle (theta or phi) whose values do not increase.
         angle: Angle,
@@ -273,7 +275,7 @@ impl std::fmt::Display for Angle {
 #[non_exhaustive]
 pub enum ScatteredError {
     /// The file contains no sample.
-    #[error("no sample, expected at least one")]
+    #[error("the file contains no sample, expected at least one")]
     Empty,
     /// The file lists a number of incoming or outgoing directions that is neither 0 nor the number of samples.
     #[error("{found} {role} directions, expected {expected} or none: one for each sample")]
@@ -287,7 +289,7 @@ pub enum ScatteredError {
     },
     /// The polar angle or azimuth of a sample direction is out of its range.
     #[error(
-        "found {role} theta {theta}, phi {phi} of sample {index}, expected degrees: theta 0 to 180, phi of one turn"
+        "found {role} theta {theta}, phi {phi} degrees of sample {index}, expected theta 0 to 180, phi -720 to 720 degrees"
     )]
     Direction {
         /// Role (incoming or outgoing) of the direction at fault.
@@ -322,7 +324,7 @@ pub enum ScatteredError {
 #[non_exhaustive]
 pub enum SpectralError {
     /// The data are to be multiplied by a spectrum, but already have a spectral axis.
-    #[error("spectrum: cannot be joined with samples that have a spectral axis of their own, {}", axis.describe())]
+    #[error("spectrum: cannot be joined with these samples, which already have the spectral axis {}", axis.describe())]
     OwnAxis {
         /// Spectral axis that the data already have.
         axis: Box<Axis>,

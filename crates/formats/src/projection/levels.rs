@@ -112,9 +112,11 @@ impl Choice {
 /// Number of positions on one direction axis of a tensor. It is fixed, or that of triangles whose subdivision level may
 /// be lowered to limit the size of the tensor.
 pub(super) enum Entries<'a> {
-    /// Number of positions on a direction axis without triangles, such as one of polar angles; it is never lowered.
+    /// Number of positions on a direction axis without triangles, such as one of polar angles; it stays even if the
+    /// tensor exceeds its size limit.
     Fixed(usize),
-    /// Triangles of a chosen subdivision level, which may be lowered.
+    /// Triangle mesh of a direction axis, whose subdivision level is lowered if the tensor exceeds its size limit,
+    /// unless the user requested the level.
     Chosen(&'a mut Choice),
 }
 

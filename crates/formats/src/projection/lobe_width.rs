@@ -8,7 +8,8 @@ use std::collections::BTreeMap;
 
 /// Largest angle in degrees between a direction and the plane of incidence at which the direction counts as in-plane.
 const IN_PLANE: f64 = 0.6;
-/// Upper bound on the number of samples of a file whose lobe width is measured; larger files are skipped.
+/// Upper bound on the number of direction pairs in a file. In larger files the width of the narrowest lobe is not
+/// measured for comparison with the instrument's angular resolution.
 const MOST: usize = 1 << 24;
 
 /// Sample in the plane of incidence: theta in degrees, positive on the side of the mirror direction, and the value.

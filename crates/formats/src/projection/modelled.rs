@@ -145,8 +145,8 @@ impl Incoming<'_> {
         }
     }
 
-    /// Returns the directions that represent each position on the incoming axis, and adds notes on the choices for the
-    /// user.
+    /// Returns the weighted directions that represent each position on the incoming axis. Adds notes that tell the user
+    /// which incoming axis was chosen.
     fn parts(&self, divisions: u32, notes: &mut Vec<Note>) -> Vec<Vec<Part>> {
         let role = Role::Incoming.name();
         match self {

@@ -74,7 +74,8 @@ fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Serialisation of notes as their sentences. Notes that were read back have no codes.
+/// Serialisation of notes for the user as their sentences alone. Notes that are read back lack the stable names
+/// (`code`) by which programs recognise them.
 mod sentences {
     use crate::domain::{Note, NoteKind};
     use serde::{Deserialize, Deserializer, Serializer};

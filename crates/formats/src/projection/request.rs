@@ -31,8 +31,8 @@ pub struct AxesRequest {
     /// Number of additional subdivisions of the outgoing triangles for scattered samples, beyond the level that fits
     /// the sample spacing. Used if no level is requested; fewer if the tensor would become too large.
     pub finer: u8,
-    /// Root mean square of the relative error that the compression of the projected data guarantees; 0.01 (1 %) by
-    /// default.
+    /// Root mean square of the relative error that compression guarantees for the data resampled onto the requested
+    /// axes; 0.01 (1 %) by default.
     pub target: Option<f64>,
 }
 
@@ -51,8 +51,8 @@ impl AxesRequest {
         }
     }
 
-    /// Returns the root mean square of the relative error that the compression of the projected data guarantees: the
-    /// requested one, or 0.01 (1 %).
+    /// Returns the root mean square of the relative error that compression guarantees for the data resampled onto the
+    /// requested axes: the requested one, or 0.01 (1 %).
     pub(super) fn target(&self) -> f64 {
         self.target.unwrap_or(TARGET)
     }

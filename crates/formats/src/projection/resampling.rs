@@ -102,8 +102,8 @@ impl Resampling {
         )
     }
 
-    /// Returns the samples on the new axes, where NaN is masked. `missing` is true if there may be NaN among the input
-    /// `values`.
+    /// Resamples `values` to the requested directions and wavelengths; NaN marks a masked sample. `missing` is true if
+    /// there may be NaN among `values`.
     ///
     /// Besides the output it needs memory for one plane `[outgoing, spectral]` of samples. One task sums each output
     /// value in the order of the samples, so that the bits do not depend on the number of threads.

@@ -11,8 +11,8 @@ pub(super) fn steps(degrees: f64) -> i64 {
     (degrees / SAME).round() as i64
 }
 
-/// Rounds the azimuth `phi` of a direction to a whole number of steps of 0.05°, from 0 to 7199. Directions with the
-/// same numbers count as equal.
+/// Rounds the azimuth `phi` of a direction to a whole number of steps of 0.05°, from 0 to 7199. Directions whose polar
+/// angles and azimuths round to equal numbers of steps count as equal.
 ///
 /// Returns 0 if the polar angle `theta` is below 0.05°, where the azimuth is arbitrary. Both angles are in degrees.
 pub(super) fn azimuth_steps(theta: f64, phi: f64) -> i64 {

@@ -276,7 +276,8 @@ fn isotropic_elevations_stay_and_transmission_goes_down() {
     assert_eq!((errors.samples, errors.max_absolute_error), (210, 0.0));
 }
 
-/// Test data: a BRDF lobe around the mirror direction, measured in scan planes at these azimuths.
+/// Test data: a BRDF lobe around the mirror direction, measured at the incoming azimuth `phi_i` in scan planes at the
+/// outgoing azimuths `phi_o`.
 fn scan(phi_i: f64, phi_o: Vec<f64>, extent: AzimuthExtent) -> Acquisition {
     let incoming = angles(steps(0.0, 15.0, 5), (0.0, 60.0), Some((vec![phi_i], AzimuthExtent::Sector)));
     let outgoing = angles(steps(0.0, 5.0, 18), (0.0, 90.0), Some((phi_o, extent)));

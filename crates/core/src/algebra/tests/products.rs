@@ -5,7 +5,8 @@ use crate::algebra::{Accumulator, Couplings, Multiplier, SparseSpectrum};
 use crate::transform::Klt;
 use rayon::prelude::*;
 
-/// Checks all identities of products of spectra in one basis.
+/// Checks that spectra multiplied through their coefficients in one basis give the pointwise product of their samples,
+/// whatever the order of the factors.
 fn check(space: &Arc<LineSpace>, name: &str) {
     let couplings = Couplings::new(space).unwrap();
     let n = space.length();
@@ -125,8 +126,8 @@ fn multipliers_are_products_with_one_factor() {
     }
 }
 
-/// Checks products in the Karhunen-Loève basis of the data: exact if the basis is complete, otherwise a projection on
-/// its span.
+/// Checks pointwise products of spectra in the Karhunen-Loève basis of the data: exact if the basis is complete,
+/// otherwise projected on the span of the basis.
 #[test]
 fn products_in_the_datas_own_basis() {
     let rows: Vec<f32> = (0..60).flat_map(|seed| samples(20, seed)).map(|x| x as f32).collect();

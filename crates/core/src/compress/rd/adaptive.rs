@@ -138,7 +138,8 @@ pub(crate) fn decode(
     Ok(logs)
 }
 
-/// Returns the axes of the projections on `rank` spectral vectors, with the transform plan of these axes.
+/// Returns the axes of a tensor in which each spectrum is replaced by its `rank` coefficients on a spectral basis. Also
+/// returns the plan that transforms such a tensor along the other axes.
 fn plan_of_planes(axes: &[Axis], transforms: &[AxisTransform], rank: usize) -> Result<(Vec<Axis>, Plan), PlanError> {
     let mut axes = axes.to_vec();
     let mut transforms = transforms.to_vec();

@@ -54,7 +54,8 @@ pub(crate) struct Chart {
     factor: GramFactor,
     /// Cholesky factor of the basis functions' Gram matrix on the fitted direction pairs; only in an encoder.
     fitted: Option<GramFactor>,
-    /// Marks the direction pairs to which the model is fitted; `None` for all.
+    /// Marks the pairs of an incoming and an outgoing direction to which the scattering model is fitted; `None` for
+    /// all.
     live: Option<Vec<bool>>,
 }
 

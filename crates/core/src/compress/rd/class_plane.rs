@@ -6,8 +6,8 @@ use crate::codec::{ChunkKind, Class};
 use crate::domain::{ErrorReport, Measurement};
 use rayon::prelude::*;
 
-/// Classes (positive, negative, zero, masked), counts and noise of a measurement's samples; independent of basis and
-/// step.
+/// Classes (positive, negative, zero, masked), counts and noise of a measurement's samples. None of them depends on the
+/// spectral basis or the quantiser step.
 #[derive(Clone, Copy)]
 pub(super) struct ClassPlane<'a> {
     pub(super) values: Values,

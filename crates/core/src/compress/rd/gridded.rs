@@ -68,7 +68,7 @@ pub(super) enum Behind {
     Nothing,
     /// A scattering model of the stated kind is subtracted from the values before they are coded.
     Model(ChartKind),
-    /// The scattering model is chosen that gives the smallest file at a typical step, or none.
+    /// Scattering models, and coding without one, are compared at a typical quantiser step; the smallest file wins.
     Judged,
 }
 
@@ -116,8 +116,9 @@ pub(crate) struct GridLayer<'a> {
 }
 
 impl<'a> GridLayer<'a> {
-    /// Prepares values (logarithms or samples) for coding, on axes whose last directions are a grid of angles.
-    /// `classes` tells which samples are positive, negative, zero or masked; `None` if all are positive.
+    /// Prepares values (logarithms or samples) for coding. The last direction axis in `axes` is a grid of angles,
+    /// usually of outgoing directions. `classes` tells which samples are positive, negative, zero or masked; `None` if
+    /// all are positive.
     pub(super) fn new(
         axes: &[Axis],
         shape: Shape,

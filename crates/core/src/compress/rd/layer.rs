@@ -123,7 +123,8 @@ impl<'a> Counted<'a> {
         Self { layer, tally, samples, last: Cell::new(None) }
     }
 
-    /// Returns the wrapped coder, and counts a trial if the quantiser setting differs from the last one.
+    /// Returns the wrapped coder, and counts a trial quantisation if `fineness` (the quantiser setting) differs from
+    /// that of the previous call.
     fn tried(&self, fineness: Fineness) -> &(dyn FirstLayer + 'a) {
         if self.last.replace(Some(fineness)) != Some(fineness) {
             self.tally.add(self.samples);
@@ -174,8 +175,8 @@ impl FirstLayer for Counted<'_> {
     }
 }
 
-/// Transform with which the logarithms of samples are coded along `axis`: `basis` along wavelengths, a basis
-/// orthonormal in the count of triangles over a mesh, fixed choices along other axes.
+/// Transform of the logarithms of samples along `axis`: `basis` along wavelengths, and an orthonormal basis with
+/// equally weighted triangles on a mesh. Each other kind of axis has a fixed transform.
 pub(crate) fn transform_of(axis: &Axis, basis: SpectralBasis) -> AxisTransform {
     basis.transform_of(axis, SphereBasis::Orthonormal(Weights::Count))
 }

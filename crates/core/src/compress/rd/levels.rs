@@ -207,7 +207,8 @@ fn insert_and<T>(
     Ok(Some(more))
 }
 
-/// Inserts the index of coarser levels into a grid chunk, without their errors, which are not known yet.
+/// Inserts the table of coarser resolution levels into the chunk of samples on a grid of angles, without the errors of
+/// these levels, which are not known yet.
 fn insert_in_grid(parts: &mut Parts) -> Result<(), CodecError> {
     let header = &parts.header;
     let classes = classes_of(header, |kind| parts.chunk(kind));
@@ -268,8 +269,8 @@ fn coarser(mesh: TriangleMesh, level: u8) -> TriangleMesh {
     mesh
 }
 
-/// Decodes the averages over the triangles of a coarser level before the brightness correction. Also returns the number
-/// of bytes after the level index that they depend on.
+/// Decodes the averages of samples over the triangles of a coarser level; their brightness is not yet corrected. Also
+/// returns the number of bytes, from the end of the table of levels in the file, that they depend on.
 fn averages_at(
     header: &Header,
     classes: Option<&[Class]>,

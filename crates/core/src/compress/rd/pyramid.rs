@@ -23,8 +23,8 @@ pub(crate) struct Pyramid {
     /// Number of the set of symmetries that map an incoming direction to itself, for each coded incoming direction.
     /// Several directions may share a set.
     fold_of: Vec<u8>,
-    /// Equalities between triangles for each set of symmetries that map an incoming direction to itself, by level;
-    /// empty if no coded direction has this set.
+    /// Triangles that have equal values by symmetry, on each level, for each set of symmetries that map an incoming
+    /// direction to itself. The list is empty for a set that no coded incoming direction has.
     folds: Vec<Vec<LevelFold>>,
     /// Live (not entirely zero or masked) children of each triangle, as 4 bits, by level, coded incoming direction and
     /// triangle; empty if all are live.
@@ -32,7 +32,8 @@ pub(crate) struct Pyramid {
     householders: [Householder; 3],
 }
 
-/// Equalities between triangles of one level that are implied by the symmetries leaving an incoming direction in place.
+/// Triangles of one subdivision level that have equal values, because symmetries that leave an incoming direction in
+/// place map them to each other.
 #[derive(Clone, Debug)]
 struct LevelFold {
     /// For each triangle, the lowest-numbered triangle that it equals by symmetry, possibly itself.

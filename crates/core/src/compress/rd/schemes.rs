@@ -18,8 +18,8 @@ use std::sync::Arc;
 
 /// Largest length of a trailing index axis for which a basis of the data's own principal components is tried.
 const MOST_INDICES: usize = 64;
-/// Largest number of entries of the axis behind a grid of angles (wavelengths, colours) that are tried as channels
-/// coded one by one.
+/// Largest number of spectral channels (wavelengths or colours) of data on a grid of angles for which coding each
+/// channel separately is tried.
 const MOST_CHANNELS: usize = 8;
 /// Largest number of direction pairs on grids of angles for which prediction by fixed filters alone is tried.
 const FEW_ROWS: usize = 20_000;

@@ -15,7 +15,8 @@ pub(crate) struct Shape {
     block_axes: Vec<Axis>,
     /// Product of the lengths of the axes between the last triangle axis and the last axis; 1 if there are none.
     inner: usize,
-    /// Number of samples in a row (an entry of all axes but the last); 1 if the triangles are the last axis.
+    /// Number of samples in a row, which runs along the last axis (such as wavelengths); 1 if the last axis consists of
+    /// triangles.
     length: usize,
 }
 

@@ -155,7 +155,8 @@ pub(super) fn finest(candidate: &Candidate<'_>) -> Notch {
     Notch::below((coefficient / f64::from(LARGEST / 4.0)).max(least) as f32)
 }
 
-/// Returns true if the target is a number of coefficients that can be counted without a trial.
+/// Returns true if the target is a ratio of samples to kept coefficients, and the coefficients can be counted without
+/// coding them.
 pub(super) fn is_counted(candidate: &Candidate<'_>) -> bool {
     matches!(candidate.settings.target, Target::Ratio(_)) && candidate.layer.counts_alone()
 }

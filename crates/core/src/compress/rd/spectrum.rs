@@ -89,8 +89,9 @@ impl Basis {
         (coder.basis(&quantised, &steps), w.into_bytes())
     }
 
-    /// Decodes a spectral basis of at most `most` vectors from its chunk. `axes` are those of the tensor, whose last
-    /// axis holds the spectra; `count` is their number, and `step` the quantiser step of their coefficients.
+    /// Decodes a spectral basis of at most `most` vectors from its chunk. `axes` are those of the tensor, whose spectra
+    /// lie along the last axis. `count` is the number of spectra, and `step` the quantiser step of the coefficients
+    /// that represent a spectrum in the basis.
     pub(super) fn decode(
         chunk: &[u8],
         axes: &[Axis],
@@ -201,7 +202,7 @@ fn steps(step: f32, rows: usize, coarse: u8, spreads: &[u8]) -> Vec<f32> {
     std::iter::once(own as f32).chain(spreads.iter().map(|&code| (own / spread_of(code)) as f32)).collect()
 }
 
-/// Root mean square of the spectra's coefficients on a basis vector that an 8-bit code stands for.
+/// Decodes an 8-bit code to the root mean square of the spectra's coefficients on one basis vector.
 fn spread_of(code: u8) -> f64 {
     let exponent = code / 8;
     f64::from(8 + code % 8) * f64::from(1_u32 << exponent) / f64::from(1_u32 << 23)

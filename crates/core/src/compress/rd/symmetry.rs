@@ -85,8 +85,8 @@ pub(super) fn closure(generators: &[Symmetry]) -> Vec<Symmetry> {
     all
 }
 
-/// Group of mesh symmetries acting on blocks (entries of all axes but the last triangles and the spectral one) and on
-/// triangles. The members are numbered, the identity first.
+/// Group of mesh symmetries that permute the outgoing triangles (last triangle axis) and the blocks of a tensor. A
+/// block is one entry on each of the other axes except the spectral one. The members are numbered, the identity first.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     mesh: TriangleMesh,
@@ -206,7 +206,8 @@ pub(crate) struct Representatives {
 pub(crate) struct Stabiliser {
     /// Indices, within the symmetry group, of the symmetries that map the block (incoming direction) to itself.
     pub(crate) members: Vec<u8>,
-    /// For each image of the block (incoming direction), number of the first group member that maps the block to it.
+    /// Indices, within the symmetry group, of the first symmetry that maps the block (incoming direction) to each of
+    /// its different images.
     pub(crate) leaders: Vec<u8>,
 }
 

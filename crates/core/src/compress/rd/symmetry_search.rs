@@ -53,8 +53,9 @@ pub(crate) fn symmetries(shape: &Shape, logs: &[f32], classes: Option<&[Class]>,
     Found { order: closure(&generators).len(), generators, deviation: largest }
 }
 
-/// Root mean square of the difference between spectra and their images under member 1 of a symmetry group, divided by
-/// √2. `None` as soon as it must exceed `tolerance`, or if nothing can be compared.
+/// Root mean square difference between logarithms of spectra and of their images under the symmetry that is second in
+/// `group`, after the identity. It is divided by √2, because both contain noise. `None` as soon as it must exceed
+/// `tolerance`, or if nothing can be compared.
 fn deviation(shape: &Shape, group: &Group, logs: &[f32], classes: Option<&[Class]>, tolerance: f64) -> Option<f64> {
     let n = shape.length();
     let stride = shape.rows().div_ceil(MOST_COMPARED);

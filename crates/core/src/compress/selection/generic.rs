@@ -41,8 +41,9 @@ struct Space {
     /// Norm of each coefficient after the transforms along this axis and all before it. Such a coefficient is a
     /// function of the axes not yet transformed, or a single number after the last axis.
     norms: Vec<f32>,
-    /// Square root of the range, √(max − min), of each coefficient of the transform along this axis, as a function of
-    /// all later axes. Empty for the last axis, after which coefficients are numbers.
+    /// Square root of the range, √(max − min), of each coefficient of the transform along this axis. The coefficient is
+    /// a function of all later axes, over which the range is taken. Empty for the last axis, after which coefficients
+    /// are numbers.
     spreads: Vec<f32>,
     /// Number of coefficients into which the transform along this axis turns each function of this and the later axes:
     /// one for each basis function of the axis.
@@ -248,8 +249,8 @@ impl Space {
     }
 }
 
-/// Square root of the range, √(max − min), of the values of one function (`row`); the adaptive rule multiplies its
-/// thresholds by it.
+/// Square root of the range, √(max − min), of the values in `row`, a function of the axes that are not yet transformed.
+/// Adaptive selection of coefficients multiplies its thresholds by it.
 fn spread(row: &[f32]) -> f32 {
     let (low, high) = row.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &c| (l.min(c), h.max(c)));
     (high - low).max(0.0).sqrt()

@@ -30,7 +30,8 @@ pub struct RelativeErrors {
 /// Linear functional (weighted sum) of the samples that an approximation must keep exactly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
-    /// Weight of each sample in the sum that an approximation must keep exactly.
+    /// Weights of a weighted sum of samples, one weight for each sample. An approximation must keep the value of this
+    /// sum exactly.
     pub weights: Vec<f64>,
 }
 

@@ -10,8 +10,8 @@ fn like(m: &Measurement, value: impl Fn(usize, f32) -> f32) -> Measurement {
     Measurement { tensor: Tensor::new(m.tensor.axes().to_vec(), samples).unwrap(), ..m.clone() }
 }
 
-/// Small test measurements with axes for every kind of coding: lines alone, triangles alone, both, and the data's own
-/// basis.
+/// Small test measurements for every kind of coding: spectra alone, triangles alone, triangles with spectra, and a
+/// spectral basis computed from the data.
 fn small_shapes() -> Vec<Measurement> {
     vec![
         measurement(Quantity::Spectrum, vec![wavelengths(17)], 0.02),
@@ -89,7 +89,8 @@ fn targets() -> Vec<Target> {
     ]
 }
 
-/// Checks that the errors that a compressed file states are true, and that a refusal suggests a remedy.
+/// Compresses `m`, and checks that the errors stated in the file are true, or that the message suggests a remedy if
+/// `settings` are refused.
 fn holds(label: &str, m: &Measurement, settings: &Settings) {
     let compressed = match compress(m, settings, &Silent) {
         Ok(compressed) => compressed,

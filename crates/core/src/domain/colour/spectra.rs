@@ -46,7 +46,8 @@ pub struct SpectraColours {
     illuminant: Illuminant,
     weights: Tristimulus,
     lambdas: Vec<f64>,
-    /// White point in the scale of the samples' tristimulus values: without the factor π of radiance factors.
+    /// White point in the scale of the samples' tristimulus values. For a BRDF it is that of the perfect diffuser with
+    /// values 1/π, not 1.
     white: Xyz,
     colours: Vec<Option<Lab>>,
 }

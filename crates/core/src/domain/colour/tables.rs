@@ -61,7 +61,7 @@ pub struct Observer {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// The axes of the table are not columns over wavelength.
+    /// The axes of the table are neither wavelengths alone nor numbered columns followed by wavelengths.
     #[error(
         "the table has axes {}, expected wavelengths as the last axis",
         axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ")

@@ -27,7 +27,8 @@ fn number<S: Serializer>(number: &f64, to: S) -> Result<S::Ok, S::Error> {
 /// Conversion of a Rust value to one that a remark for the user mentions; `None` leaves the value out.
 #[doc(hidden)]
 pub trait ToNoteValue {
-    /// Returns the value that the remark for the user mentions; `None` if there is none or it is not finite.
+    /// Converts a Rust value to a flag, number or text for a remark to the user; `None` if there is no value or it is
+    /// not finite.
     fn to_value(&self) -> Option<NoteValue>;
 }
 
@@ -44,8 +45,8 @@ impl ToNoteValue for f64 {
 }
 
 impl ToNoteValue for f32 {
-    /// Returns a 32-bit floating-point number by its shortest decimal form (0.1, not 0.100000001), as the remark for
-    /// the user prints it.
+    /// Converts a 32-bit floating-point number to the 64-bit number with the same shortest decimal form (0.1, not
+    /// 0.100000001), for a remark to the user.
     fn to_value(&self) -> Option<NoteValue> {
         self.to_string().parse::<f64>().ok()?.to_value()
     }

@@ -2,7 +2,7 @@
 
 use crate::evaluate::number::Number;
 
-/// Number of incoming directions that a cubic interpolates.
+/// Number of incoming directions around a query through whose values an interpolating cubic passes.
 pub(in crate::evaluate) const FOUR: usize = 4;
 /// Overshoot allowed to a cubic between incoming directions, as a fraction of the range of the values that linear
 /// interpolation would mix. Raising it permits narrower peaks and more ringing.

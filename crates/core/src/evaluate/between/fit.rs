@@ -32,8 +32,9 @@ const NO_BASE: f64 = 1e-9;
 const STEPS: [f64; 3] = [0.2, 0.5, 0.7];
 const HALVINGS: u32 = 10;
 const ROUNDS: u32 = 32;
-/// Relative and absolute decrease of the variance that count as progress in the fit. Surfaces that the model matches
-/// exactly leave only rounding errors.
+/// Least decrease of the variance of ln(measured BRDF / microfacet model) that counts as progress in fitting the model:
+/// a fraction of the variance, plus an absolute amount. The amount excludes rounding errors, which are all that remains
+/// if the model matches a surface exactly.
 const LESS: f64 = 1e-3;
 const ROUNDING: f64 = 1e-10;
 

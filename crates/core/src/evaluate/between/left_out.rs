@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// at which leave-one-out errors are measured. More give more reliable errors and take longer.
 const ENTRIES: usize = 4;
 const INCIDENCES: usize = 96;
-/// Upper bound on the relative error counted for one direction, so that directions beside a lobe do not outweigh all
-/// others.
+/// Upper bound on the relative error with which one outgoing direction enters leave-one-out errors, so that directions
+/// beside a lobe do not outweigh all others.
 const MOST_ERROR: f64 = 50.0;
 
 /// Errors over all measured incoming directions, each predicted from the others (leave-one-out).
@@ -43,8 +43,8 @@ struct Sums {
 }
 
 /// Value of the function under one of the measured incoming directions from which values under a left-out one are
-/// predicted (leave-one-out test). It is taken at the outgoing direction `there` to which lobes, following the incoming
-/// direction, move the predicted one.
+/// predicted (leave-one-out test). It is taken at `there`: the outgoing direction of the predicted value, moved with
+/// lobes that follow the incoming direction.
 struct Other {
     to: [f32; 3],
     there: [f32; 3],

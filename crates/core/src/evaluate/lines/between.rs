@@ -11,8 +11,8 @@ use wide::f32x4;
 const SIDE: usize = 4;
 
 impl Lines {
-    /// Writes the whole spectrum interpolated between the samples in `found`; `straight`, 0..=1, is the fraction of
-    /// linear interpolation.
+    /// Writes the whole spectrum interpolated between the samples that `found` lists. `straight`, 0..=1, is the
+    /// fraction of linear interpolation; the rest is cubic interpolation of logarithms.
     #[inline]
     pub(super) fn spectrum_with(&self, straight: f32, found: &Found, out: &mut [f32]) {
         if let [out] = out {
@@ -24,8 +24,8 @@ impl Lines {
         }
     }
 
-    /// Interpolates between the samples in `found` at one wavelength, or at four from number `lambda` on; `share`,
-    /// 0..=1, is the fraction of linear interpolation.
+    /// Interpolates between the samples that `found` lists, at one wavelength, or at four from index `lambda` on.
+    /// `share`, 0..=1, is the fraction of linear interpolation; the rest is cubic interpolation of logarithms.
     #[inline(always)]
     pub(super) fn samples<T: Number>(&self, share: f32, found: &Found, lambda: usize) -> T {
         match &found.between {
@@ -103,8 +103,9 @@ impl Lines {
         }
     }
 
-    /// Logarithm interpolated over outgoing directions under one incoming direction. If samples around are 0 or masked,
-    /// the result is an error that also holds the interpolation weights of the nonzero and of the unmasked samples.
+    /// Interpolates the logarithm of the measured function by cubics over outgoing directions, under one incoming
+    /// direction. If surrounding samples are 0 or masked, returns `Err`: the logarithm with the interpolation weights
+    /// of the nonzero and of the unmasked samples.
     #[inline(always)]
     fn curved<T: Number>(&self, table: usize, patch: &Patch, lambda: usize) -> Result<T, Part<T>> {
         let mut numbers = [[T::of(0.0); 4]; 4];

@@ -36,9 +36,10 @@ pub(super) struct FoundBetween {
     pub(super) held: Option<(usize, f32)>,
 }
 
-/// Data for a cubic in the polar angle over a grid of incoming directions: two azimuths at the smallest and two at the
-/// largest of its four polar angles. Each of these four directions has the number of its table of samples, the samples
-/// around the outgoing direction, the logarithm of the divisor (model divided out before interpolation), and a weight.
+/// Samples that a cubic through four polar angles of incidence needs at the smallest and the largest of them, under two
+/// azimuths each; `Found` has those at the middle two. Each of these four incoming directions has a table number, the
+/// samples around the outgoing direction, the logarithm of the divisor (model divided out before interpolation), and a
+/// weight.
 #[derive(Clone, Debug)]
 pub(super) struct Outer {
     pub(super) tables: [usize; FOUR],

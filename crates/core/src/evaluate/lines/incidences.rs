@@ -217,7 +217,7 @@ impl Lines {
     }
 }
 
-/// Numbers of measured incoming directions with their interpolation weights.
+/// Indices of measured incoming directions, with the weight of each in an interpolation.
 type Weighed = ([u32; AROUND], [f32; AROUND]);
 
 /// Weights for interpolation on a grid of incoming directions, cubic in the polar angle and linear in azimuth. Returns

@@ -12,8 +12,8 @@ const ROUNDING: f64 = 1e-7;
 /// Degrees in a circle.
 const CIRCLE: f64 = 360.0;
 
-/// Angle in degrees at which samples are known, with the number of these samples on the axis. An angle added by mirror
-/// symmetry has the number of the measured angle that it mirrors.
+/// Angle in degrees at which samples are known, with its index on the axis of measured angles. An angle added by mirror
+/// symmetry has the index of the measured angle that it mirrors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) angle: f64,
@@ -68,8 +68,8 @@ impl Along {
 /// Numbers of the four samples around an angle, with their interpolation weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Around {
-    /// Numbers of two samples before the angle and two after. A missing one is replaced by the end of the axis, with
-    /// weight 0.
+    /// Indices, on the axis, of the two samples before a queried angle and the two after it. A missing one is replaced
+    /// by the sample at the end of the axis, with weight 0.
     pub(super) entries: [u32; 4],
     pub(super) along: Along,
 }

@@ -112,8 +112,8 @@ pub(super) struct Found {
     /// For each measured incoming direction around the queried one, the samples around the outgoing direction; `None`
     /// outside the grid or without an outgoing axis.
     patches: [Option<Patch>; AROUND],
-    /// Further search results, if interpolation between incoming directions is cubic or first divides samples by a
-    /// model; otherwise `None`.
+    /// Data for cubic interpolation between incoming directions, or for interpolation of samples that are first divided
+    /// by a model; `None` if neither is used.
     between: Option<FoundBetween>,
 }
 
@@ -248,8 +248,9 @@ impl Lines {
         Some(found)
     }
 
-    /// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to measured direction
-    /// number `place`, and a factor on the interpolation weight of that direction, near 0 at the horizon.
+    /// Outgoing direction to which `wo` moves when lobes follow the incoming direction from `wi` to measured incoming
+    /// direction number `place`. Also returns a factor on the interpolation weight of this measured direction, near 0
+    /// where moved lobes reach the horizon.
     #[inline]
     fn carried(&self, wi: &Origin, place: u32, wo: Vector) -> (Vector, f32) {
         let (alignment, is_free) = self.way(wo[2]);
@@ -267,7 +268,8 @@ impl Lines {
         (alignment, is_whole && self.alignment == Alignment::Rotation)
     }
 
-    /// Looks up an outgoing direction under one measured incoming direction, using its original samples.
+    /// Finds the samples around the outgoing direction `wo` that were measured under incoming direction number `node`,
+    /// before samples of coinciding incoming directions are averaged.
     fn under(&self, entry: usize, node: usize, wo: Direction) -> Found {
         let patch = self.outgoing.as_ref().and_then(|sphere| sphere.patch(wo.xyz()));
         Found::one(entry * self.values.incoming() + self.incoming.stated(node), patch)
@@ -310,8 +312,8 @@ impl Lines {
         Some(())
     }
 
-    /// Interpolates one sample, or the first four, for a pair of directions; `None` if `wi` is outside the measured
-    /// incoming directions. The lookup stays in registers.
+    /// Interpolates the value at the first wavelength, or at the first four wavelengths, for a pair of directions;
+    /// `None` if `wi` is outside the measured incoming directions. The lookup stays in registers.
     #[inline(always)]
     fn smooth_samples<T: Number>(&self, entry: usize, wi: Vector, wo: Vector) -> Option<T> {
         let nodes = self.nodes(wi)?;

@@ -51,7 +51,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    /// Selection of a single sample, with weight 1.
+    /// Interpolation stencil (4 × 4 samples with weights) that consists of a single sample with weight 1.
     fn one(place: u32) -> Self {
         Self { rows: [place; 4], sides: [0; 4], columns: [[0; 4]; 2], along: [Along::START; 2], across: Along::START }
     }
@@ -174,8 +174,8 @@ impl Sphere {
         })
     }
 
-    /// Writes the polar angles and azimuths of a block of vectors of any length, in degrees with respect to the axes of
-    /// the grid (its pole and its azimuth 0). [`Sphere::patch_at`] takes such angles.
+    /// Writes the polar angles and azimuths of a block of vectors, which need not be unit vectors, in degrees with
+    /// respect to the axes of the grid (its pole and its azimuth 0). [`Sphere::patch_at`] takes such angles.
     pub(super) fn angles(&self, directions: &Vectors, to: &mut [Block; 2]) {
         let frame = self.grid.frame();
         wide(
@@ -208,8 +208,8 @@ fn angles_of(frame: Frame, upright: &Vectors, [polar, azimuth]: &mut [Block; 2])
     }
 }
 
-/// Axis of the polar angles and of their images beyond a pole or the mirrored equator. Each angle has the number of its
-/// row's first direction.
+/// Axis of the polar angles of a grid of directions, and of their images beyond a pole or the mirrored equator. Each
+/// entry holds the index of the first grid direction at that polar angle, or at the original of an image.
 fn polar_line(grid: &DirectionGrid) -> Line {
     let (angles, [rows, columns]) = (grid.polar(), grid.shape());
     let place = |row: usize| (row * columns) as u32;

@@ -20,7 +20,7 @@ pub struct EnergyReport {
     pub quantity: Quantity,
     /// Albedo of a BRDF, BTDF or BSDF.
     pub albedo: Option<AlbedoReport>,
-    /// Normalisation of a phase function.
+    /// Integrals of a phase function over the sphere, compared with 1; `None` for other quantities.
     pub normalisation: Option<NormalisationReport>,
     /// Flux of an emission, one for each combination of indices (positions on the axes before the directions).
     pub flux: Option<Vec<FluxReport>>,
@@ -179,8 +179,8 @@ impl Material {
         }
     }
 
-    /// Possible effect of compression on an integral of samples over `measure` sr; 0 if the material is a measurement
-    /// rather than a compressed file.
+    /// Error er(L2) of a sample by compression, and upper bound on the resulting relative error of an integral over
+    /// `measure` sr. Both are 0 if the material is a measurement rather than a compressed file.
     fn allowance(&self, measure: f64) -> Allowance {
         let Some(summary) = self.summary() else { return Allowance::default() };
         let ErrorReport { er_l2, max_relative_error, max_absolute_error_unscored, .. } = summary.errors;

@@ -25,7 +25,7 @@ const MOST_PAIRS: usize = 1 << 17;
 /// include the interpolation error; [`ReciprocityReport::left_out_error`] is a measure of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReciprocityReport {
-    /// Number of pairs of directions that were compared.
+    /// Number of pairs of an incoming and an outgoing direction at which f(wi, wo) was compared with f(wo, wi).
     pub pairs: u64,
     /// Number of pairs of directions that cannot be compared: transmitted, outside one of the domains, masked, or dark
     /// both ways.

@@ -4,7 +4,8 @@ use crate::domain::{Axis, Direction, TriangleMesh};
 use crate::evaluate::error::{EvaluateError, Need, QueryError, unfit};
 use crate::evaluate::material::Material;
 
-/// Value found by a report, with its indices, incoming direction and wavelength.
+/// Value that a physical check of a material reports, such as the largest albedo, with its indices, incoming direction
+/// and wavelength.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Spot {
     /// Value that the report found, for example an albedo.
@@ -17,7 +18,8 @@ pub struct Spot {
     pub wi: Option<[f64; 2]>,
     /// Index, counted from 0, of the spectral sample to which the reported value belongs.
     pub lambda: usize,
-    /// Wavelength in nm to which the reported value belongs; `None` for data without wavelengths.
+    /// Wavelength in nm at which the report found its value, for example an albedo; `None` for data without
+    /// wavelengths.
     pub wavelength: Option<f64>,
 }
 

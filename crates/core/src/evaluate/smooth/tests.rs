@@ -26,7 +26,8 @@ fn grid() -> WavelengthGrid {
     WavelengthGrid::even(400.0, 50.0, LAMBDAS).unwrap()
 }
 
-/// Averages of the test function over outgoing triangles, at the incoming directions of the axis.
+/// Returns a test measurement of the function `f`: its averages over outgoing triangles, at the incoming directions of
+/// the axis `incoming`.
 fn measured(incoming: Axis, level: u8, f: impl Fn(Vector, Vector, f64) -> f64) -> Measurement {
     let directions: Vec<Vector> = match &incoming {
         Axis::Elevation(values) => values.iter().map(|&t| Direction::from_degrees(t, 0.0).xyz()).collect(),
@@ -68,7 +69,8 @@ fn direction(v: Vector) -> Option<Direction> {
     Direction::new(v[0], v[1], v[2])
 }
 
-/// Root mean square relative error er(L2) in % over 1,500 outgoing directions, for each of the directions `incoming`.
+/// Root mean square error er(L2), in %, of the material `m` relative to the exact glossy lobe, over 1,500 outgoing
+/// directions under all directions `incoming` together.
 fn error(m: &Material, how: Interpolation, incoming: &[Vector], alpha: f64) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     let mut out = [0.0; LAMBDAS];

@@ -52,8 +52,9 @@ struct Reached {
     left: [Block; 2],
 }
 
-/// Points inside the triangles of leaf squares, as barycentric coordinates kept away from edges, with the triangle (0
-/// lower, 1 upper) and the density there with respect to the triangle.
+/// Points drawn inside the finest triangles of a mesh, as barycentric coordinates kept away from edges. Each has the
+/// number of its triangle in a square of two (0 lower, 1 upper), and the probability density relative to the triangle's
+/// area.
 struct Inside {
     halves: [u32; BLOCK],
     coordinates: Vectors,

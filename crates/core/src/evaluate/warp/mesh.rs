@@ -67,7 +67,8 @@ struct Leaf {
     density: f64,
 }
 
-/// Geometry tables of one triangle mesh and one measure, which any number of [`super::Warps`] share.
+/// Geometry tables of one triangle mesh and one measure (solid angle or projected solid angle), which any number of
+/// [`super::Warps`] share.
 #[derive(Debug)]
 pub struct WarpMesh {
     mesh: TriangleMesh,
@@ -164,7 +165,7 @@ impl WarpMesh {
         this
     }
 
-    /// Triangle mesh over which these tables serve to sample directions.
+    /// Triangle mesh on the unit sphere from whose triangles outgoing directions are drawn.
     pub fn mesh(&self) -> TriangleMesh {
         self.mesh
     }
@@ -280,8 +281,8 @@ impl WarpMesh {
         self.places[self.firsts[usize::from(level)] + node] as usize
     }
 
-    /// Number of the finest triangle at position `place`, which is twice the number of the triangle's square (pair of
-    /// triangles), plus 1 for the upper triangle. Also returns the order of the triangle's vertices in the square.
+    /// Number of the finest triangle at position `place`, and the order of its vertices in its square (pair of
+    /// triangles). The position is twice the number of the square, plus 1 for the upper triangle.
     #[inline]
     pub(super) fn framed(&self, place: usize) -> (usize, Frame) {
         unframed(self.framed[place])
@@ -300,8 +301,8 @@ impl WarpMesh {
     }
 
     /// Direction through a point p of the planar triangle `leaf`, given by its barycentric coordinates for the vertex
-    /// order `frame`. Also returns |p|³ / (area · distance), the factor from a density of the coordinates (mean 1 over
-    /// the triangle) to one of solid angle.
+    /// order `frame`. Also returns |p|³ / (A · d), with A the triangle's area and d the distance of its plane from the
+    /// origin. This factor converts a density relative to the uniform one on the triangle to one of solid angle.
     #[inline]
     pub(super) fn point(&self, leaf: usize, frame: Frame, [a, b, c]: [f64; 3]) -> (Direction, f64) {
         let geometry = &self.leaves[leaf & (self.leaves.len() - 1)];

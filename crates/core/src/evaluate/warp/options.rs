@@ -13,7 +13,7 @@ pub enum Measure {
 /// Sampling density inside the triangle in which the descent of a sampling tree ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Density {
-    /// Density constant on the planar triangle, which belongs to piecewise constant evaluation.
+    /// Sampling density that is constant on the planar triangle, as suits piecewise constant evaluation.
     Uniform,
     /// Density linear on the planar triangle, in proportion to function times cosine at the vertices. If the descent of
     /// the sampling tree ends above the finest level, the density follows the cosine alone. Constant if the vertex

@@ -22,8 +22,8 @@ impl Point {
         if upper { Self { upper, a: end, b: 1.0 - start } } else { Self { upper, a: 1.0 - start, b: end } }
     }
 
-    /// Barycentric coordinates of the point in its triangle, with respect to the right angle and the hypotenuse's ends
-    /// (0,0) and (1,1).
+    /// Barycentric coordinates of this point of the unit square in its half, the lower or upper triangle. They are with
+    /// respect to the right angle and the hypotenuse's ends (0,0) and (1,1).
     #[inline(always)]
     pub(super) fn coordinates(self) -> [f64; 3] {
         if self.upper { [self.b - self.a, 1.0 - self.b, self.a] } else { [self.a - self.b, 1.0 - self.a, self.b] }

@@ -23,7 +23,8 @@ fn mean_diffuse() -> f64 {
     lambdas().map(diffuse).sum::<f64>() / 75.0
 }
 
-/// GGX specular lobe of the test surface.
+/// Returns the GGX specular BRDF in sr⁻¹ with roughness α = 0.2, height-correlated Smith shadowing and a reflectance of
+/// 0.04 at normal incidence.
 fn ggx(wi: [f64; 3], wo: [f64; 3]) -> f64 {
     let a2 = 0.04;
     let sum = [0, 1, 2].map(|k| wi[k] + wo[k]);

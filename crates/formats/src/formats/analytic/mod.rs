@@ -152,7 +152,8 @@ fn empty(document: &Document, how: &Interpretation) -> Result<Acquisition, Forma
     Ok(acquisition)
 }
 
-/// Directions and wavelengths at which the model is evaluated for the samples.
+/// Directions and wavelengths at which an analytic scattering or emission model is evaluated to make the samples of a
+/// virtual measurement.
 struct Axes {
     incoming: Option<Entries>,
     outgoing: Option<Entries>,
@@ -251,8 +252,8 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
     }
 }
 
-/// Refuses a BRDF with outgoing directions below the surface, and a BTDF with outgoing directions above: the model
-/// would give zeros that look like data.
+/// Refuses axes with outgoing directions below the surface for a BRDF, or above it for a BTDF. There the formulas of an
+/// analytic material yield zeros, which would look like data.
 fn check_domains(quantity: Quantity, outgoing: Option<&Axis>) -> Result<(), FormatError> {
     let expected = match quantity {
         Quantity::Brdf => Domain::Hemisphere,

@@ -5,7 +5,8 @@ use super::lobes::{Axes, Interface, Lobe, Shape};
 use super::spectra;
 use crate::domain::{Direction, Quantity};
 
-/// Upper bound on the number of lobes in one model.
+/// Upper bound on the number of lobes in a file that describes a material by analytic functions. Raising it accepts
+/// larger files.
 const MAX_LOBES: usize = 256;
 /// Lower bound on the GGX roughness: narrower lobes fall between the sample points of any triangle mesh. Lowering it
 /// allows narrower lobes.

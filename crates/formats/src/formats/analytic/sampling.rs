@@ -49,7 +49,7 @@ impl Entries {
         Self { points, directions }
     }
 
-    /// Returns one point per polar angle in degrees, at azimuth 0.
+    /// Returns one quadrature point for each polar angle in `thetas` (degrees): the direction at azimuth 0.
     pub(super) fn elevations(thetas: &[f64]) -> Self {
         let directions = thetas.iter().map(|&theta| (Direction::from_degrees(theta, 0.0).xyz(), 1.0)).collect();
         Self { points: 1, directions }

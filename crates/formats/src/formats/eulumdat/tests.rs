@@ -22,8 +22,8 @@ fn shape(c: f64, gamma: f64) -> f64 {
 }
 
 impl Sheet {
-    /// Returns a test file with C planes every 30°; the planes that the symmetry needs have intensities, in the order
-    /// of the format.
+    /// Returns a test luminaire file (EULUMDAT) with C planes every 30°. Only the planes that the symmetry code
+    /// `symmetry` requires have intensities, in the order of the format.
     fn of(symmetry: usize) -> Self {
         let planes: Vec<f64> = (0..12).map(|i| 30.0 * f64::from(i)).collect();
         let stored: Vec<f64> = match symmetry {

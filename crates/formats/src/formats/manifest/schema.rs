@@ -8,7 +8,7 @@ use utoipa::{PartialSchema, ToSchema};
 
 /// Name of the JSON schema of an axis in a manifest.
 const AXIS: &str = "ArrayAxis";
-/// Name of the JSON schema of a manifest with all its fields.
+/// Name of the JSON schema of a whole manifest, as opposed to a list of axes alone.
 const WHOLE: &str = "ArrayDescription";
 
 /// JSON schema of a manifest: the axes of an array and the meaning of its values, or the axes alone.

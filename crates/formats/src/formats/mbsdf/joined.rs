@@ -82,7 +82,8 @@ fn union(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
 }
 
 impl Block {
-    /// Returns a value of the table, interpolated linearly in the incoming angle and the azimuth.
+    /// Returns the reflection or transmission value at outgoing polar angle number `row`, interpolated linearly in the
+    /// incoming polar angle and the outgoing azimuth.
     fn at(&self, theta: Bracket, row: usize, phi: Bracket, channel: usize) -> f32 {
         let (channels, channel) = if self.rgb { (3, channel) } else { (1, 0) };
         let value =

@@ -23,7 +23,8 @@ pub struct MbsdfGrid {
     pub reflection: bool,
     /// True to write the table of transmission; `wo` is then evaluated below the surface.
     pub transmission: bool,
-    /// Lines of metadata before the tables, `key="value"`.
+    /// Lines of metadata, `key="value"`, that precede the tables of reflection and transmission in the written MBSDF
+    /// file.
     pub metadata: Vec<String>,
 }
 

@@ -227,7 +227,7 @@ impl Integrals {
     }
 }
 
-/// Phase functions of all wavelengths, as tables over equal scattering angles.
+/// Phase functions at all wavelengths, as tables that share one list of scattering angles.
 #[derive(Clone, Debug)]
 pub(super) struct Curves(pub(super) Vec<Curve>);
 

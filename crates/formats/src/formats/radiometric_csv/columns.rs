@@ -33,7 +33,8 @@ pub(super) enum Cell {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Angle {
     pub(super) radians: bool,
-    /// Allowed range of the angles as written, in degrees.
+    /// Allowed range, in degrees, of the angles in a column of the file, before they are converted to the surface
+    /// frame.
     pub(super) range: (f64, f64),
     /// True for the luminaire angle gamma, measured from nadir: theta = 180° − gamma.
     pub(super) from_nadir: bool,
@@ -262,8 +263,9 @@ fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool,
     }
 }
 
-/// Returns the index of the angle that a column name stands for. Also returns true if the name is that of a luminaire
-/// angle (gamma, C), and false if it is that of a surface angle; `None` for a name in either frame.
+/// Returns the index, 0 to 3, of the angle (theta_i, phi_i, theta_o, phi_o) that a column name denotes. Also returns
+/// true for names of luminaire angles (gamma, C), false for those of surface angles, `None` for a name that serves
+/// both.
 fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     let outgoing = quantity == Quantity::Edf;
     match name {

@@ -34,8 +34,8 @@ impl Lattice {
 }
 
 impl Directions {
-    /// Takes the directions out of `rows`, the data rows of a file. Azimuths of isotropic data become relative to the
-    /// incoming azimuth.
+    /// Creates the list of directions by moving them out of `rows`, the data rows of a file. Azimuths of isotropic data
+    /// become relative to the incoming azimuth.
     pub(super) fn of(rows: &mut Rows, columns: &Columns, header: &Header) -> Self {
         let mut present = columns.angles.map(|angle| angle.is_some());
         let mut written = std::mem::take(&mut rows.directions);

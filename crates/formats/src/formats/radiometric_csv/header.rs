@@ -49,7 +49,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Returns a header for a BRDF in 1/sr with angles in degrees and no optional fields.
+    /// Returns the header of a radiometric CSV file for a BRDF in 1/sr, with angles in degrees and no optional fields.
     pub(super) fn of_brdf(isotropic: bool) -> Self {
         Self {
             quantity: Quantity::Brdf,

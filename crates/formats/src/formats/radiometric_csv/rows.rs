@@ -113,7 +113,7 @@ impl Rows {
     }
 }
 
-/// Parsed part of a file's rows.
+/// Result of parsing one of the parts into which the rows of a file are divided, to be parsed in parallel.
 struct Piece {
     rows: Rows,
     lines: usize,

@@ -171,8 +171,8 @@ pub(super) fn is_wide<'a>(lines: impl Iterator<Item = Token<'a>>) -> bool {
     names(lines).is_some()
 }
 
-/// Returns the spectra of a table with one row per sample, transposed to one column per sample; `None` for any other
-/// text.
+/// Returns the spectra of a table with one spectrum in each row, transposed so that each spectrum is a column; `None`
+/// for any other text.
 pub(super) fn read(source: &Source, report: &mut ParseReport) -> Result<Option<Table>, FormatError> {
     let Some(found) = names(contents(source)) else { return Ok(None) };
     let Names { delimiter, cells: width, columns, axis, offset } = found;

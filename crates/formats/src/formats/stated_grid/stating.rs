@@ -11,7 +11,7 @@ pub enum StatedGridError {
     /// The listed angles are out of range.
     #[error(transparent)]
     Directions(#[from] DirectionGridError),
-    /// The axes of the listed grid are too many, make too many samples, or have invalid entries.
+    /// The grid that the file lists has too many axes, too many samples, or an axis with invalid entries.
     #[error(transparent)]
     Axes(#[from] AxisError),
     /// The numbers that the file lists do not form a tensor on the grid of its angles.

@@ -16,11 +16,12 @@ pub(super) struct Scene<'a> {
     /// Camera axes to the right, up and ahead. The axes to the right and up are scaled to half the picture's width at
     /// unit distance.
     frame: [Vector; 3],
-    /// Axis of the latitude circles on the ball along which the surface's x axis runs.
+    /// Axis of the rendered ball, vertical in the picture; the surface's x axis follows the latitude circles about it.
     axis: Vector,
     /// Directions to the points of distant lights, with the irradiance of each on a surface facing it.
     lights: Vec<(Vector, f32)>,
-    /// Directions to the points of the key light, from which the ball's shadow is computed.
+    /// Directions from the rendered ball to points of the main light, from which the ball's shadow on the ground is
+    /// computed.
     key: Vec<Vector>,
     /// Points of the lamp inside a translucent ball, and the irradiance of each at distance 1; `None` for an opaque
     /// ball.
@@ -29,20 +30,22 @@ pub(super) struct Scene<'a> {
     gradient: f32,
 }
 
-/// Rectangular light at infinity that lights the ball.
+/// Rectangular light at infinite distance that lights the rendered ball in the preview picture of a material.
 #[derive(Clone, Copy)]
 struct Panel {
     towards: Vector,
-    /// Tangents of half the angular width, and of half the angular height, of the light as seen from the ball.
+    /// Tangents of half the angular width, and of half the angular height, of a rectangular light as seen from the
+    /// rendered ball.
     half: [f64; 2],
     /// Total irradiance of the light on a surface that faces `towards`.
     irradiance: f64,
 }
 
-/// Contents of a pixel of the rendered scene.
+/// Radiance of the ball and colour of the ground in one pixel of a material's preview picture, with the fraction of the
+/// pixel that the ball covers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pixel {
-    /// Fraction of the pixel covered by the ball, 0 to 1.
+    /// Fraction, 0 to 1, of a pixel of the preview picture that the rendered ball covers.
     pub(super) coverage: f32,
     /// Mean radiance of the ball in the covered part of the pixel, in linear sRGB.
     pub(super) ball: Rgb,
@@ -169,7 +172,7 @@ impl<'a> Scene<'a> {
         Ok(points)
     }
 
-    /// Returns the fraction of pixel (x, y) covered by the ball.
+    /// Returns the fraction, 0 to 1, of pixel (x, y) of the preview picture that the rendered ball covers.
     fn coverage(&self, x: usize, y: usize) -> f32 {
         let clearance = 1.0 - norm(self.closest(self.ray(x, y, 0.5, 0.5)));
         let pixel = 2.0 * WIDTH / self.size as f64;
@@ -275,8 +278,8 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Returns the distance along a ray from its start to the point where it first meets the ball; `None` if it misses the
-/// ball.
+/// Returns the distance along a ray from its start to the point where it first meets the rendered ball, a unit sphere
+/// about the origin. Returns `None` if it misses the ball.
 fn first(from: Vector, ray: Vector) -> Option<f64> {
     let middle = -dot(from, ray);
     let apart = dot(from, from) - middle * middle;
@@ -307,8 +310,8 @@ impl Sum {
 }
 
 impl Panel {
-    /// Returns three orthogonal unit vectors: from the ball to the centre of a rectangular light, along the width of
-    /// the light to the right, and along its height upwards.
+    /// Returns three orthogonal unit vectors: from the rendered ball to the centre of a rectangular light, along the
+    /// width of the light to the right, and along its height upwards.
     fn frame(self) -> [Vector; 3] {
         let middle = unit(self.towards);
         let right = unit(cross([0.0, 0.0, 1.0], middle));

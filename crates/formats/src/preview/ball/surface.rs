@@ -208,8 +208,8 @@ impl Nodes {
     }
 }
 
-/// Fills elevations without a value (NaN) from a neighbour, the one at the lower index first. Values become 0 if none
-/// is known.
+/// Fills entries without a colour (NaN), in a table over incoming elevations, from a neighbouring entry, the one at the
+/// lower index first. All become 0 if no entry has a colour.
 fn fill(table: &mut [[Rgb; 4]]) {
     let is_empty = |value: &[Rgb; 4]| value.as_flattened().iter().any(|c| c.is_nan());
     for _ in 0..2 {

@@ -89,11 +89,11 @@ pub(super) struct Scratch {
     pub(super) found: Vec<Found>,
     around: Vec<Found>,
     nearby: Nearby,
-    /// Facts about the local polynomial fit in the middle one of four sibling triangles: distances and number of its
-    /// samples, and the variance of its values. `None` if the siblings must not reuse this fit.
+    /// Facts about the local polynomial fit at the middle one of four sibling triangles: number of its samples, their
+    /// distances from the triangle, and variance of its values. `None` if this fit must not serve the other siblings.
     middle: Option<Support>,
-    /// Facts about the last local polynomial fit: distances and number of its samples, and the variance of its values.
-    /// `None` if other triangles must not reuse this fit.
+    /// Facts about the last local polynomial fit: number of its samples, their distances from the fitted triangle, and
+    /// variance of its values. `None` if this fit must not serve other triangles.
     last: Option<Support>,
     missing: Vec<bool>,
     pub(super) row: Vec<f32>,
@@ -102,9 +102,10 @@ pub(super) struct Scratch {
 }
 
 impl Fitted<'_> {
-    /// Writes the averages of the fits under the incoming direction `wi` over all triangles of `mesh` into `out`,
-    /// `[triangle, channel]`. Triangles without data become NaN. `wanted` returns `None` for triangles to skip, and
-    /// otherwise true if a sample lies inside. `parts` arranges the fits within a triangle.
+    /// Fits the samples locally under the incoming direction `wi`, and writes the average of the fits over each
+    /// triangle of `mesh` into `out`, `[triangle, channel]`. Triangles without data become NaN. `wanted` returns `None`
+    /// for triangles to skip, and otherwise true if a sample lies inside. `parts` says how many local fits a triangle
+    /// takes, and where.
     pub(super) fn cells(
         &self,
         wi: Vector,

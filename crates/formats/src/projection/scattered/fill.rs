@@ -107,9 +107,9 @@ pub(super) fn by_reciprocity(
         .then(|| FitNote::FromReciprocity { cells: found.len(), difference_percent: 100.0 * median }.into())
 }
 
-/// Writes the values f(wo, wi) for a cell (wi, wo) into `row`, one for each band, interpolated between the two incoming
-/// polar angles around. The values under each angle are read at the half vector of the cell. Returns `None` if there is
-/// no value.
+/// Writes the values f(wo, wi) for a cell (wi, wo) into `row`, one for each band. They are interpolated between the
+/// tensor's incoming polar angles just below and above the polar angle of `wo`. The values under each angle are read at
+/// the half vector of the cell. Returns `None` if there is no value.
 fn exchanged(
     plan: &Plan,
     samples: &[f32],

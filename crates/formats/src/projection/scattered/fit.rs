@@ -54,8 +54,8 @@ pub(super) struct Place {
 /// Facts about a local polynomial fit: distances, number and arrangement of its samples, and its uncertainty.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Support {
-    /// Distance from the pair of directions about which a polynomial is fitted to the nearest sample, in the
-    /// six-dimensional space in which nearest neighbours are sought.
+    /// Distance to the nearest sample from the pair of directions about which a polynomial is fitted. It is measured in
+    /// the six-dimensional space in which nearest neighbours are sought.
     pub(super) nearest: f64,
     /// Distance from the pair of directions about which a polynomial is fitted to the farthest fitted sample, in the
     /// six-dimensional space in which nearest neighbours are sought.

@@ -7,8 +7,8 @@ use crate::domain::{Direction, Domain, Quantity};
 
 /// Largest angle in degrees between incoming directions that count as equal.
 const SAME: f64 = 0.05;
-/// Least mean number of samples per incoming direction for groups by incoming direction; with fewer, all samples form
-/// one group.
+/// Least mean number of samples per incoming direction at which the light of scattered samples is summed for each
+/// incoming direction. With fewer, all samples form one sum.
 const FEWEST: usize = 24;
 
 /// Group of scattered samples under one incoming direction, or of all samples if each has its own.

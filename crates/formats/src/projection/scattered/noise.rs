@@ -108,7 +108,8 @@ struct Class {
 pub(super) struct Own<'a>(pub(super) &'a Channels);
 
 impl Own<'_> {
-    /// Returns the number of compared channels of a sample.
+    /// Returns the number of channels in which a sample is compared with its neighbours: 1 if a spectrum multiplies the
+    /// samples, else one for each wavelength.
     pub(super) fn width(&self) -> usize {
         if let Channels::Multiplied(_) = self.0 { 1 } else { self.0.to() }
     }

@@ -420,7 +420,7 @@ fn what_makes_no_sense_is_refused() {
     unfit(&|data| data.values.fill(f32::NAN), "no sample of the 50");
     unfit(
         &|data| (data.incoming, data.outgoing, data.values) = (vec![], vec![], vec![]),
-        "no sample, expected at least one",
+        "the file contains no sample, expected at least one",
     );
     let mut bad = good();
     scattered(&mut bad).values.pop();

@@ -33,7 +33,8 @@ const AS_WELL: f64 = 1.1;
 /// multiple ([`AS_WELL`]) of the error from their own side. Data within it count as mirror-symmetric. Raising it
 /// accepts less symmetric data.
 const NEARLY: f64 = 1e-3;
-/// Subdivision level of the triangles at whose centroids it is tested whether neighbours lie on all sides.
+/// Subdivision level of a triangle mesh of outgoing directions, at whose centroids it is tested whether the nearest
+/// samples lie on all sides. Raising it tests more directions.
 const AROUND_LEVEL: u8 = 2;
 /// Least share of outgoing directions that have neighbouring samples on all sides, as a fraction of the share with 96
 /// neighbours. Fewer neighbours are chosen for a local fit only if they reach it. Raising it chooses more neighbours.

@@ -15,8 +15,8 @@ use crate::domain::{
 use crate::formats::{Acquisition, Contradictions, Modelled, Samples, StatedGrid};
 use crate::notes::ProjectionNote;
 
-/// Returns true if the measurement keeps the grid of directions of its file. Fails if the request demands the grid and
-/// it cannot be kept.
+/// Returns true if a file's samples are to be converted to a tensor on the file's own grid of directions. Fails if the
+/// user demands a grid that the file lacks, or triangles for a tensor that must stay on its grid.
 pub(super) fn is_wanted(samples: &Samples, request: &AxesRequest) -> Result<bool, ProjectionError> {
     let wanted = request.domain()?;
     let is_named = request.domain.is_some();

@@ -11,7 +11,8 @@ fn on_grid() -> AxesRequest {
     AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() }
 }
 
-/// Test data: a laterally symmetric lamp (photometry type B), 3 × 2 numbers, with the multipliers 0.1 and 0.7.
+/// Test data: a laterally symmetric lamp (photometry type B) with 3 × 2 intensities, candela multiplier 0.1 and ballast
+/// factor 0.7.
 fn lamp() -> Acquisition {
     let text = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 0.1 3 2 2 2 0 0 0 0.7 1 0\n-30 0 30\n0 20\n1 2 3 4 5 6\n";
     read(text.as_bytes(), &Interpretation::default()).unwrap()

@@ -9,7 +9,8 @@ use crate::numeric::wide;
 
 /// Number of cubic B-splines that are nonzero at a position; they are consecutive.
 pub(super) const RUN: usize = 4;
-/// Upper bound on the runs of four consecutive nonzero basis functions of a direction pair.
+/// Upper bound on the number of runs (groups of four consecutive B-splines) that are nonzero for one pair of
+/// directions.
 const MOST_RUNS: usize = 16;
 /// Number of direction pairs whose basis functions are computed side by side.
 pub(super) const LANES: usize = 8;
@@ -89,8 +90,8 @@ impl Entries {
         }
     }
 
-    /// Adds value · `x` to the element of `sums` of every basis function of the scattering model, with its value at one
-    /// pair of incoming and outgoing direction. Basis functions of value 0 are skipped.
+    /// Adds `x` times the value of each basis function of the scattering model, for one pair of incoming and outgoing
+    /// direction, to the basis function's element of `sums`. Basis functions of value 0 are skipped.
     #[inline]
     pub(super) fn add(&self, x: f64, sums: &mut [f64]) {
         if let Some(constant) = self.constant {
@@ -102,8 +103,9 @@ impl Entries {
     }
 }
 
-/// Evaluates a scattering model, Σ value · coefficient, for direction pairs of one block, each in the order of its
-/// basis functions. `coefficients` are by basis function, for up to [`RUN`] spectral vectors.
+/// Evaluates a scattering model for several pairs of directions: for each pair, the sum of value · coefficient over
+/// basis functions, added in the order of the functions. `coefficients` are by basis function, for up to [`RUN`]
+/// spectral vectors.
 #[inline(always)]
 #[allow(clippy::inline_always, reason = "compiled for the processor's instructions where it is called")]
 pub(super) fn add_up(rows: &[Entries; LANES], coefficients: &[[f64; RUN]]) -> [[f64; RUN]; LANES] {
@@ -166,7 +168,8 @@ fn splines(count: usize, x: &Lanes) -> [Place; LANES] {
     std::array::from_fn(|lane| (span[lane] as u32, std::array::from_fn(|k| values[k][lane])))
 }
 
-/// Basis functions of a scattering model: their coordinates and their number.
+/// Basis functions of a scattering model: the coordinates in which they are written, such as half-vector coordinates,
+/// and the number of constants among them.
 pub(super) struct Columns {
     pub(super) kind: ChartKind,
     /// Number of incoming directions for each of which the model has a constant of its own.

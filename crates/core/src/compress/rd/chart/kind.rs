@@ -4,7 +4,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum ChartKind {
-    /// Half-vector coordinates of an isotropic surface, without its tangent frame.
+    /// Half-vector coordinates that do not change if the surface is rotated about its normal, for isotropic surfaces.
     Isotropic = 1,
     /// Half-vector coordinates relative to the surface's tangent frame, for anisotropic surfaces.
     Anisotropic = 2,

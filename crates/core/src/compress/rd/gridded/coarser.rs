@@ -94,8 +94,8 @@ pub(crate) fn with_errors(coded: &[u8], errors: &[f64]) -> Result<Vec<u8>, Codec
     Ok(if levels.is_empty() { coded.to_vec() } else { chunk_of(coded, head, &levels, stream) })
 }
 
-/// Writes a chunk of samples on a grid of angles that starts like `coded`, with a table of lower-resolution grids in
-/// front of the entropy-coded bytes.
+/// Assembles a chunk of samples on a grid of angles: the first `head` bytes of `coded`, a table of lower-resolution
+/// grids, and the entropy-coded bytes `stream`. A flag in the first byte announces the table.
 fn chunk_of(coded: &[u8], head: usize, levels: &[GridLevel], stream: &[u8]) -> Vec<u8> {
     let mut w = Writer::default();
     w.u8(coded[0] | super::decode::LEVELS);
@@ -147,8 +147,8 @@ fn samples(
     Ok((axes, samples))
 }
 
-/// Replaces the angles of the last directions and of an axis of incoming directions before them by those of a
-/// lower-resolution grid, in which neighbouring angles are merged. Other axes stay.
+/// Replaces the angles of the last direction grid (usually outgoing), and of incoming directions on the axis before it,
+/// by those of a lower-resolution grid. In that grid neighbouring angles are merged. Other axes stay.
 fn coarse_axes(axes: &[Axis], lines: &[Nodes]) -> Result<Vec<Axis>, DirectionGridError> {
     let mut axes = axes.to_vec();
     let mut rest = lines;

@@ -214,7 +214,7 @@ pub(super) const LEVELS: u8 = 8;
 /// exactly as positive ones.
 pub(super) const WEIGHS_NEGATIVE: u8 = 64;
 
-/// Options with which a chunk of samples on a grid of angles was coded, from its first byte.
+/// Options with which a chunk of samples on a grid of angles was coded; the first byte of the chunk states them.
 #[derive(Clone, Copy)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a flag of the file")]
 pub(super) struct Flags {
@@ -245,8 +245,8 @@ impl Flags {
     }
 
     /// Reads the fields between the first byte and the entropy-coded bytes of a chunk of samples on a grid of angles.
-    /// Returns the table of lower-resolution grids, and drops the bound on negative samples. `end` is the offset of the
-    /// chunk's end.
+    /// Returns the table of lower-resolution grids. A bound on the logarithms of negative samples is read but not
+    /// returned. `end` is the offset of the chunk's end.
     pub(super) fn levels(self, r: &mut Reader<'_>, end: usize) -> Result<Vec<GridLevel>, CodecError> {
         if self.has_negative {
             r.f32("bound of the logarithms of negative samples")?;

@@ -39,7 +39,8 @@ pub(super) fn is_stated(end: usize, before: usize, stream: usize) -> bool {
     end >= LEAST && 100 * end >= APART * before && 100 * stream >= APART * end
 }
 
-/// Writes the index of coarser grids, at least one, coarse first.
+/// Writes the table of the coarser grids of angles that can be decoded from the start of a chunk, at least one,
+/// coarsest first.
 pub(super) fn write(w: &mut Writer, levels: &[GridLevel]) {
     w.varint(levels.len() as u64);
     let mut before = 0;

@@ -103,7 +103,7 @@ impl Shape {
         self.blocks * self.lines[..self.incoming].iter().map(|line| line.positions.len()).product::<usize>()
     }
 
-    /// Returns true if the axes in front of the outgoing directions have a single entry together.
+    /// Returns true if each axis in front of the outgoing directions has only one entry.
     pub(crate) fn is_single(&self) -> bool {
         self.incoming_entries() == 1
     }
@@ -146,7 +146,7 @@ fn lines_of(grid: &DirectionGrid) -> Vec<Stated> {
     lines
 }
 
-/// Angle axis without entries whose samples repeat those of another entry.
+/// Angle axis from which entries are dropped if their samples repeat those of another entry.
 #[derive(Clone, Debug, PartialEq)]
 struct Kept {
     /// For each entry of the axis in the measurement, index of the entry with equal samples among those left after
@@ -242,7 +242,7 @@ impl Lattice {
     }
 
     /// Grid of angles whose samples are coded together: all angle axes, or only the outgoing ones if incoming
-    /// directions are coded independently (`random`).
+    /// directions are coded independently for random access (`random`).
     pub(crate) fn grid(&self, random: bool) -> Grid {
         let lines: Vec<Line> = self.kept[self.first(random)..]
             .iter()

@@ -25,8 +25,8 @@ pub(super) struct Expectation {
 }
 
 impl Expectation {
-    /// Builds the initial statistics of prediction errors. `unit` is one natural logarithm in quantiser steps (or a
-    /// fixed number of steps if values are no logarithms).
+    /// Builds the initial statistics of prediction errors. `unit` is the number of quantiser steps in a change of 1 in
+    /// the natural logarithm, or a fixed number if samples are coded instead of logarithms.
     pub(super) fn new(unit: f64) -> Self {
         Self { running: START * unit * unit, bins: [(0.0, 0.0); BINS], per_step: 2.0 / unit }
     }

@@ -15,8 +15,8 @@ const UNITS: f64 = 65_536.0;
 ///
 /// The sum is 0.78 for evenly spaced angles.
 const LARGEST_SUM: f64 = 1.5;
-/// Factor on prediction filters at the end of an axis, with a neighbour on one side only, because they are less
-/// reliable.
+/// Factor on the coefficient of a prediction filter at the end of an axis, where a node has a neighbour on one side
+/// only. It is below 1 because such predictions are less reliable.
 const ONE_SIDED: f64 = 0.8;
 
 /// Coefficients of a prediction filter, for the means of the next, previous, next but one and previous but one node,

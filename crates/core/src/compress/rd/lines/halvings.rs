@@ -29,8 +29,8 @@ pub(super) struct Halvings {
     /// Merges of neighbouring directions, and of the blocks so formed, in pairs along one axis at a time: from the full
     /// grid of angles to a single block.
     steps: Vec<Halving>,
-    /// Weights of directions in means over blocks of directions: one set for each part of the tensor that is coded on
-    /// its own, or for each spectral channel of each part. The last set also serves all later ones.
+    /// Weights of directions in means over blocks of directions: one set for each slice of the tensor or, with
+    /// `by_plane`, for each spectral channel of each slice. The last set also serves all slices or channels after it.
     weights: Vec<Weights>,
     /// True if each spectral channel has its own weights of directions, with which means are formed; false if all
     /// channels share them.
@@ -80,8 +80,9 @@ impl Halvings {
         &self.steps
     }
 
-    /// Returns the weights that the nodes of a spectral channel have in means, after `level` merges of neighbours in
-    /// pairs. `plane` counts the channels of all slices of the tensor, `vectors` of them in each.
+    /// Returns the weights of grid nodes in means for spectral channel number `plane`, after `level` merges of
+    /// neighbours in pairs. Channels are numbered through all slices of the tensor, each of which has `vectors`
+    /// channels.
     pub(super) fn weights_of(&self, (plane, vectors): (usize, usize), level: usize) -> &[f32] {
         let set = if self.by_plane { plane } else { plane / vectors.max(1) };
         &self.weights[set.min(self.weights.len() - 1)].levels[level]

@@ -4,7 +4,8 @@ use super::grid::AXES;
 
 /// Offset of a missing neighbour: added to other offsets it lies beyond every array.
 const NOWHERE: u32 = 1 << 29;
-/// Largest distance of a neighbour along an axis, in nodes.
+/// Upper bound on the distance, in nodes along one axis, of the neighbours from which a grid node is predicted and
+/// coded.
 const REACH: usize = 2;
 const DISTANCES: usize = 2 * REACH + 1;
 

@@ -62,8 +62,8 @@ pub(super) struct Halved<'a> {
 pub(super) struct Learned<'a> {
     pub(super) expectation: &'a mut Expectation,
     pub(super) system: &'a mut Recursive,
-    /// Number of quantiser steps in one natural logarithm; if samples are coded instead of logarithms, a fixed number
-    /// of steps that serves as their scale.
+    /// Number of quantiser steps in a change of 1 in the natural logarithm of a sample. If samples are coded instead of
+    /// logarithms, a fixed number of steps that serves as their scale.
     pub(super) unit: f64,
     /// True if adaptive least squares predict details in addition to the fixed filters.
     pub(super) learns: bool,

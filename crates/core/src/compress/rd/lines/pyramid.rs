@@ -18,8 +18,8 @@ const FADING: f64 = 0.3;
 pub(crate) struct Quantiser {
     /// Quantiser step of orthonormal coefficients, in the unit of the values.
     pub(crate) step: f64,
-    /// Unit of the values in which limits of the predictor, such as the largest prediction, are given: 1 for natural
-    /// logarithms, a fixed number of quantiser steps for samples.
+    /// Factor that scales limits of the predictor, such as the largest prediction, to the coded values. It is 1 for
+    /// natural logarithms, and a fixed multiple of the quantiser step for samples.
     pub(crate) unit: f64,
     /// True if adaptive least squares predict details in addition to the fixed filters. They gain on large noisy
     /// arrays, and lose on small smooth ones.

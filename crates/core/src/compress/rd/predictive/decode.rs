@@ -61,7 +61,8 @@ fn decode_random(
     Ok(opened.synthesise(&decoded, finish))
 }
 
-/// Pyramid chunk of a single stream, with everything decoded that its resolution levels share.
+/// Chunk of samples on triangles, coded as one byte stream for all incoming directions, with everything decoded that
+/// its resolution levels share.
 pub(crate) struct Levels<'a> {
     opened: Opened<'a>,
     step: f32,
@@ -72,7 +73,7 @@ pub(crate) struct Levels<'a> {
     pyramid: Option<Pyramid>,
     /// Entropy decoder, placed where the coded details of the triangles begin.
     decoder: Decoder<'a>,
-    /// Number of bytes of the chunk in front of the entropy-coded stream.
+    /// Offset of the entropy-coded stream from the start of the chunk, in bytes.
     start: usize,
 }
 

@@ -6,8 +6,8 @@ use super::super::symmetry::Group;
 use crate::codec::{CodecError, Reader};
 use crate::domain::Symmetry;
 
-/// Options with which samples on triangles were coded: scattering model and if it leaves details to code, symmetries,
-/// and if each incoming direction has a byte stream of its own.
+/// Options with which samples on triangles were coded: scattering model, with or without coded details; symmetries; and
+/// a single byte stream, or one for each incoming direction.
 pub(super) struct Opening {
     pub(super) model: Option<ChartKind>,
     pub(super) alone: bool,

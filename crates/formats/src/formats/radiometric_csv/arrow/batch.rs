@@ -41,7 +41,7 @@ pub(super) struct Batches<'a> {
     count: usize,
     pub(super) rows: Rows,
     pub(super) problems: Problems,
-    /// True if angles stored as float32 were rounded.
+    /// True if the reader changed angles stored as float32 by rounding them, to 1e-4° or 1e-6 rad.
     pub(super) rounded: bool,
 }
 

@@ -5,7 +5,7 @@ use crate::formats::{AngleGrid, Samples, read as read_any};
 
 const WIDE: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/wide.arrows");
 const LONG: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/long.arrows");
-/// Test stream with samples at forty scattered directions and their uncertainties.
+/// Arrow stream, written by another library, with samples at forty scattered directions and their uncertainties.
 const UNCERTAIN: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/uncertain.arrows");
 const FILE_OF_LISTS: &[u8] = include_bytes!("../../../../../../tests/fixtures/arrow/lists.arrow");
 

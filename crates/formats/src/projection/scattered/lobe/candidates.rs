@@ -19,7 +19,8 @@ const INNER: f64 = 2.0;
 /// Radius about a possible lobe centre, in sample spacings, of the samples to which background and lobe are first
 /// fitted.
 const OUTER: f64 = 6.0;
-/// Approximate number of samples from all directions from which the noise is estimated.
+/// Approximate number of samples, taken from the whole scan, whose deviations from their neighbours give an estimate of
+/// the noise.
 const JUDGES: usize = 300;
 /// Number of standard deviations by which a sample must exceed the prediction from its neighbours to indicate a lobe.
 /// Raising it finds fewer lobes.
@@ -27,8 +28,8 @@ const HIGH: f64 = 4.0;
 /// Difference of natural logarithms by which a sample must exceed the prediction from its neighbours to indicate a
 /// lobe. Raising it finds fewer lobes.
 const LEAST: f64 = 0.05;
-/// Least number of samples brighter than their neighbours that indicates a lobe. It is small, because bright neighbours
-/// raise the prediction of a sample: of three samples in a lobe, one may not exceed it.
+/// Least number of samples brighter than predicted from their neighbours that indicates a lobe. It is small, because
+/// bright neighbours raise the prediction: of three samples in a lobe, one may stay below its prediction.
 const FEWEST: usize = 2;
 /// Least relative noise assumed for samples: below the noise of any instrument, and below the unevenness of a
 /// background.

@@ -11,7 +11,7 @@ use crate::projection::scattered::relative::{ORIGINS, places};
 pub(super) const TERMS: usize = 7;
 /// Number of folds for cross-validation: the samples of each fold are predicted from those of the other folds.
 pub(super) const FOLDS: u32 = 5;
-/// Least number of samples about the lobe centre under an incoming direction; directions with fewer are skipped.
+/// Least number of samples about the lobe centre with which an incoming direction takes part in the fit of a lobe.
 const FEWEST: usize = 8;
 /// Number of samples nearest to the centre of a lobe that determine the sample spacing: from the area of the circle
 /// that just contains them.
@@ -43,7 +43,7 @@ pub(super) struct Sample {
 #[derive(Clone, Debug)]
 pub(super) struct Near {
     pub(super) centre: LobeCentre,
-    /// Largest chord on the unit sphere from a sample to the lobe centre.
+    /// Upper bound on the chord, on the unit sphere, from the lobe centre to the samples that are collected about it.
     pub(super) radius: f64,
     pub(super) groups: Vec<Vec<Sample>>,
     /// Mean of −ln cos θi over the incoming polar angles θi of the scan. Each sample holds the difference of its own
@@ -52,8 +52,8 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Collects the samples of a scan within the chord `radius` of a lobe centre. The mirror direction and half vectors
-    /// as centres yield equal samples.
+    /// Collects the samples of a scan within the chord `radius` of a lobe centre. The two kinds of centre at the mirror
+    /// direction (by angle and by half vector) collect the same samples.
     pub(super) fn new(scan: &Scan<'_>, centre: LobeCentre, radius: f64) -> Self {
         let mut groups: Vec<Vec<Sample>> = Vec::new();
         for incidence in scan.incidences {

@@ -42,8 +42,8 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// Returns the bands in which no sample with values is missing. A mean over these bands mixes lobe and background in
-/// equal proportions in every sample.
+/// Returns the spectral bands in which every sample has a value; samples without a value in any band do not count. A
+/// mean over these bands mixes lobe and background in equal proportions in every sample.
 fn complete(rows: &Rows<'_>) -> Vec<usize> {
     let mut is_complete = vec![true; rows.width];
     for row in (0..rows.kinds.len()).filter(|&row| !matches!(rows.kinds[row], Kind::Missing)) {

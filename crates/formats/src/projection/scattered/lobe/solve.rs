@@ -52,7 +52,8 @@ pub(super) struct Problem<'a> {
     pub(super) free: [bool; NUMBERS],
     /// Cross-validation fold whose samples are left out; `None` to use all samples.
     pub(super) without: Option<u32>,
-    /// Radius about the lobe centre, as a chord on the unit sphere, within which samples are left out of the fit.
+    /// Radius about the lobe centre, as a chord on the unit sphere, within which samples are left out of the fit of
+    /// lobe and background.
     pub(super) beyond: f64,
     /// Lower and upper bound of the logarithm of the lobe's half-width.
     pub(super) widths: [f64; 2],
