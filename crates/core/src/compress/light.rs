@@ -177,7 +177,8 @@ pub(crate) struct Correcting<'a> {
     ///
     /// With classes and a positive step, corrections leave negative samples unchanged.
     classes: Option<&'a [Class]>,
-    /// Upper bound on the natural logarithm of a negative sample's magnitude.
+    /// Largest natural logarithm of a negative sample's magnitude that a decoder produces; a corrected sample with a
+    /// larger one is decoded as this.
     bound: f32,
 }
 

@@ -482,17 +482,17 @@ impl Material {
         self.cells().map(|cells| &cells.function)
     }
 
-    /// Function of a material with samples over triangles, its spectral coefficients, and its tables for smooth
-    /// interpolation. `None` if all samples are stored rather than coefficients, if samples lie on a grid of angles, or
-    /// if evaluation adds an analytic lobe.
+    /// Three parts of a material with samples over triangles: the function of direction and wavelength, its spectral
+    /// coefficients, and its tables for smooth interpolation. `None` if the material stores all samples rather than
+    /// coefficients, has its samples on a grid of angles, or adds an analytic lobe.
     #[inline(always)]
     pub(super) fn planes(&self) -> Option<(&Function, &Planes, &Smooth)> {
         if self.cells().is_some_and(|cells| cells.lobe.is_some()) { None } else { self.planes_of_cells() }
     }
 
-    /// Function of a material with samples over triangles, its spectral coefficients, and its tables for smooth
-    /// interpolation, without an analytic lobe that evaluation may add. `None` if all samples are stored rather than
-    /// coefficients, or if samples lie on a grid of angles.
+    /// Three parts of a material with samples over triangles: the function of direction and wavelength without the
+    /// analytic lobe that evaluation may add, its spectral coefficients, and its tables for smooth interpolation. `None`
+    /// if the material stores all samples rather than coefficients, or has its samples on a grid of angles.
     #[inline(always)]
     pub(super) fn planes_of_cells(&self) -> Option<(&Function, &Planes, &Smooth)> {
         let function = self.function()?;

@@ -108,8 +108,9 @@ impl Planes {
         self.first.iter().flat_map(|&row| &values[row as usize * n..][..n]).copied().collect()
     }
 
-    /// Collects spectra for the principal component analysis, thinned out to about `most` samples: those with a
-    /// positive sample. If negative samples are approximated as exactly as positive ones, one of these suffices too.
+    /// Collects spectra for the principal component analysis: at most about `most` values, from directions spread
+    /// evenly. Left out are spectra without a positive value, and without a negative one either if negative values are
+    /// approximated as exactly as positive ones.
     pub(super) fn spectra(&self, classes: Option<&[Class]>, leaves: &[f32], most: usize) -> Vec<f32> {
         let n = self.length();
         let stride = leaves.len().div_ceil(most) | 1;
