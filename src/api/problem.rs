@@ -98,6 +98,7 @@ kinds! {
     TooManyAtOnce = TOO_MANY_REQUESTS, "too-many-at-once", "This address has too much under way";
     Overloaded = SERVICE_UNAVAILABLE, "overloaded", "Too much is going on; try again soon";
     Unavailable = SERVICE_UNAVAILABLE, "unavailable", "Disk or database did not answer; try again soon";
+    OutOfMemory = INSUFFICIENT_STORAGE, "out-of-memory", "The job needs more memory than it may use";
     WorkerLost = INTERNAL_SERVER_ERROR, "worker-lost", "The worker vanished";
     Corrupt = INTERNAL_SERVER_ERROR, "corrupt", "Stored bytes are damaged";
     Internal = INTERNAL_SERVER_ERROR, "internal", "A bug of the service";
@@ -322,6 +323,7 @@ impl From<JobProblem> for Problem {
             Code::Corrupt => Kind::Corrupt,
             Code::Internal => Kind::Internal,
             Code::Unavailable => Kind::Unavailable,
+            Code::OutOfMemory => Kind::OutOfMemory,
             Code::WorkerLost => Kind::WorkerLost,
         };
         // Transient and internal failures were logged where they happened.

@@ -6,6 +6,7 @@ mod batch;
 mod color;
 mod combine;
 mod compress;
+mod compute_job;
 mod contents;
 mod declared;
 mod decode;
@@ -20,6 +21,7 @@ mod gc;
 mod health;
 mod input;
 mod inspect;
+mod isolate;
 mod jobs;
 mod log;
 mod migrate;
@@ -115,6 +117,9 @@ enum Command {
     Gc(gc::Args),
     /// Print the OpenAPI description of the HTTP interface
     Openapi(openapi::Args),
+    /// Compute one job for the worker that has started this process
+    #[command(hide = true, name = crate::jobs::COMPUTE_JOB)]
+    ComputeJob,
 }
 
 /// Command line after parsing: a command to run, or a text to show.
@@ -175,6 +180,7 @@ impl Cli {
             Command::Fsck(args) => fsck::run(&args),
             Command::Gc(args) => gc::run(&args),
             Command::Openapi(args) => openapi::run(&args),
+            Command::ComputeJob => compute_job::run(),
         }
     }
 }

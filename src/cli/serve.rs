@@ -1,6 +1,7 @@
 //! `wavelume serve`: the service, until a signal asks it to drain.
 
 use super::failure::Failure;
+use super::isolate::IsolateArgs;
 use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::Settings;
@@ -15,6 +16,8 @@ use std::net::SocketAddr;
 pub(crate) struct Args {
     #[command(flatten)]
     site: Place,
+    #[command(flatten)]
+    isolation: IsolateArgs,
     #[command(flatten)]
     settings: Settings,
 }
@@ -51,6 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
         let mut config = args.site.config();
+        config.work.isolate = args.isolation.program()?;
         args.settings.apply(&mut config.work);
         let server = bind(config).await?;
         print(&format!("listening on http://{}\n", server.address()))?;

@@ -1,6 +1,7 @@
 //! `wavelume worker`: runs jobs without serving HTTP, until a signal asks it to stop.
 
 use super::failure::Failure;
+use super::isolate::IsolateArgs;
 use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::WorkSettings;
@@ -20,6 +21,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "ADDR", env = "WAVELUME_METRICS", hide_env_values = true)]
     metrics: Option<SocketAddr>,
     #[command(flatten)]
+    isolation: IsolateArgs,
+    #[command(flatten)]
     settings: WorkSettings,
 }
 
@@ -28,6 +31,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         let signal = stop_signal()?;
         let mut config = WorkConfig::new(&args.site.directory);
         config.site = args.site.site();
+        config.isolate = args.isolation.program()?;
         args.settings.apply(&mut config);
         let figures = match args.metrics {
             Some(address) => {

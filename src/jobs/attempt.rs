@@ -6,7 +6,7 @@ use super::maths::MathsError;
 use super::problem::{Code, JobProblem};
 use super::publish::Published;
 use crate::catalog::{CatalogError, Ended};
-use crate::store::StoreError;
+use crate::store::{Staged, StoreError};
 
 /// Reason why an attempt to run a job ended without a result.
 pub(crate) enum Failure {
@@ -29,12 +29,8 @@ pub(crate) struct Made {
     pub(crate) published: Published,
 }
 
-/// Stores the bytes of a job's result as a file, protected from removal until a database entry refers to it.
-pub(super) async fn publish(engine: &Engine, bytes: Vec<u8>) -> Result<Published, Failure> {
-    let staging = engine.archive.staging.clone();
-    let staged = tokio::task::spawn_blocking(move || staging.stage(&bytes))
-        .await
-        .map_err(|e| Failure::Passing(e.to_string()))??;
+/// Stores the staged result of a job, protected from removal until a database entry refers to it.
+pub(super) async fn publish(engine: &Engine, staged: Staged) -> Result<Published, Failure> {
     Ok(Published::new(&engine.archive, staged).await?)
 }
 

@@ -3,23 +3,29 @@
 //! Idempotent: the same measurement and request give the same bytes, so a second run publishes and names the same blob.
 
 use super::attempt::{Failure, Made, last, publish, unread};
+use super::computation::{Computation, Computed, compute};
 use super::document::{Manifest, Provenance};
 use super::engine::Engine;
 use super::hub::Control;
 use super::ingest::IngestError;
 use super::options::Options;
 use super::problem::{Code, JobProblem};
+use super::process::Written;
 use super::request::{CompressRequest, RequestError};
 use super::work::Work;
 use crate::catalog::{Ended, NewMaterial};
 use crate::compress::CompressError;
-use crate::pipeline::{self, Input, Outcome, PipelineError, Report};
+use crate::domain::Progress;
+use crate::formats::Interpretation;
+use crate::pipeline::{self, Input, Outcome, PipelineError, Report, Request};
 use crate::store::Digest;
-use serde::Deserialize;
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 impl Work for CompressRequest {
     type Arguments = String;
+    type Computation = Compression;
 
     fn check(&self) -> Result<(), RequestError> {
         self.check_texts().map_err(RequestError::Text)?;
@@ -41,6 +47,27 @@ impl Work for CompressRequest {
     }
 }
 
+/// Compression of the bytes of a measurement, the first file; a second one is the spectrum to join.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Compression {
+    interpretation: Interpretation,
+    options: Request,
+}
+
+impl Computation for Compression {
+    const NAME: &'static str = "compress";
+
+    fn compute(self, files: Vec<Bytes>, progress: &dyn Progress) -> Result<Computed, Failure> {
+        let bytes = files.first().ok_or_else(|| last(Code::Internal, "a compression without a measurement"))?;
+        let spectrum = files.get(1).map(|bytes| &**bytes);
+        let source = pipeline::read(&Input { bytes, spectrum, interpretation: &self.interpretation })?;
+        // The file's own bytes are no longer needed, and compression needs the memory.
+        drop(files);
+        let Outcome { bytes, report } = pipeline::compress(&source, &self.options, progress)?;
+        Ok(Computed { bytes, report: Some(Box::new(report)) })
+    }
+}
+
 /// Runs one attempt at a compression job and stores the material that it made.
 async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Result<Made, Failure> {
     let request: CompressRequest = serde_json::from_str(request).map_err(|e| unread("request", &e))?;
@@ -50,25 +77,15 @@ async fn run(engine: &Arc<Engine>, request: &str, control: &Arc<Control>) -> Res
         Failure::Final(JobProblem::new(Code::UnreadableMeasurement, detail))
     })?;
     let options = kept_options(&row.document)?;
-    let bytes = engine.archive.get(row.content).await?;
-    let spectrum = match options.spectrum {
-        Some(id) => Some(engine.spectrum(id).await?),
-        None => None,
-    };
-    let work = {
-        let (request, control) = (request.clone(), Arc::clone(control));
-        let mut interpretation = request.reading.clone().replace(options.interpretation());
-        interpretation.wavelengths.clone_from(&request.options.wavelengths);
-        move || {
-            let input = Input { bytes: &bytes, spectrum: spectrum.as_deref(), interpretation: &interpretation };
-            let source = pipeline::read(&input)?;
-            // The file's own bytes are no longer needed, and compression needs the memory.
-            drop((bytes, spectrum));
-            pipeline::compress(&source, &request.options, &*control)
-        }
-    };
-    let outcome = engine.background.run(work).await??;
-    end(engine, &request, &row.content.to_string(), &options, outcome).await
+    let mut files = vec![engine.archive.get(row.content).await?];
+    if let Some(id) = options.spectrum {
+        files.push(engine.spectrum(id).await?);
+    }
+    let mut interpretation = request.reading.clone().replace(options.interpretation());
+    interpretation.wavelengths.clone_from(&request.options.wavelengths);
+    let compression = Compression { interpretation, options: request.options.clone() };
+    let written = compute(engine, compression, files, control).await?;
+    end(engine, &request, &row.content.to_string(), &options, written).await
 }
 
 async fn end(
@@ -76,11 +93,11 @@ async fn end(
     request: &CompressRequest,
     content: &str,
     options: &Options,
-    outcome: Outcome,
+    Written { staged, report }: Written,
 ) -> Result<Made, Failure> {
-    let Outcome { bytes, report } = outcome;
-    let size = bytes.len() as u64;
-    let published = publish(engine, bytes).await?;
+    let report = *report.ok_or_else(|| last(Code::Internal, "a compression without a report"))?;
+    let size = staged.bytes();
+    let published = publish(engine, staged).await?;
     let id = published.digest();
     let payload = report.payload_digest.parse().map_err(|e| last(Code::Internal, e))?;
     let quantity = report.quantity;

@@ -14,6 +14,9 @@ pub struct WorkConfig {
     pub threads: usize,
     /// Number of jobs that this process runs at the same time; 0 leaves all jobs to other processes.
     pub workers: usize,
+    /// Program that computes each job in a process of its own, whose memory is limited: the program `wavelume`. `None`
+    /// computes jobs in this process.
+    pub isolate: Option<PathBuf>,
     /// Limits of the service, such as the number of waiting jobs, the number of open connections, and the size of
     /// uploads.
     pub limits: Limits,
@@ -22,7 +25,7 @@ pub struct WorkConfig {
 impl WorkConfig {
     /// Builds a configuration with defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self { site: Site::new(data), threads: 0, workers: 1, limits: Limits::default() }
+        Self { site: Site::new(data), threads: 0, workers: 1, isolate: None, limits: Limits::default() }
     }
 }
 
@@ -118,7 +121,10 @@ limits! {
         attempts: u32 = 5, Count >= 1;
         /// Upper bound on the attempts at a job whose worker process died; after the last one its state is `dead`,
         /// because the job may be what ends its workers.
-        lost: u32 = 5, Count >= 1;
+        lost: u32 = 20, Count >= 1;
+        /// Upper bound on the memory of one job in a process of its own (`isolate`); a job that needs more fails. 0
+        /// takes three quarters of the machine's memory, or of its control group's, divided by `workers`.
+        job_memory: u64 = 0, Bytes >= 0;
         /// Time without a sign of life from a worker after which its job goes back to the queue.
         lease: Duration = Duration::from_secs(30), Time >= 1000;
         /// Pause between the first failed attempt at a job and the second one; it doubles with each further failure.

@@ -5,6 +5,7 @@ use super::blobs::BlobError;
 use super::config::{Limits, WorkConfig};
 use super::frame::Queued;
 use super::hub::Hub;
+use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
 use super::presence::Presence;
 use super::turns::CLIENT;
@@ -23,6 +24,8 @@ pub(crate) struct Engine {
     pub(crate) limits: Limits,
     /// Threads for compression: as many tasks at once as there are workers.
     pub(crate) background: Maths,
+    /// Way in which jobs are computed in processes of their own; `None` leaves them to `background`.
+    pub(crate) isolation: Option<Isolation>,
     /// Threads for the parsing of uploads.
     pub(crate) background_light: Maths,
     /// Threads for opening and evaluating materials, separate so that a query never waits behind a compression.
@@ -71,8 +74,10 @@ impl Engine {
             .max_capacity(limits.opened_bytes / 1024)
             .weigher(|_, material: &Arc<Material>| (material.memory() / 1024 + 1).try_into().unwrap_or(u32::MAX))
             .build();
+        let background = Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?;
         Ok(Arc::new(Self {
-            background: Maths::new("compress", config.threads, workers, workers, Duration::from_hours(1))?,
+            isolation: Isolation::of(config, background.threads()),
+            background,
             background_light: Maths::new("read", config.threads, 0, limits.uploads, PATIENCE)?,
             queries: Maths::new("query", config.threads, 0, limits.queries_waiting, PATIENCE)?,
             // One more than one address can fill, so that another address need not wait.

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, broadcast};
+use tokio_util::sync::CancellationToken;
 
 /// Notifies workers of new jobs and clients of changes to jobs, within one process. Jobs of other processes are visible
 /// only in the database.
@@ -29,7 +30,7 @@ pub(crate) struct Following {
 pub(crate) struct Control {
     job: Arc<str>,
     progress: AtomicU64,
-    stop: AtomicBool,
+    stop: CancellationToken,
     /// True once a client of another process has begun to follow the job, until the job's worker has taken note.
     watched: AtomicBool,
     changes: broadcast::Sender<Arc<str>>,
@@ -50,7 +51,7 @@ impl Hub {
         let control = Arc::new(Control {
             job: job.into(),
             progress: AtomicU64::new(0),
-            stop: AtomicBool::new(false),
+            stop: CancellationToken::new(),
             watched: AtomicBool::new(false),
             changes: self.changes.clone(),
         });
@@ -140,7 +141,12 @@ impl Drop for Following {
 
 impl Control {
     pub(crate) fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
+        self.stop.cancel();
+    }
+
+    /// Waits until the job is asked to stop.
+    pub(super) async fn stopped(&self) {
+        self.stop.cancelled().await;
     }
 
     /// Returns true if a client of another process has begun to follow the job since the last call.
@@ -167,7 +173,7 @@ impl Progress for Control {
     }
 
     fn is_cancelled(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.is_cancelled()
     }
 }
 

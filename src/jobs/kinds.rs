@@ -1,15 +1,19 @@
 //! Table of the kinds of jobs.
 
-use super::attempt::{Failure, Made};
+use super::attempt::{Failure, Made, unread};
+use super::computation::{Computation, Computed};
 use super::engine::Engine;
 use super::frame::{self, FrameError, Queued};
 use super::hub::Control;
 use super::paper::PaperRequest;
 use super::request::{CompressRequest, RequestError};
 use super::work::Work;
+use crate::domain::Progress;
 use crate::store::Digest;
+use bytes::Bytes;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
@@ -85,6 +89,21 @@ macro_rules! kinds {
                 };
                 frame.encode().map_err(|error| error.to_string())
             }
+        }
+
+        /// Does the computation called `name`, which is written as JSON.
+        pub(super) fn compute(
+            name: &str,
+            computation: Value,
+            files: Vec<Bytes>,
+            progress: &dyn Progress,
+        ) -> Result<Computed, Failure> {
+            $(if name == <$request as Work>::Computation::NAME {
+                let computation: <$request as Work>::Computation =
+                    serde_json::from_value(computation).map_err(|error| unread("computation", &error))?;
+                return computation.compute(files, progress);
+            })+
+            Err(Failure::Newer(format!("there is no computation `{name}`")))
         }
 
         impl Frame {

@@ -49,6 +49,11 @@ impl Maths {
         })
     }
 
+    /// Returns the number of threads of the pool.
+    pub(crate) fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
     /// Runs `work` on the thread pool. If the caller stops waiting, the work still runs to its end and counts as
     /// running until then.
     pub(crate) async fn run<T: Send + 'static>(

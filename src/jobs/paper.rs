@@ -1,14 +1,17 @@
 //! Job that makes the tables of the paper; its report is the output of `wavelume paper --json`.
 
 use super::attempt::{Failure, Made, last, publish};
+use super::computation::{Computation, Computed, compute};
 use super::engine::Engine;
 use super::hub::Control;
 use super::problem::Code;
+use super::process::Written;
 use super::request::RequestError;
 use super::work::Work;
 use crate::catalog::Ended;
 use crate::domain::Progress;
 use crate::paper::{self, PaperError, TABLES, Table};
+use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use utoipa::ToSchema;
@@ -58,6 +61,7 @@ impl PaperRequest {
 
 impl Work for PaperRequest {
     type Arguments = Vec<u8>;
+    type Computation = Tables;
 
     fn check(&self) -> Result<(), RequestError> {
         self.numbers().map(|_| ()).map_err(RequestError::Text)
@@ -72,13 +76,24 @@ impl Work for PaperRequest {
     }
 }
 
+/// Computation of tables of the paper by Claustres et al. (2006), by their numbers.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Tables(Vec<u8>);
+
+impl Computation for Tables {
+    const NAME: &'static str = "paper";
+
+    fn compute(self, _files: Vec<Bytes>, progress: &dyn Progress) -> Result<Computed, Failure> {
+        let mut bytes = serde_json::to_vec(&make(&self.0, progress)?).map_err(|e| last(Code::Internal, e))?;
+        bytes.push(b'\n');
+        Ok(Computed { bytes, report: None })
+    }
+}
+
 /// Runs one attempt at a job that recomputes tables of the paper by Claustres et al. (2006), and stores the report.
 async fn run(engine: &Arc<Engine>, tables: Vec<u8>, control: &Arc<Control>) -> Result<Made, Failure> {
-    let control = Arc::clone(control);
-    let tables = engine.background.run(move || make(&tables, &*control)).await??;
-    let mut bytes = serde_json::to_vec(&tables).map_err(|e| last(Code::Internal, e))?;
-    bytes.push(b'\n');
-    let published = publish(engine, bytes).await?;
+    let Written { staged, .. } = compute(engine, Tables(tables), Vec::new(), control).await?;
+    let published = publish(engine, staged).await?;
     let ended = Ended::Report(published.claim().clone());
     Ok(Made { ended, published })
 }

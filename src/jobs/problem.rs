@@ -30,6 +30,8 @@ pub(crate) enum Code {
     Internal,
     /// A transient failure of disk or database.
     Unavailable,
+    /// The job needs more memory than one job may use, or the machine has not enough of it.
+    OutOfMemory,
     /// The worker vanished while it ran the job.
     WorkerLost,
 }

@@ -1,6 +1,7 @@
 //! Contract of a kind of job: its request, its arguments in the queue, and the attempt at it.
 
 use super::attempt::{Failure, Made};
+use super::computation::Computation;
 use super::engine::Engine;
 use super::hub::Control;
 use super::request::RequestError;
@@ -14,6 +15,9 @@ pub(super) trait Work {
     /// Arguments of a job as the job queue stores them. Workers of other versions of the program read them: their form
     /// never changes.
     type Arguments;
+
+    /// Part of an attempt that takes processor and memory.
+    type Computation: Computation;
 
     /// Checks the content of a job request, such as its texts and options, before the job is queued.
     fn check(&self) -> Result<(), RequestError>;

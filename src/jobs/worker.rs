@@ -45,6 +45,11 @@ pub(crate) async fn work<E>(
 
 /// Runs at most `workers` jobs at a time until `stop`; then running jobs get a limited time to finish.
 pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &CancellationToken) {
+    if workers > 0
+        && let Some(isolation) = &engine.isolation
+    {
+        tracing::info!(memory = isolation.limit(), "each job is computed in a process of its own");
+    }
     let tasks = TaskTracker::new();
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
     tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));

@@ -32,8 +32,25 @@ pub(crate) struct Staged {
     path: TemporaryPath,
 }
 
+/// Name of a temporary file that another process will create. Dropping it removes the file.
+#[derive(Debug)]
+pub(crate) struct Reserved {
+    path: TemporaryPath,
+}
+
 #[derive(Debug)]
 struct TemporaryPath(PathBuf);
+
+impl TemporaryPath {
+    fn fresh(directory: &Path) -> Self {
+        Self(directory.join(uuid::Uuid::now_v7().simple().to_string()))
+    }
+
+    /// Returns the name of the file, without its directory.
+    fn name(&self) -> &str {
+        self.0.file_name().and_then(|name| name.to_str()).unwrap_or_default()
+    }
+}
 
 impl Drop for TemporaryPath {
     fn drop(&mut self) {
@@ -50,9 +67,19 @@ impl Staging {
 
     /// Creates a temporary file. This call and all calls on the file block the thread.
     pub(crate) fn begin(&self) -> Result<StagedWriter, StoreError> {
-        let path = self.directory.join(uuid::Uuid::now_v7().simple().to_string());
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
-        Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path: TemporaryPath(path) })
+        let path = TemporaryPath::fresh(&self.directory);
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(&path.0)?;
+        Ok(StagedWriter { file, hasher: blake3::Hasher::new(), bytes: 0, path })
+    }
+
+    /// Returns the directory of the temporary files.
+    pub(crate) fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// Reserves a name in the directory for a temporary file that another process creates.
+    pub(crate) fn reserve(&self) -> Reserved {
+        Reserved { path: TemporaryPath::fresh(&self.directory) }
     }
 
     /// Writes bytes that are in memory to a new temporary file. Blocks the thread.
@@ -92,6 +119,29 @@ impl Staging {
             }
         }
         Ok(removed)
+    }
+}
+
+impl Reserved {
+    /// Returns the name that the other process must give the file, without its directory.
+    pub(crate) fn name(&self) -> &str {
+        self.path.name()
+    }
+
+    /// Computes the digest of the file that the other process has written. Blocks the thread.
+    pub(crate) fn take(self) -> Result<Staged, StoreError> {
+        let mut file = OpenOptions::new().read(true).write(true).open(&self.path.0)?;
+        let mut hasher = blake3::Hasher::new();
+        let mut piece = vec![0; 1 << 20];
+        let mut bytes = 0;
+        loop {
+            let read = file.read(&mut piece)?;
+            if read == 0 {
+                return Ok(Staged { file, digest: Digest::from(hasher.finalize()), bytes, path: self.path });
+            }
+            hasher.update(&piece[..read]);
+            bytes += read as u64;
+        }
     }
 }
 
@@ -136,8 +186,8 @@ impl Staged {
     }
 
     /// Returns the name of the temporary file, without its directory.
-    pub(super) fn name(&self) -> &str {
-        self.path().file_name().and_then(|name| name.to_str()).unwrap_or_default()
+    pub(crate) fn name(&self) -> &str {
+        self.path.name()
     }
 
     /// Waits until the bytes of the temporary file are on stable storage.
@@ -165,6 +215,21 @@ mod tests {
         assert!(path.exists());
         drop(staged);
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_file_of_another_process_is_taken_by_its_name_or_vanishes() {
+        let directory = tempfile::tempdir().unwrap();
+        let staging = Staging::new(directory.path());
+        assert!(staging.reserve().take().is_err(), "nobody has written it");
+        let (reserved, left) = (staging.reserve(), staging.reserve());
+        for reserved in [&reserved, &left] {
+            fs::write(directory.path().join(reserved.name()), b"wavelume").unwrap();
+        }
+        let staged = reserved.take().unwrap();
+        assert_eq!((staged.digest(), staged.bytes()), (Digest::of(b"wavelume"), 8));
+        drop(left);
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 
     #[test]

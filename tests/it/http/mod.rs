@@ -6,6 +6,8 @@ mod crowd;
 mod exports;
 mod frames;
 mod hostile;
+#[cfg(target_os = "linux")]
+mod isolation;
 mod jobs;
 mod nodes;
 mod queries;

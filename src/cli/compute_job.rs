@@ -1,0 +1,8 @@
+//! `wavelume compute-job`: the process of one job, started by a worker. Not for users.
+
+use super::failure::Failure;
+use crate::jobs::compute_job;
+
+pub(crate) fn run() -> Result<(), Failure> {
+    compute_job().map_err(|error| Failure::failed(format!("a worker starts this command with a job: {error}")))
+}
