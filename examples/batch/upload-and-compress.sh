@@ -12,7 +12,7 @@
 #
 #   scan 1.csv	quantity=reflectance&column=2	{"target": {"er_l2": 0.005}, "name": "Red tile"}
 #
-# A file without a line, or an empty column, gets no options and the request in $REQUEST, {"target": {"er_l2": 0.01}}.
+# A file without a line, or an empty column, gets no options and the request in $REQUEST, {"target": {"er_l2": 0.01}, "priority": 1}.
 #
 # Exit code 0: every file has its material. 1: some have none, each with one line on stderr. 2: the work could not begin.
 #
@@ -31,7 +31,7 @@
 # and a quote inside a JSON string has a backslash before it, so these characters are always a key and its value.
 set -u
 [ $# -ge 3 ] || { sed -n '2,/^set/{/^set/!s/^# \{0,1\}//p}' "$0" >&2; exit 2; }
-service=${1%/} from=$2 to=$3 manifest=${4:-/dev/null} standard=${REQUEST:-'{"target": {"er_l2": 0.01}}'}
+service=${1%/} from=$2 to=$3 manifest=${4:-/dev/null} standard=${REQUEST:-'{"target": {"er_l2": 0.01}, "priority": 1}'}
 state=$to/.batch tab=$(printf '\t') done=0 failed=0
 note() { printf '%s\n' "$*" >"$state/new" && mv "$state/new" "$state/notes/$name"; }
 fail() { printf '%s: %s\n' "$name" "$reason" >&2 && failed=$((failed + 1)); }

@@ -3,7 +3,7 @@
 use super::problem::{Kind, Problem, ProblemBody};
 use super::schemas::JobIdText;
 use super::state::App;
-use crate::catalog::{JobRow, JobState};
+use crate::catalog::{JobRow, JobState, Priority};
 use crate::jobs::JobProblem;
 use crate::store::Digest;
 use serde::Serialize;
@@ -39,6 +39,8 @@ pub(super) struct Job {
     /// Current or final state of the job.
     #[schema(value_type = StateSchema)]
     state: &'static str,
+    /// Priority of the job. A batch job that has waited for long becomes a usual one.
+    priority: Priority,
     /// Progress of the job from 0 to 1.
     #[schema(minimum = 0, maximum = 1)]
     progress: f64,
@@ -92,6 +94,7 @@ impl Job {
             },
             id: row.id,
             state: row.state.name(),
+            priority: row.priority,
             progress: row.progress,
             measurement: row.measurement,
             material: row.material,

@@ -2,6 +2,7 @@
 
 use super::blobs::Claim;
 use super::materials::NewMaterial;
+use super::priority::Priority;
 use crate::store::Digest;
 use std::fmt;
 use std::time::Duration;
@@ -33,6 +34,8 @@ pub(crate) struct NewJob {
     pub frame: String,
     /// Id of the measurement that the job reads, if any.
     pub measurement: Option<Digest>,
+    /// Priority of the job.
+    pub priority: Priority,
     /// Name of the share of the queue to which the job belongs, such as its client: jobs of different shares are
     /// started in turn.
     pub share: String,
@@ -49,6 +52,8 @@ pub(crate) struct JobRow {
     pub measurement: Option<Digest>,
     /// Current state of the job.
     pub state: JobState,
+    /// Priority of the job.
+    pub priority: Priority,
     /// Progress of the job from 0 to 1.
     pub progress: f64,
     /// Number of attempts to run the job started so far, without those whose worker vanished.

@@ -13,6 +13,7 @@ fn job(id: &str) -> NewJob {
         id: id.to_owned(),
         frame: "00".to_owned(),
         measurement: Some(Digest::of(b"lamp")),
+        priority: Priority::Usual,
         share: "somebody".to_owned(),
         idempotency: None,
     }
@@ -302,5 +303,77 @@ async fn jobs_are_listed_by_state_and_measurement_and_seen_together() {
         seen.sort_by(|a, b| a.id.cmp(&b.id));
         let states: Vec<_> = seen.iter().map(|seen| (seen.id.as_str(), seen.state)).collect();
         assert_eq!(states, [("a", JobState::Running), ("d", JobState::Queued)]);
+    }
+}
+
+#[tokio::test]
+async fn jobs_are_started_by_priority_and_clients_take_turns_within_one() {
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |id: &str, share: &str, priority: Priority| {
+            let new = NewJob { priority, share: share.to_owned(), ..job(id) };
+            let Enqueued::New(row) = catalog.enqueue(&new, 99).await.unwrap() else { panic!("{id}") };
+            assert_eq!(row.priority, priority);
+        };
+        for number in 0..4 {
+            queue(&format!("batch {number} of a"), "a", Priority::Batch).await;
+        }
+        queue("batch of b", "b", Priority::Batch).await;
+        for number in 0..3 {
+            queue(&format!("usual {number} of b"), "b", Priority::Usual).await;
+        }
+        // The batch of this client has not taken its turns among the usual jobs.
+        queue("usual of a", "a", Priority::Usual).await;
+        queue("urgent", "a", Priority::Urgent).await;
+        let mut started = Vec::new();
+        while let Some(job) = claim(&catalog, "w", LEASE).await {
+            started.push(job.id.clone());
+            assert_eq!(catalog.end(&job, &Ended::Cancelled).await.unwrap(), Ending::Now(JobState::Cancelled));
+        }
+        let expected = [
+            "urgent",
+            "usual 0 of b",
+            "usual of a",
+            "usual 1 of b",
+            "usual 2 of b",
+            "batch 0 of a",
+            "batch of b",
+            "batch 1 of a",
+            "batch 2 of a",
+            "batch 3 of a",
+        ];
+        assert_eq!(started, expected);
+    }
+}
+
+#[tokio::test]
+async fn batch_jobs_that_have_waited_for_long_take_turns_with_usual_ones() {
+    let hour = Duration::from_hours(1);
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |id: String, share: &str, priority: Priority| {
+            let new = NewJob { priority, share: share.to_owned(), ..job(&id) };
+            assert!(matches!(catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        };
+        for number in 0..3 {
+            queue(format!("old {number}"), "a", Priority::Batch).await;
+        }
+        assert_eq!(catalog.age(hour).await.unwrap(), 0);
+        sqlx::query("UPDATE jobs SET not_before = not_before - 3600000").execute(&catalog.pool).await.unwrap();
+        queue("new".to_owned(), "c", Priority::Batch).await;
+        for number in 0..3 {
+            queue(format!("usual {number}"), "b", Priority::Usual).await;
+        }
+        let both = tokio::join!(catalog.age(hour), catalog.age(hour));
+        assert_eq!(both.0.unwrap() + both.1.unwrap(), 3, "two processes age each job once");
+        assert_eq!(catalog.job("old 2").await.unwrap().unwrap().priority, Priority::Usual);
+        let mut started = Vec::new();
+        while let Some(job) = claim(&catalog, "w", LEASE).await {
+            started.push(job.id.clone());
+            assert_eq!(catalog.end(&job, &Ended::Cancelled).await.unwrap(), Ending::Now(JobState::Cancelled));
+        }
+        // In turn, whichever of the two clients is first.
+        let kinds: Vec<&str> = started.iter().map(|id| id.split(' ').next().unwrap()).collect();
+        assert!(kinds[..2].contains(&"old") && kinds[..2].contains(&"usual"), "{started:?}");
+        assert!(kinds[2..4].contains(&"old") && kinds[2..4].contains(&"usual"), "{started:?}");
+        assert_eq!((started.len(), started.last().unwrap().as_str()), (7, "new"));
     }
 }

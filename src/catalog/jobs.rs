@@ -3,25 +3,26 @@
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
 //! of its jobs, and a share that had nothing waiting begins at the rank that is being served (start-time fair queueing:
 //! Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the running ones
-//! only.
+//! only. Each priority is a queue of its own, with ranks of its own.
 
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
 use super::page::{Cursor, Page};
+use super::priority::Priority;
 use crate::store::Digest;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
 macro_rules! columns {
     () => {
-        "id, measurement, state, progress, attempts, material, report, problem, created_at, updated_at"
+        "id, measurement, state, priority, progress, attempts, material, report, problem, created_at, updated_at"
     };
 }
 
 /// Cost of a job that reads no measurement: the distance by which it moves later jobs of its share (jobs of one client)
 /// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
-const COST: i64 = 8;
+pub(super) const COST: i64 = 8;
 
 /// Counts of the jobs that wait or run, and the age of the oldest waiting job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -93,17 +94,20 @@ impl Catalog {
         if waiting.max(0) as u64 >= most {
             return Ok(Enqueued::Full);
         }
-        let rank = rank(&mut write, &new.share, cost).await?;
+        let share = new.priority.share(&new.share);
+        let rank = rank(&mut write, &share, new.priority, cost).await?;
         let inserted = sqlx::query(
             "INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, not_before, created_at, \
-             updated_at) VALUES ($1, 'default', $2, $3, $4, $4, 'queued', $5, $6, $6, $6) ON CONFLICT (id) DO NOTHING",
+             updated_at, priority) VALUES ($1, 'default', $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7) \
+             ON CONFLICT (id) DO NOTHING",
         )
         .bind(new.id.clone())
-        .bind(new.share.clone())
+        .bind(share)
         .bind(new.frame.clone())
         .bind(measurement)
         .bind(rank)
         .bind(write.now)
+        .bind(i64::from(new.priority))
         .execute(&mut *write.transaction)
         .await?;
         // A repetition after an answer that was lost finds the job that it has queued.
@@ -243,15 +247,16 @@ impl Catalog {
     }
 }
 
-/// Returns the rank in the queue of the next job of a share (jobs of one client), and raises the share's next rank by
-/// the cost of the job. Jobs are started in ascending order of rank.
-async fn rank(write: &mut Write, share: &str, cost: i64) -> Result<i64, CatalogError> {
+/// Returns the rank in the queue of the next job of a share (jobs of one client with one priority), and raises the
+/// share's next rank by the cost of the job. Jobs of one priority are started in ascending order of rank.
+pub(super) async fn rank(write: &mut Write, share: &str, priority: Priority, cost: i64) -> Result<i64, CatalogError> {
     // The running job that was started last has the rank that is being served.
     let served: i64 = sqlx::query(
-        "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running'), \
-         (SELECT rank FROM jobs WHERE state = 'queued' ORDER BY priority, rank, id LIMIT 1), \
+        "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running' AND priority = $1), \
+         (SELECT rank FROM jobs WHERE state = 'queued' AND priority = $1 ORDER BY priority, rank, id LIMIT 1), \
          (SELECT MAX(next_rank) FROM queue_shares), 0)",
     )
+    .bind(i64::from(priority))
     .fetch_one(&mut *write.transaction)
     .await?
     .try_get(0)?;
@@ -280,12 +285,17 @@ pub(super) fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {
     })
 }
 
+fn priority(id: &str, number: i64) -> Result<Priority, CatalogError> {
+    Priority::try_from(number).map_err(|reason| CatalogError::Row { table: "jobs", id: id.to_owned(), reason })
+}
+
 fn read(row: &AnyRow) -> Result<JobRow, CatalogError> {
     let id: String = row.try_get("id")?;
     let digest = |text: String| digest("jobs", &id, &text);
     Ok(JobRow {
         measurement: row.try_get::<Option<String>, _>("measurement")?.map(digest).transpose()?,
         state: state(&id, row.try_get("state")?)?,
+        priority: priority(&id, row.try_get("priority")?)?,
         progress: row.try_get("progress")?,
         attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
         material: row.try_get::<Option<String>, _>("material")?.map(digest).transpose()?,

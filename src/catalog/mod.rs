@@ -21,6 +21,7 @@ mod measurements;
 mod migrate;
 mod page;
 mod place;
+mod priority;
 mod queue;
 #[cfg(test)]
 mod race_tests;
@@ -41,6 +42,7 @@ pub(crate) use jobs::{JobFilter, Retried};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
+pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
 pub(crate) use watch::Notice;
 

@@ -99,13 +99,24 @@ async fn show(list: &List) -> Result<(), Failure> {
     if list.json {
         return print_json(&jobs);
     }
-    let mut table = Table::new(&["job", "state", ">progress", "material, report or problem"]);
+    let mut table = Table::new(&["job", "state", "priority", ">progress", "material, report or problem"]);
     for job in &jobs {
         let text = |name: &str| job[name].as_str().unwrap_or_default().to_owned();
         let made = text("material") + &text("report");
         let problem = job["problem"]["detail"].as_str().unwrap_or_default();
         let progress = format!("{:.0} %", 100.0 * job["progress"].as_f64().unwrap_or(0.0));
-        table.row([text("id"), text("state"), progress, if made.is_empty() { problem.to_owned() } else { made }]);
+        let priority = match job["priority"].as_i64() {
+            Some(-1) => "urgent",
+            Some(1) => "batch",
+            _ => "usual",
+        };
+        table.row([
+            text("id"),
+            text("state"),
+            priority.to_owned(),
+            progress,
+            if made.is_empty() { problem.to_owned() } else { made },
+        ]);
     }
     print(&if jobs.is_empty() { "no jobs\n".to_owned() } else { table.render() })
 }

@@ -13,7 +13,7 @@ use super::problem::{Code, JobProblem};
 use super::process::Written;
 use super::request::{CompressRequest, RequestError};
 use super::work::Work;
-use crate::catalog::{Ended, NewMaterial};
+use crate::catalog::{Ended, NewMaterial, Priority};
 use crate::compress::CompressError;
 use crate::domain::Progress;
 use crate::formats::Interpretation;
@@ -34,6 +34,10 @@ impl Work for CompressRequest {
 
     fn measurement(&self) -> Option<Digest> {
         Some(self.measurement)
+    }
+
+    fn priority(&self) -> Priority {
+        self.priority
     }
 
     /// Returns the compression request as JSON, because the binary encoding of the job queue can neither hold its

@@ -120,7 +120,8 @@ impl Engine {
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;
         let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
-        let new = NewJob { id: id.clone(), frame, measurement: request.measurement(), share, idempotency };
+        let (measurement, priority) = (request.measurement(), request.priority());
+        let new = NewJob { id: id.clone(), frame, measurement, priority, share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
             self.queued().await;

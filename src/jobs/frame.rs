@@ -1,5 +1,6 @@
 //! Job arguments in the queue: a bincode frame as hexadecimal text. Only this module knows bincode.
 
+use crate::catalog::Priority;
 use crate::store::Digest;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -9,6 +10,9 @@ use std::fmt::Write;
 pub(crate) trait Queued {
     /// Returns the measurement that the job reads, if any.
     fn measurement(&self) -> Option<Digest>;
+
+    /// Returns the priority of the job.
+    fn priority(&self) -> Priority;
 
     /// Returns the arguments of the job as the text that the job queue stores. The error describes the fault in the
     /// request.

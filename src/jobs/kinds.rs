@@ -8,6 +8,7 @@ use super::hub::Control;
 use super::paper::PaperRequest;
 use super::request::{CompressRequest, RequestError};
 use super::work::Work;
+use crate::catalog::Priority;
 use crate::domain::Progress;
 use crate::store::Digest;
 use bytes::Bytes;
@@ -80,6 +81,12 @@ macro_rules! kinds {
             fn measurement(&self) -> Option<Digest> {
                 match self {
                     $(Self::$kind(request) => Work::measurement(request.as_ref()),)+
+                }
+            }
+
+            fn priority(&self) -> Priority {
+                match self {
+                    $(Self::$kind(request) => Work::priority(request.as_ref()),)+
                 }
             }
 

@@ -8,7 +8,7 @@ use super::problem::Code;
 use super::process::Written;
 use super::request::RequestError;
 use super::work::Work;
-use crate::catalog::Ended;
+use crate::catalog::{Ended, Priority};
 use crate::domain::Progress;
 use crate::paper::{self, PaperError, TABLES, Table};
 use bytes::Bytes;
@@ -36,6 +36,11 @@ pub(crate) struct PaperRequest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
     pub tables: Option<Vec<i64>>,
+    /// Priority of the job: -1 urgent, 0 usual (the default), 1 batch. It is no part of the result, nor of what an
+    /// `Idempotency-Key` stands for.
+    #[serde(default, skip_serializing_if = "Priority::is_left_out")]
+    #[schema(required = false)]
+    pub priority: Priority,
 }
 
 impl PaperRequest {
@@ -65,6 +70,10 @@ impl Work for PaperRequest {
 
     fn check(&self) -> Result<(), RequestError> {
         self.numbers().map(|_| ()).map_err(RequestError::Text)
+    }
+
+    fn priority(&self) -> Priority {
+        self.priority
     }
 
     fn arguments(&self) -> Result<Vec<u8>, String> {

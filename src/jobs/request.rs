@@ -2,6 +2,7 @@
 
 use super::options::LaterOptions;
 use super::text::{Text, check_text};
+use crate::catalog::Priority;
 use crate::pipeline::{OptionError, Request};
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,11 @@ pub(crate) struct CompressRequest {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schema(value_type = Vec<Text>, max_items = 32, required = false)]
     pub tags: Vec<String>,
+    /// Priority of the job: -1 urgent, 0 usual (the default), 1 batch. It is no part of the result, nor of what an
+    /// `Idempotency-Key` stands for.
+    #[serde(default, skip_serializing_if = "Priority::is_left_out")]
+    #[schema(required = false)]
+    pub priority: Priority,
 }
 
 /// Faults in the content of a well-formed job request: in its texts, table numbers or compression options.
@@ -92,6 +98,15 @@ mod tests {
         assert_eq!(request.options, Request::er_l2(0.01));
         let text = serde_json::to_string(&request).unwrap();
         assert_eq!(serde_json::from_str::<CompressRequest>(&text).unwrap(), request);
+    }
+
+    #[test]
+    fn a_priority_is_no_part_of_the_request_that_is_kept() {
+        let batch = parse(",\"priority\":1").unwrap();
+        assert_eq!((batch.priority, parse("").unwrap().priority), (Priority::Batch, Priority::Usual));
+        assert_eq!(serde_json::to_string(&batch).unwrap(), serde_json::to_string(&parse("").unwrap()).unwrap());
+        let error = parse(",\"priority\":2").unwrap_err().to_string();
+        assert!(error.contains("found 2, expected -1 (urgent), 0 (usual) or 1 (batch)"), "{error}");
     }
 
     #[test]

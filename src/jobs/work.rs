@@ -5,6 +5,7 @@ use super::computation::Computation;
 use super::engine::Engine;
 use super::hub::Control;
 use super::request::RequestError;
+use crate::catalog::Priority;
 use crate::store::Digest;
 use std::future::Future;
 use std::sync::Arc;
@@ -26,6 +27,9 @@ pub(super) trait Work {
     fn measurement(&self) -> Option<Digest> {
         None
     }
+
+    /// Returns the priority of the job.
+    fn priority(&self) -> Priority;
 
     /// Returns the arguments of this job in the form that the job queue stores. The error describes the fault in the
     /// request.

@@ -21,6 +21,9 @@ use tokio_util::task::TaskTracker;
 /// later.
 const LOOK: Duration = Duration::from_secs(1);
 
+/// Longest interval at which workers look for batch jobs that have waited for long. Raising it starts these later.
+const LONGEST_AGEING: Duration = Duration::from_mins(1);
+
 /// Interval at which a worker renews its lease and stores its progress for a job that a client follows; on SQLite for
 /// every job. Raising it delays visible progress, and cancellation by another process.
 const BEAT: Duration = Duration::from_secs(1);
@@ -53,6 +56,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &Cancellatio
     let tasks = TaskTracker::new();
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
     tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));
+    tasks.spawn(ageing(Arc::clone(engine), stop.clone()));
     tasks.spawn(listening(Arc::clone(engine), stop.clone()));
     for _ in 0..workers {
         tasks.spawn(working(Arc::clone(engine), stop.clone()));
@@ -295,6 +299,25 @@ async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), Cat
     Ok(())
 }
 
+/// Lets batch jobs that have waited for long count as usual ones, until `stop`.
+async fn ageing(engine: Arc<Engine>, stop: CancellationToken) {
+    let age = engine.limits.batch_age;
+    let mut ticks = interval((age / 60).clamp(LOOK, LONGEST_AGEING));
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        match engine.archive.catalog.age(age).await {
+            Ok(0) => {}
+            Ok(jobs) => tracing::info!(jobs, "batch jobs have waited for long and count as usual ones"),
+            Err(error) => tracing::error!(%error, "waiting batch jobs were not looked at"),
+        }
+    }
+}
+
 async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
     let mut ticks = interval(engine.limits.sweep);
     loop {
@@ -325,7 +348,7 @@ async fn sweeping(engine: Arc<Engine>, stop: CancellationToken) {
 mod tests {
     use super::super::publish::tests::{Late, SPECTRUM, upload};
     use super::*;
-    use crate::catalog::{Enqueued, NewJob};
+    use crate::catalog::{Enqueued, NewJob, Priority};
     use crate::compress::Target;
     use crate::jobs::JobRequest;
     use crate::jobs::request::CompressRequest;
@@ -344,6 +367,7 @@ mod tests {
             id: id.clone(),
             frame: frame.to_owned(),
             measurement: None,
+            priority: Priority::Usual,
             share: String::new(),
             idempotency: None,
         };

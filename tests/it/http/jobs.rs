@@ -333,3 +333,43 @@ async fn a_stop_hands_the_running_job_to_the_next() {
     assert_eq!((state["state"].as_str(), state["attempts"].as_u64()), (Some("queued"), Some(0)), "{state}");
     next.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_priority_is_shown_obeyed_and_no_part_of_the_key() {
+    let data = tempfile::tempdir().unwrap();
+    let mut idle = config(data.path());
+    idle.work.workers = 0;
+    let service = Service::start(idle).await;
+    let id = service.upload("", D65).await["id"].clone();
+    let queue = async |priority: Value| -> Value {
+        let body = json!({ "measurement": id, "target": { "er_l2": 0.01 }, "priority": priority });
+        let response = service.post("/v1/jobs").header("idempotency-key", "one").json(&body).send().await.unwrap();
+        assert_eq!(response.status(), StatusCode::ACCEPTED);
+        response.json().await.unwrap()
+    };
+    let (batch, again) = (queue(json!(1)).await, queue(json!(-1)).await);
+    assert_eq!((&batch["id"], &again["priority"]), (&again["id"], &json!(1)), "the first request counts");
+    for wrong in [json!(2), json!(-2), json!(0.5), json!("urgent"), json!(null)] {
+        let body = json!({ "kind": "paper", "tables": [2], "priority": wrong });
+        let refusal = problem(service.post("/v1/jobs").json(&body), 422, "invalid-request").await;
+        assert!(refusal["detail"].as_str().unwrap().contains("expected"), "{refusal}");
+    }
+    let urgent = json!({ "kind": "paper", "tables": [2], "priority": -1 });
+    let urgent: Value = service.post("/v1/jobs").json(&urgent).send().await.unwrap().json().await.unwrap();
+    let page: Value = service.get("/v1/jobs").send().await.unwrap().json().await.unwrap();
+    let shown: Vec<&Value> = page["items"].as_array().unwrap().iter().map(|job| &job["priority"]).collect();
+    assert_eq!(shown, [&json!(-1), &json!(1)]);
+    service.stop().await;
+    let worker = Service::start(config(data.path())).await;
+    let until = async |job: &Value| loop {
+        let path = job["links"]["self"].as_str().unwrap();
+        let job: Value = worker.get(path).send().await.unwrap().json().await.unwrap();
+        if job["state"] == "succeeded" {
+            return job["updated_ms"].as_i64().unwrap();
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
+    let (batch, urgent) = (until(&batch).await, until(&urgent).await);
+    assert!(urgent <= batch, "the urgent job ended at {urgent} ms, the batch job at {batch} ms");
+    worker.stop().await;
+}
