@@ -53,11 +53,13 @@ async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Check that the service is ready: the catalog answers, and catalog and store can be written. Never waits for a
-/// writer; takes at most about two seconds.
+/// Check that the service is ready: the catalog answers and can be written, and so can the data directory. Never waits
+/// for a writer; takes at most about three seconds.
+///
+/// While the store is away the answer stays 200, because another node would reach it no better, and says *degraded*.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
-    responses((status = 200, description = "They can", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "It is: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
 )]
 async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     if app.stopping.is_cancelled() {
@@ -67,7 +69,11 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     let staging = app.engine.archive.staging.clone();
     let staged = tokio::task::spawn_blocking(move || staging.stage(b"ready?").map(drop)).await;
     staged.map_err(|error| Problem::internal(&error))??;
-    Ok("ready\n")
+    Ok(if app.engine.archive.store_answers().await {
+        "ready\n"
+    } else {
+        "degraded: the store does not answer; uploads and files that are not in memory are refused with 503\n"
+    })
 }
 
 /// Get the metrics of the service in the text format of Prometheus.

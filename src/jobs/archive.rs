@@ -64,6 +64,14 @@ const CONNECTIONS: u32 = 8;
 /// write for longer into a store that another catalog has taken over.
 const BELIEVED: Duration = Duration::from_secs(30);
 
+/// Time for which the readiness check trusts an earlier answer of the store. Raising it spares the store requests, but
+/// delays the news that it is away.
+const FRESH: Duration = Duration::from_secs(10);
+
+/// Seconds that the readiness check gives the store to answer. Raising it tolerates slower stores, but delays the
+/// readiness check while the store is away.
+const PROBE: Duration = Duration::from_secs(1);
+
 impl Archive {
     /// Opens the catalog and store in a data directory, creates missing parts, and brings the catalog's schema up to
     /// date.
@@ -163,8 +171,30 @@ impl Archive {
     /// Checks that the store still holds this catalog's id, but trusts a check made within the last [`BELIEVED`]. Done
     /// before bytes are written.
     pub(super) async fn belonged(&self) -> Result<(), ArchiveError> {
+        if self.seen_within(BELIEVED) { Ok(()) } else { self.belongs().await }
+    }
+
+    /// Returns true if the store answers within a second and belongs to this catalog, or did so a moment ago.
+    pub(crate) async fn store_answers(&self) -> bool {
+        if self.seen_within(FRESH) {
+            return true;
+        }
+        match tokio::time::timeout(PROBE, self.belongs()).await {
+            Ok(Ok(())) => true,
+            Ok(Err(error)) => {
+                tracing::warn!(%error, "the store cannot be used");
+                false
+            }
+            Err(_) => {
+                tracing::warn!(store = %self.place, "the store does not answer");
+                false
+            }
+        }
+    }
+
+    fn seen_within(&self, time: Duration) -> bool {
         let seen = *self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        if seen.is_some_and(|seen| seen.elapsed() < BELIEVED) { Ok(()) } else { self.belongs().await }
+        seen.is_some_and(|seen| seen.elapsed() < time)
     }
 
     fn is_copy(&self, id: &str) -> ArchiveError {
@@ -222,6 +252,18 @@ mod tests {
         *archive.seen.lock().unwrap() = None;
         assert!(matches!(archive.belonged().await, Err(ArchiveError::Belongs(_))), "nor does it write");
         assert!(matches!(Archive::open(mine.path()).await, Err(ArchiveError::Belongs(_))));
+    }
+
+    #[tokio::test]
+    async fn a_store_that_stands_still_is_noticed() {
+        let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let data = tempfile::tempdir().unwrap();
+        let mut archive = Archive::open(data.path()).await.unwrap();
+        assert!(archive.store_answers().await);
+        archive.store = crate::store::s3_at(silent.local_addr().unwrap());
+        assert!(archive.store_answers().await, "an answer of a moment ago is trusted");
+        *archive.seen.lock().unwrap() = None;
+        assert!(!archive.store_answers().await);
     }
 
     #[tokio::test]

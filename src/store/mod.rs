@@ -27,6 +27,8 @@ pub use verified::WHOLE;
 
 pub(crate) use interface::Store;
 pub(crate) use object::Object;
+#[cfg(test)]
+pub(crate) use s3::tests::at as s3_at;
 pub(crate) use staging::{Staged, StagedWriter, Staging};
 pub(crate) use verified::StoreExt;
 
