@@ -2,7 +2,7 @@
 //! it accepted exists afterwards, nothing exists in part, and every accepted job ends exactly once.
 //!
 //! `WAVELUME_KILLS`, `WAVELUME_SEED` and `WAVELUME_PROGRAM` set the number of rounds, the seed of their times and the
-//! program; `tests/nightly kills` does so.
+//! program. `tests/nightly kills kills-shared` kills for longer, on both databases.
 
 use crate::service::{npy, objects};
 use rand_pcg::Pcg64Mcg;
