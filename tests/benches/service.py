@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The service under load, beside nginx: batches as f32, one spectrum at a steady rate, a small file.
 
-    python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob]
+    python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob] [--hold]
 
 Needs Python 3.9 and the standard library; for the file also nginx and wrk (Debian: apt install nginx-light wrk).
 Everything runs on this machine over the loopback interface, the clients on the same cores as the servers. Memory is the
@@ -26,6 +26,8 @@ import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PAIRS = 1_000_000
+# Targets: spectra a second of a batch, and the share of nginx's requests a second.
+SPECTRA, SHARE = 1_000_000, 0.85
 RATE = 200
 
 
@@ -35,7 +37,9 @@ def main():
     arguments.add_argument("--seconds", type=float, default=5.0, help="of one run of load")
     arguments.add_argument("--rounds", type=int, default=3, help="of everything, one after the other")
     arguments.add_argument("--only", default="batch,latency,blob")
+    arguments.add_argument("--hold", action="store_true", help="exit code 1 below 85 %% of nginx or a million spectra a second")
     arguments = arguments.parse_args()
+    missed = []
     only = arguments.only.split(",")
     if "blob" in only:
         for program in ("nginx", "wrk"):
@@ -48,11 +52,13 @@ def main():
             if "batch" in only or "latency" in only:
                 material = server.material("data/virtual/plastic.json", {"er_l2": 0.01})
             if "batch" in only:
-                batch(server, material, arguments.rounds)
+                missed += batch(server, material, arguments.rounds)
             if "latency" in only:
                 latency(server, material, arguments.seconds, arguments.rounds)
             if "blob" in only:
-                blob(server, scratch, arguments.seconds, arguments.rounds)
+                missed += blob(server, scratch, arguments.seconds, arguments.rounds)
+    if arguments.hold and missed:
+        sys.exit("\n".join(missed))
 
 
 def find(program):
@@ -119,6 +125,7 @@ def pairs(count):
 
 
 def batch(server, material, rounds):
+    """Prints the rates of batches, and returns a line for each that misses its target."""
     body = pairs(PAIRS)
     few = json.dumps({"wi": [list(struct.unpack_from("<2f", body, 16 * i)) for i in range(8)],
                       "wo": [list(struct.unpack_from("<2f", body, 16 * i + 8)) for i in range(8)]}).encode()
@@ -130,6 +137,7 @@ def batch(server, material, rounds):
         sys.exit("JSON and f32 disagree")
     print(f"| {PAIRS:,} pairs × {width} wavelengths in f32 | spectra/s | MB/s | memory above the open material, MiB |")
     print("|---|--:|--:|--:|")
+    missed = []
     for how in ("constant", "smooth"):
         runs, peak = [], 0.0
         for _ in range(rounds + 1):
@@ -143,7 +151,10 @@ def batch(server, material, rounds):
         print(
             f"| {how} | {PAIRS / middle:,.0f} (best {PAIRS / best:,.0f}) | {PAIRS * width * 4 / middle / 1e6:,.0f} | {peak:.0f} |"
         )
+        if PAIRS / middle < SPECTRA:
+            missed.append(f"{how}: {PAIRS / middle:,.0f} spectra/s, expected {SPECTRA:,}")
     print()
+    return missed
 
 
 def send(address, path, body, expected):
@@ -220,6 +231,7 @@ def steady(address, request, count):
 
 
 def blob(server, scratch, seconds, rounds):
+    """Prints requests a second beside nginx, and returns a line if they miss their target."""
     material = server.material("data/carpaint_blue.mbsdf", {"bytes": 100 << 10})
     content = server.call(material + "/content")
     pages = scratch / "pages"
@@ -259,6 +271,8 @@ def blob(server, scratch, seconds, rounds):
             middle = statistics.median(rates[1:])
             print(f"| {name} | {middle:,.0f} | {middle * len(content) / 1e6:,.0f} |")
         print(f"| wavelume / nginx, of the same round | {100 * statistics.median(shares):.0f} % ({', '.join(f'{100 * s:.0f}' for s in shares)}) | |")
+        share = statistics.median(shares)
+        return [] if share >= SHARE else [f"{100 * share:.0f} % of nginx, expected {100 * SHARE:.0f} % or more"]
     finally:
         nginx.terminate()
         nginx.wait(10)
