@@ -33,6 +33,7 @@ mod watch;
 
 pub use error::CatalogError;
 pub use place::Database;
+pub(crate) use place::without_password;
 
 pub(crate) use blobs::{Blob, Claim, Doom, Namer};
 pub(crate) use database::Catalog;

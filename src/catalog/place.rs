@@ -52,21 +52,54 @@ impl FromStr for Database {
     }
 }
 
+/// Returns a URL without its passwords: the one before the host, and those among the parameters. Another text stays as
+/// it is.
+pub(crate) fn without_password(url: &str) -> String {
+    let Some((scheme, rest)) = url.split_once("://") else { return url.to_owned() };
+    let ends = |from: usize| rest[from..].find(['/', '?', '#']).map_or(rest.len(), |at| from + at);
+    let (authority, after) = rest.split_at(ends(0));
+    // A password with a slash makes the URL invalid, and must not be shown either.
+    let is_port = authority.rsplit(':').next().is_some_and(|port| port.bytes().all(|byte| byte.is_ascii_digit()));
+    let path = after.split('?').next().unwrap_or_default();
+    let is_cut = !authority.contains('@') && (path.contains('@') || authority.contains(':') && !is_port);
+    let end = if is_cut { rest.rfind('@').map_or(authority.len(), |at| ends(at + 1)) } else { authority.len() };
+    let (authority, after) = rest.split_at(end);
+    let place = match authority.rsplit_once('@') {
+        Some((user, host)) => format!("{}@{host}", user.split(':').next().unwrap_or_default()),
+        None => authority.to_owned(),
+    };
+    let Some((path, parameters)) = after.split_once('?') else { return format!("{scheme}://{place}{after}") };
+    let is_secret = |parameter: &&str| {
+        let name = decoded(parameter.split('=').next().unwrap_or_default()).to_lowercase();
+        ["password", "secret", "token"].iter().any(|word| name.contains(word))
+    };
+    let kept: Vec<&str> = parameters.split('&').filter(|parameter| !is_secret(parameter)).collect();
+    let mark = if kept.is_empty() { "" } else { "?" };
+    format!("{scheme}://{place}{path}{mark}{}", kept.join("&"))
+}
+
+/// Decodes the percent-encoding of a parameter's name.
+fn decoded(name: &str) -> String {
+    let mut pieces = name.split('%');
+    let mut bytes = pieces.next().unwrap_or_default().as_bytes().to_vec();
+    for piece in pieces {
+        match piece.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                bytes.extend(&piece.as_bytes()[2..]);
+            }
+            None => bytes.extend(piece.as_bytes()),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// Shows the place of the database without its password.
 impl fmt::Display for Database {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::File(file) => write!(f, "sqlite:{}", file.display()),
-            Self::Server(url) => {
-                let (scheme, rest) = url.split_once("://").unwrap_or(("postgres", url));
-                // The password ends at the last `@` before the path.
-                let (authority, path) = rest.find('/').map_or((rest, ""), |at| rest.split_at(at));
-                let Some((user, host)) = authority.rsplit_once('@') else {
-                    return write!(f, "{scheme}://{authority}{}", path.split('?').next().unwrap_or_default());
-                };
-                let user = user.split(':').next().unwrap_or_default();
-                write!(f, "{scheme}://{user}@{host}{}", path.split('?').next().unwrap_or_default())
-            }
+            Self::Server(url) => f.write_str(without_password(url).split('?').next().unwrap_or_default()),
         }
     }
 }
@@ -80,6 +113,26 @@ impl fmt::Debug for Database {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_url_keeps_everything_but_its_passwords() {
+        for (text, shown) in [
+            ("postgres://w:p%40:ss@db:5433/w?sslmode=require", "postgres://w@db:5433/w?sslmode=require"),
+            ("postgres://w:a/b@db/w", "postgres://w@db/w"),
+            ("postgres://w:1/b@db/w", "postgres://w@db/w"),
+            ("postgres://w:a?b@db/w?x=1", "postgres://w@db/w?x=1"),
+            ("postgres://w@db/w?p%61ssword=s&options[search_path]=t", "postgres://w@db/w?options[search_path]=t"),
+            ("postgres://db/w?password=s", "postgres://db/w"),
+            ("postgres://db:5432/w?application_name=a@b", "postgres://db:5432/w?application_name=a@b"),
+            ("postgres://w@[::1]/w", "postgres://w@[::1]/w"),
+            ("http://user:s@host:8080", "http://user@host:8080"),
+            ("s3://bucket/prefix", "s3://bucket/prefix"),
+            ("sqlite:/a@b:c", "sqlite:/a@b:c"),
+            ("30s", "30s"),
+        ] {
+            assert_eq!(without_password(text), shown);
+        }
+    }
 
     #[test]
     fn places_are_read_and_shown_without_their_passwords() {

@@ -89,7 +89,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
         print(&format!(
             "listening on http://{}, data in {}\n\n",
             server.address(),
-            args.site.data.directory.display()
+            args.site.data.places.directory.display()
         ))?;
         let (end, ended) = tokio::sync::oneshot::channel::<()>();
         let mut service = tokio::spawn(server.run(async move {

@@ -26,7 +26,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let report = block_on(async {
         let archive = look_after(&args.site).await?;
-        let mut config = WorkConfig::new(&args.site.directory);
+        let mut config = WorkConfig::new(&args.site.places.directory);
         args.settings.apply(&mut config);
         archive.sweep_with(&config.limits, args.now).await.map_err(Failure::failed)
     })?;

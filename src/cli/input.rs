@@ -78,7 +78,8 @@ fn read_manifest(path: &Path) -> Result<serde_json::Value, Failure> {
     serde_json::from_slice(&bytes).map_err(|error| Failure::failed(format!("manifest: {error}")).about(path))
 }
 
-fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
+/// Reads a whole file. A file of more than `limit` bytes is refused.
+pub(crate) fn read_within(path: &Path, limit: u64) -> Result<Vec<u8>, Failure> {
     wavelume_formats::read_within(path, limit).map_err(|error| Failure::Failed(describe(&error)).about(path))
 }
 

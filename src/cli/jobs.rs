@@ -5,6 +5,7 @@ use super::failure::Failure;
 use super::health::reason;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
+use super::site::ConfigArg;
 use reqwest::Client;
 use serde_json::Value;
 use std::time::Duration;
@@ -53,9 +54,18 @@ struct Chosen {
     jobs: Vec<String>,
 }
 
-/// Address (URL) of the running service.
+/// Options for the running service, and for the configuration file that may name it.
 #[derive(Debug, clap::Args)]
 struct ServiceArgs {
+    #[command(flatten)]
+    file: ConfigArg,
+    #[command(flatten)]
+    address: UrlArg,
+}
+
+/// Option for the address (URL) of the running service.
+#[derive(Debug, clap::Args)]
+pub(crate) struct UrlArg {
     /// Address (URL) of the running service
     #[arg(
         long,
@@ -88,7 +98,8 @@ async fn show(list: &List) -> Result<(), Failure> {
         let mut query = query.clone();
         query.extend(cursor.take().map(|cursor| ("cursor", cursor)));
         let text: Vec<String> = query.iter().map(|(name, value)| format!("{name}={}", escaped(value))).collect();
-        let page = read(send(client.get(format!("{}/v1/jobs?{}", list.service.url, text.join("&")))).await?).await?;
+        let page =
+            read(send(client.get(format!("{}/v1/jobs?{}", list.service.address.url, text.join("&")))).await?).await?;
         jobs.extend(page["items"].as_array().into_iter().flatten().cloned());
         cursor = page["next"].as_str().map(str::to_owned);
         if cursor.is_none() {
@@ -125,7 +136,7 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
     let client = client()?;
     let mut failed = None;
     for id in &chosen.jobs {
-        let request = client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.url));
+        let request = client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.address.url));
         let answer = async { read(send(request).await?).await };
         match answer.await {
             Ok(job) => print(&format!("{id}  {}\n", job["state"].as_str().unwrap_or_default()))?,

@@ -7,6 +7,8 @@ mod color;
 mod combine;
 mod compress;
 mod compute_job;
+mod config;
+mod config_file;
 mod contents;
 mod declared;
 mod decode;
@@ -23,6 +25,7 @@ mod input;
 mod inspect;
 mod isolate;
 mod jobs;
+mod keys;
 mod log;
 mod migrate;
 mod openapi;
@@ -49,7 +52,10 @@ mod worker;
 pub use failure::{Failure, one_line};
 pub use log::LogFormat;
 
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use config_file::ConfigFile;
 use std::ffi::OsString;
+use std::path::PathBuf;
 use tracing_subscriber::filter::LevelFilter;
 
 /// Compress, store, evaluate and sample acquired radiometric measurements.
@@ -109,6 +115,8 @@ enum Command {
     Jobs(jobs::Args),
     /// Bring the schema of the catalog up to date
     Migrate(migrate::Args),
+    /// Print the effective settings of the service, each with its source, as a configuration file
+    Config(config::Args),
     /// Check that a running service answers
     Health(health::Args),
     /// Check every stored file of a data directory against its digest, and every reference to one
@@ -132,14 +140,29 @@ pub enum Parsed {
 }
 
 impl Cli {
-    /// Reads a command line, program name first.
+    /// Reads a command line, program name first, and the configuration file that it or the environment names.
     pub fn read(line: impl IntoIterator<Item = OsString>) -> Result<Parsed, Failure> {
-        use clap::Parser;
-        use clap::error::ErrorKind;
-        Self::try_parse_from(line).map(|cli| Parsed::Run(Box::new(cli))).or_else(|error| match error.kind() {
-            ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(error.render().to_string())),
-            _ => Err(Failure::Usage(usage_line(&error.render().to_string()))),
-        })
+        let line: Vec<OsString> = line.into_iter().collect();
+        let mut matches = match Self::command().try_get_matches_from(&line) {
+            Ok(matches) => matches,
+            Err(error) => return shown(&error),
+        };
+        let keys = keys::keys(&Self::command());
+        let file = config_file(&matches).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
+        if let Some(file) = &file {
+            matches = match file.set_defaults(Self::command(), &keys).try_get_matches_from(&line) {
+                Ok(matches) => matches,
+                Err(error) => return shown(&error),
+            };
+        }
+        let mut cli = match Self::from_arg_matches(&matches) {
+            Ok(cli) => cli,
+            Err(error) => return shown(&error),
+        };
+        if let (Command::Config(args), Some((_, matches))) = (&mut cli.command, matches.subcommand()) {
+            args.fill_in(matches, &keys, file.as_ref());
+        }
+        Ok(Parsed::Run(Box::new(cli)))
     }
 
     /// Starts the log on stderr. `RUST_LOG` filters it; by default the service logs every request and other commands
@@ -176,6 +199,7 @@ impl Cli {
             Command::Worker(args) => worker::run(&args),
             Command::Jobs(args) => jobs::run(&args),
             Command::Migrate(args) => migrate::run(&args),
+            Command::Config(args) => config::run(&args),
             Command::Health(args) => health::run(&args),
             Command::Fsck(args) => fsck::run(&args),
             Command::Gc(args) => gc::run(&args),
@@ -189,6 +213,24 @@ impl Parsed {
     /// Prints `text` on standard output.
     pub fn show(text: &str) -> Result<(), Failure> {
         output::print(text)
+    }
+}
+
+/// Returns the configuration file that the command line or the environment names, for a command that reads one.
+fn config_file(matches: &ArgMatches) -> Option<PathBuf> {
+    match matches.subcommand() {
+        Some((_, below)) => config_file(below),
+        None => matches.try_get_one::<PathBuf>(keys::CONFIG).ok().flatten().cloned(),
+    }
+}
+
+/// Returns the help or version that the parser wants shown, or the failure that it reports.
+fn shown(error: &clap::Error) -> Result<Parsed, Failure> {
+    use clap::error::ErrorKind;
+    let text = error.render().to_string();
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(text)),
+        _ => Err(Failure::Usage(usage_line(&text))),
     }
 }
 
@@ -210,7 +252,6 @@ mod tests {
 
     #[test]
     fn the_table_of_commands_is_consistent() {
-        use clap::CommandFactory;
         Cli::command().debug_assert();
     }
 

@@ -28,6 +28,14 @@ pub(crate) struct Args {
 pub(crate) struct Place {
     #[command(flatten)]
     pub(crate) data: SiteArgs,
+    #[command(flatten)]
+    pub(crate) reach: ReachArgs,
+}
+
+/// Options for the address of a service and for the names and pages that may reach it.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Server")]
+pub(crate) struct ReachArgs {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
@@ -65,10 +73,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 impl Place {
     /// The configuration of a service with the default limits.
     pub(crate) fn config(&self) -> ServeConfig {
-        let mut config = ServeConfig::new(&self.data.directory, self.listen);
+        let mut config = ServeConfig::new(&self.data.places.directory, self.reach.listen);
         config.work.site = self.data.site();
-        config.names.clone_from(&self.names);
-        config.origins.clone_from(&self.origins);
+        config.names.clone_from(&self.reach.names);
+        config.origins.clone_from(&self.reach.origins);
         config
     }
 }

@@ -1,6 +1,6 @@
 //! Settings of the service as flags and environment variables, made from the one table that declares them.
 
-use crate::jobs::{SETTINGS, Setting, WorkConfig};
+use crate::jobs::{SETTINGS, Setting, Unit, WorkConfig};
 use clap::{Arg, ArgMatches, Command};
 use std::sync::LazyLock;
 
@@ -50,6 +50,11 @@ static NAMES: LazyLock<Vec<Names>> = LazyLock::new(|| {
 
 /// Names of the settings that the short help of `wavelume serve` lists; `--help` lists all.
 const COMMON: [&str; 5] = ["workers", "threads", "connections_each", "upload_bytes", "drain"];
+
+/// Returns the unit of the setting with this name; `None` if the option is no number.
+pub(super) fn unit(field: &str) -> Option<Unit> {
+    SETTINGS.iter().find(|setting| setting.field == field).map(|setting| setting.unit)
+}
 
 impl<const CHOICE: u8> Chosen<CHOICE> {
     fn settings() -> impl Iterator<Item = (&'static Setting, &'static Names)> {
@@ -109,7 +114,7 @@ impl<const CHOICE: u8> clap::FromArgMatches for Chosen<CHOICE> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Cli;
+    use super::super::{Cli, keys};
     use super::*;
     use clap::CommandFactory;
     use std::fmt::Write;
@@ -118,27 +123,43 @@ mod tests {
     const BEGIN: &str = "<!-- settings: begin -->\n";
     const END: &str = "<!-- settings: end -->\n";
 
-    /// Renders the table of all settings in `docs/settings.md` from the declared command-line options.
+    /// Renders the tables of all settings in `docs/settings.md` from the declared command-line options.
     fn table() -> String {
-        let command = Cli::command();
-        let serve = command.find_subcommand("serve").unwrap();
-        let mut text = String::new();
-        let mut heading = String::new();
-        for arg in serve.get_arguments().filter(|arg| arg.get_long().is_some_and(|flag| flag != "help")) {
-            let group = arg.get_help_heading().unwrap_or("Data and address");
-            if group != heading {
-                heading = group.to_owned();
-                write!(text, "\n### {group}\n\n| flag | environment | default | meaning |\n|---|---|---|---|\n")
-                    .unwrap();
+        let program = Cli::command();
+        let options = ["config", "serve"].map(|name| program.find_subcommand(name).unwrap().get_arguments());
+        let mut groups: Vec<(&str, Vec<&Arg>)> = vec![("General", program.get_arguments().collect())];
+        for option in
+            options.into_iter().flatten().filter(|option| !["help", "json"].contains(&option.get_id().as_str()))
+        {
+            let heading = option.get_help_heading().unwrap_or("General");
+            if !groups.iter().any(|(known, _)| *known == heading) {
+                groups.push((heading, Vec::new()));
             }
-            let flag = arg.get_long().unwrap();
-            let unit = arg.get_value_names().and_then(|names| names.first()).map_or("", |name| name.as_str());
-            let variable =
-                arg.get_env().and_then(|name| name.to_str()).map_or("–".to_owned(), |name| format!("`{name}`"));
-            let default: Vec<_> = arg.get_default_values().iter().filter_map(|value| value.to_str()).collect();
-            let default = if default.is_empty() { "–".to_owned() } else { format!("`{}`", default.join(",")) };
-            let help = arg.get_help().unwrap().to_string().replace('\n', " ");
-            writeln!(text, "| `--{flag} {unit}` | {variable} | {default} | {help} |").unwrap();
+            let group = &mut groups.iter_mut().find(|(known, _)| *known == heading).unwrap().1;
+            if !group.iter().any(|known| known.get_id() == option.get_id()) {
+                group.push(option);
+            }
+        }
+        let mut text = String::new();
+        for (heading, options) in groups {
+            let section = keys::section(options[0]);
+            let place = if section.is_empty() { String::new() } else { format!(": `[{section}]`") };
+            write!(
+                text,
+                "\n### {heading}{place}\n\n| flag | environment | key | default | meaning |\n|---|---|---|---|---|\n"
+            )
+            .unwrap();
+            for option in options.into_iter().filter(|option| option.get_long().is_some()) {
+                let flag = option.get_long().unwrap();
+                let unit = option.get_value_names().and_then(|names| names.first()).map_or("", |name| name.as_str());
+                let quoted = |text: Option<String>| text.map_or("–".to_owned(), |text| format!("`{text}`"));
+                let variable = quoted(option.get_env().map(|name| name.to_str().unwrap().to_owned()));
+                let key = quoted(keys::name(option));
+                let default: Vec<_> = option.get_default_values().iter().filter_map(|value| value.to_str()).collect();
+                let default = quoted((!default.is_empty()).then(|| default.join(",")));
+                let help = option.get_help().unwrap().to_string().replace('\n', " ");
+                writeln!(text, "| `--{flag} {unit}` | {variable} | {key} | {default} | {help} |").unwrap();
+            }
         }
         text.push('\n');
         text

@@ -1,11 +1,22 @@
-//! Options that say where a service keeps its data: directory, database, store.
+//! Options that say where a service keeps its data: directory, database, store; and where its settings are.
 
 use crate::jobs::{Database, Place, Site};
 use std::path::PathBuf;
 
-/// Options for the data directory, the database and the store of a service.
+/// Option for the configuration file. The commands that have it read the file.
 #[derive(Debug, clap::Args)]
-pub(crate) struct SiteArgs {
+pub(crate) struct ConfigArg {
+    /// Configuration file (TOML) with any of these settings; the environment overrides the file, and flags override the
+    /// environment
+    #[arg(long, value_name = "FILE", env = "WAVELUME_CONFIG", hide_env_values = true)]
+    pub(crate) config: Option<PathBuf>,
+}
+
+/// Options for the data directory, the database and the store of a service, and for its configuration file.
+#[derive(Debug, clap::Args)]
+pub(crate) struct PlaceArgs {
+    #[command(flatten)]
+    pub(crate) file: ConfigArg,
     /// Data directory; created if it is missing
     #[arg(
         long = "data",
@@ -23,18 +34,26 @@ pub(crate) struct SiteArgs {
     /// the usual AWS_ variables; by default the data directory
     #[arg(long, value_name = "URL", env = "WAVELUME_STORE", hide_env_values = true)]
     store: Option<Place>,
+}
+
+/// Options of commands that use the store: its places, and the permission to take it over.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SiteArgs {
+    #[command(flatten)]
+    pub(crate) places: PlaceArgs,
     /// Take over the store of the catalog (database) with this id; that catalog must not be used any more
     #[arg(long, value_name = "ID")]
     adopt_store: Option<String>,
 }
 
+impl PlaceArgs {
+    pub(crate) fn site(&self) -> Site {
+        Site { database: self.database.clone(), store: self.store.clone(), ..Site::new(&self.directory) }
+    }
+}
+
 impl SiteArgs {
     pub(crate) fn site(&self) -> Site {
-        Site {
-            data: self.directory.clone(),
-            database: self.database.clone(),
-            store: self.store.clone(),
-            adopt: self.adopt_store.clone(),
-        }
+        Site { adopt: self.adopt_store.clone(), ..self.places.site() }
     }
 }

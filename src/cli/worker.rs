@@ -17,23 +17,30 @@ use tokio_util::sync::CancellationToken;
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Address on which this process serves its metrics (`/metrics`) and a sign of life (`/healthz`); none by default
-    #[arg(long, value_name = "ADDR", env = "WAVELUME_METRICS", hide_env_values = true)]
-    metrics: Option<SocketAddr>,
+    #[command(flatten)]
+    figures: MetricsArg,
     #[command(flatten)]
     isolation: IsolateArgs,
     #[command(flatten)]
     settings: WorkSettings,
 }
 
+/// Option for the address of a worker's metrics.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MetricsArg {
+    /// Address on which a worker serves its metrics (`/metrics`) and a sign of life (`/healthz`); none by default
+    #[arg(long, value_name = "ADDR", env = "WAVELUME_METRICS", hide_env_values = true, help_heading = "Work")]
+    metrics: Option<SocketAddr>,
+}
+
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let signal = stop_signal()?;
-        let mut config = WorkConfig::new(&args.site.directory);
+        let mut config = WorkConfig::new(&args.site.places.directory);
         config.site = args.site.site();
         config.isolate = args.isolation.program()?;
         args.settings.apply(&mut config);
-        let figures = match args.metrics {
+        let figures = match args.figures.metrics {
             Some(address) => {
                 Some(show_figures(address).await.map_err(|error| Failure::failed(format!("{address}: {error}")))?)
             }

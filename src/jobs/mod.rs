@@ -61,6 +61,7 @@ pub(crate) use process::COMMAND as COMPUTE_JOB;
 pub(crate) use request::RequestError;
 pub(crate) use text::{Text, check_text};
 pub(crate) use turns::CLIENT;
+pub(crate) use unit::Unit;
 pub(crate) use unpack::Ingested;
 pub(crate) use watcher::watching as watch_jobs;
 pub(crate) use worker::{run as run_workers, work};

@@ -67,7 +67,13 @@ impl Unit {
         }
     }
 
-    pub(super) fn expected(self) -> &'static str {
+    /// Returns true for a number without a unit.
+    pub(crate) fn is_count(self) -> bool {
+        self == Self::Count
+    }
+
+    /// Returns the description of a value with this unit, for messages.
+    pub(crate) fn expected(self) -> &'static str {
         match self {
             Self::Count => "a whole number",
             Self::Bytes => "bytes such as 4096, 64KiB or 1GiB",

@@ -47,7 +47,9 @@ impl FromStr for Place {
     type Err = NotAStore;
 
     fn from_str(text: &str) -> Result<Self, NotAStore> {
-        let refused = || NotAStore(text.chars().take(200).collect());
+        // A text with credentials must not reach the log.
+        let shown = if text.contains('@') { "…" } else { text };
+        let refused = || NotAStore(shown.chars().take(200).collect());
         if let Some(path) = text.strip_prefix("dir:") {
             return if path.is_empty() { Err(refused()) } else { Ok(Self::Directory(path.into())) };
         }

@@ -6,6 +6,7 @@ mod materials;
 mod refusals;
 mod scans;
 mod service;
+mod settings;
 mod views;
 
 pub(crate) use scans::noisy_lobe;
