@@ -1,6 +1,6 @@
 //! Limit on file descriptors: raised to the hard limit, and connection and request places fitted to it.
 
-use crate::jobs::Limits;
+use crate::jobs::{Finding, Limits};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 /// File descriptors reserved for the process itself: listener, catalog, logs, locks, runtime. Raising it leaves fewer
@@ -26,12 +26,32 @@ pub(crate) fn limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
+/// Judges the hard limit on file descriptors of this process, to which `serve` raises its soft one.
+pub(crate) fn descriptors_found(limits: &Limits) -> Finding {
+    const CHECK: &str = "local descriptors";
+    let count = |number: usize| number as u64;
+    let needed = held_apart(limits) + count(limits.connections) + count(limits.requests);
+    match getrlimit(Resource::Nofile).maximum {
+        None => Finding::ok(CHECK, format!("unlimited, {needed} needed")),
+        Some(limit) if limit >= needed => Finding::ok(CHECK, format!("{limit} allowed, {needed} needed")),
+        Some(limit) => Finding::warning(
+            CHECK,
+            format!("{limit} allowed, {needed} needed: serve lowers its limits of connections and requests"),
+            "raise the hard limit with `ulimit -Hn` or LimitNOFILE, if this process has the limit of the service",
+        ),
+    }
+}
+
+/// Returns the number of file descriptors that are needed besides those of connections and requests.
+fn held_apart(limits: &Limits) -> u64 {
+    OWN + UPLOAD * limits.uploads as u64 + limits.health_connections as u64
+}
+
 /// Lowers the limits of connections and requests until the file descriptors suffice for all of them. A request needs a
 /// descriptor for the file that it sends, besides that of its connection.
 pub(crate) fn fit(limits: &mut Limits, descriptors: u64) {
     let count = |number: usize| number as u64;
-    let health = count(limits.health_connections);
-    let left = descriptors.saturating_sub(OWN + UPLOAD * count(limits.uploads) + health).max(48);
+    let left = descriptors.saturating_sub(held_apart(limits)).max(48);
     if count(limits.connections) + count(limits.requests) <= left {
         return;
     }

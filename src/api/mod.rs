@@ -39,7 +39,7 @@ mod words;
 mod zstd;
 
 pub use crate::jobs::{ArchiveError, Limits, WorkConfig};
-pub(crate) use descriptors::raise_descriptor_limit;
+pub(crate) use descriptors::{descriptors_found, raise_descriptor_limit};
 pub(crate) use figures::show_figures;
 pub use router::openapi;
 pub use server::{ServeConfig, ServeError, Server, Stop, serve};

@@ -60,19 +60,29 @@ impl Catalog {
                 url
             }
             Database::Server(url) => {
-                // Without a pool, whose retries would hide a fault for long.
-                let reached = AnyConnection::connect(url).await;
-                reached.map_err(|error| unreachable_server(place, &error))?.close().await?;
+                reach(place, url).await?;
                 url.clone()
             }
         };
+        Self::pooled(place, url, connections, dialect.prepare()).await
+    }
+
+    /// Opens a pool of at most `connections` connections to the database at `url`, each set up by `statements`.
+    pub(super) async fn pooled(
+        place: &Database,
+        url: String,
+        connections: u32,
+        statements: &'static [&'static str],
+    ) -> Result<Self, CatalogError> {
+        install_default_drivers();
+        let dialect = place.dialect();
         let options = AnyConnectOptions::from_str(&url)?.disable_statement_logging();
         let pool = AnyPoolOptions::new()
             .max_connections(connections)
             .acquire_timeout(if dialect == Dialect::Sqlite { LOCAL_WAIT } else { SERVER_WAIT })
             .after_connect(move |connection, _| {
                 Box::pin(async move {
-                    for statement in dialect.prepare() {
+                    for statement in statements {
                         connection.execute(*statement).await?;
                     }
                     Ok(())
@@ -141,8 +151,12 @@ impl Catalog {
     }
 }
 
-fn unreachable_server(place: &Database, error: &sqlx::Error) -> CatalogError {
-    CatalogError::Unreachable { place: place.to_string(), reason: error.to_string() }
+/// Connects once to a database server, without a pool, whose retries would hide a fault for long.
+pub(super) async fn reach(place: &Database, url: &str) -> Result<(), CatalogError> {
+    install_default_drivers();
+    let unreachable =
+        |error: sqlx::Error| CatalogError::Unreachable { place: place.to_string(), reason: error.to_string() };
+    Ok(AnyConnection::connect(url).await.map_err(unreachable)?.close().await?)
 }
 
 impl Write {

@@ -65,6 +65,12 @@ impl Catalog {
         }
     }
 
+    /// Returns true if this catalog was copied to another database. Unlike [`Self::copied_from`] it writes nothing.
+    pub(super) async fn is_copy(&self) -> Result<bool, CatalogError> {
+        let Some(home) = self.fact("home").await? else { return Ok(false) };
+        Ok(self.here().await?.is_some_and(|here| here != home))
+    }
+
     /// Returns a text that tells this database from every other one of PostgreSQL; `None` for a SQLite file.
     async fn here(&self) -> Result<Option<String>, CatalogError> {
         if self.dialect() == Dialect::Sqlite {

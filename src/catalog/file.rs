@@ -9,12 +9,21 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio::time::sleep;
 
-/// Returns the SQLite URL of `file`, with the path percent-encoded.
+/// Returns the SQLite URL of `file`, with the path percent-encoded. The file is created if it is missing.
 pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
+    encoded(file).map(|path| format!("sqlite:{path}?mode=rwc"))
+}
+
+/// Returns the SQLite URL of `file`, with the path percent-encoded. A missing file is an error when it is opened.
+pub(super) fn url_of_existing(file: &Path) -> Result<String, CatalogError> {
+    encoded(file).map(|path| format!("sqlite:{path}?mode=rw"))
+}
+
+fn encoded(file: &Path) -> Result<String, CatalogError> {
     let path = file
         .to_str()
         .ok_or_else(|| CatalogError::Sql(sqlx::Error::Configuration("the path of the catalog is not UTF-8".into())))?;
-    let encoded: String = path
+    let encoded = path
         .bytes()
         .map(|b| match b {
             b'/' | b'.' | b'-' | b'_' => char::from(b).to_string(),
@@ -22,7 +31,7 @@ pub(super) fn url(file: &Path) -> Result<String, CatalogError> {
             b => format!("%{b:02X}"),
         })
         .collect();
-    Ok(format!("sqlite:{encoded}?mode=rwc"))
+    Ok(encoded)
 }
 
 /// Opens and reads the SQLite file without a connection pool, whose retries would hide a fault for 30 s. The error

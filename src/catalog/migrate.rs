@@ -3,6 +3,7 @@
 use super::database::Catalog;
 use super::dialect::Dialect;
 use super::error::CatalogError;
+use super::examine::is_bytewise;
 use super::file::{is_hopeless, unusable, url};
 use super::place::Database;
 use super::schema::{self, REBUILD, TUNING, VERSION};
@@ -89,7 +90,7 @@ impl Catalog {
         .fetch_one(&self.pool)
         .await?;
         let (encoding, order): (String, String) = (row.try_get(0)?, row.try_get(1)?);
-        if encoding == "UTF8" && matches!(order.as_str(), "C" | "POSIX" | "C.UTF-8" | "C.utf8") {
+        if is_bytewise(&encoding, &order) {
             return Ok(());
         }
         Err(CatalogError::Schema(format!(
@@ -125,7 +126,7 @@ impl Catalog {
     }
 
     /// Returns the number of the last schema migration applied to the database; 0 for an empty database.
-    async fn version(&self) -> Result<i64, CatalogError> {
+    pub(super) async fn version(&self) -> Result<i64, CatalogError> {
         if !self.has_table("_sqlx_migrations").await? {
             return Ok(0);
         }
@@ -133,7 +134,7 @@ impl Catalog {
         Ok(last.try_get(0)?)
     }
 
-    async fn has_table(&self, name: &'static str) -> Result<bool, CatalogError> {
+    pub(super) async fn has_table(&self, name: &'static str) -> Result<bool, CatalogError> {
         let query = match self.dialect {
             Dialect::Sqlite => "SELECT COUNT(*) FROM sqlite_master WHERE type = 'table' AND name = $1",
             Dialect::Postgres => {

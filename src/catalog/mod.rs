@@ -9,6 +9,7 @@ mod blobs;
 mod database;
 mod dialect;
 mod error;
+mod examine;
 mod facts;
 mod file;
 mod job;
@@ -38,6 +39,7 @@ pub(crate) use place::without_password;
 pub(crate) use blobs::{Blob, Claim, Doom, Namer};
 pub(crate) use database::Catalog;
 pub(crate) use dialect::Dialect;
+pub(crate) use examine::{Engine as EngineFacts, Examined, OLDEST_SERVER, Server as ServerFacts};
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub(crate) use jobs::{JobFilter, Retried};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
@@ -45,6 +47,7 @@ pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow,
 pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
+pub(crate) use schema::VERSION as SCHEMA;
 pub(crate) use watch::Notice;
 
 #[cfg(test)]

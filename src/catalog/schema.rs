@@ -11,7 +11,7 @@ const FILES: [(&str, &str); 2] = [
 ];
 
 /// Version of the database schema that this program works with: the number of the last migration.
-pub(super) const VERSION: i64 = FILES.len() as i64;
+pub(crate) const VERSION: i64 = FILES.len() as i64;
 
 /// Number of the migration that rebuilds the tables of the first version of the schema.
 pub(super) const REBUILD: i64 = 2;

@@ -13,6 +13,7 @@ mod contents;
 mod declared;
 mod decode;
 mod demo;
+mod doctor;
 mod dot;
 mod evaluate;
 mod export;
@@ -117,6 +118,8 @@ enum Command {
     Migrate(migrate::Args),
     /// Print the effective settings of the service, each with its source, as a configuration file
     Config(config::Args),
+    /// Examine database, store and machine, with a remedy for each fault; changes nothing
+    Doctor(doctor::Args),
     /// Check that a running service answers
     Health(health::Args),
     /// Check every stored file of a data directory against its digest, and every reference to one
@@ -200,6 +203,7 @@ impl Cli {
             Command::Jobs(args) => jobs::run(&args),
             Command::Migrate(args) => migrate::run(&args),
             Command::Config(args) => config::run(&args),
+            Command::Doctor(args) => doctor::run(&args),
             Command::Health(args) => health::run(&args),
             Command::Fsck(args) => fsck::run(&args),
             Command::Gc(args) => gc::run(&args),

@@ -3,12 +3,26 @@
 use super::failure::Failure;
 use crate::api::Stop;
 use std::io::IsTerminal;
+use tokio::runtime::Runtime;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Runs the asynchronous `work` to its end, on a runtime of its own.
 pub(crate) fn block_on<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
+    runtime()?.block_on(work)
+}
+
+/// Runs the asynchronous `work` to its end, and leaves behind blocking calls that it has given up waiting for, such as
+/// those to a network file system that does not answer.
+pub(crate) fn block_on_and_abandon<T>(work: impl Future<Output = Result<T, Failure>>) -> Result<T, Failure> {
+    let runtime = runtime()?;
+    let done = runtime.block_on(work);
+    runtime.shutdown_background();
+    done
+}
+
+fn runtime() -> Result<Runtime, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build();
-    runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))?.block_on(work)
+    runtime.map_err(|error| Failure::failed(format!("cannot start the runtime: {error}")))
 }
 
 /// Returns a future that resolves at the first signal to stop the service. SIGTERM gives notice first, SIGINT stops at

@@ -50,7 +50,7 @@ pub enum ArchiveError {
 }
 
 /// Name of a small text in the store that holds the id of the catalog to which the store belongs.
-const INSTANCE: &str = "wavelume-instance";
+pub(super) const INSTANCE: &str = "wavelume-instance";
 
 /// Seconds that a starting service waits for a PostgreSQL database to have the schema it needs, while `wavelume
 /// migrate` may be running. Raising it lets a service start earlier before the migration.
@@ -58,7 +58,7 @@ const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Upper bound on the connections of a service to a PostgreSQL database. Raising it answers more requests at once, up
 /// to the limit of the database.
-const CONNECTIONS: u32 = 8;
+pub(super) const CONNECTIONS: u32 = 8;
 
 /// Time for which a check that the store holds this catalog's id stays valid for writes. Raising it lets a process
 /// write for longer into a store that another catalog has taken over.

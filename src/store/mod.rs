@@ -13,6 +13,7 @@ mod local;
 mod object;
 mod objects;
 mod place;
+mod probe;
 mod s3;
 mod staging;
 mod tls;
@@ -29,6 +30,7 @@ pub(crate) use interface::Store;
 pub(crate) use object::Object;
 #[cfg(test)]
 pub(crate) use s3::tests::at as s3_at;
+pub(crate) use probe::{Probe, Step};
 pub(crate) use staging::{Staged, StagedWriter, Staging};
 pub(crate) use verified::StoreExt;
 

@@ -11,8 +11,8 @@ use object_store::{BackoffConfig, ClientOptions, ObjectStore, RetryConfig};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Seconds for which a failed call to S3 is tried again. Raising it survives longer outages of the store, but delays the
-/// error when the store stays away: together with [`REQUEST`] it stays below the minute after which proxies give up.
+/// Seconds for which a failed call to S3 is tried again. Raising it survives longer outages of the store, but delays
+/// the error when the store stays away: with [`REQUEST`] it stays below the minute after which proxies give up.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// Seconds that one request to S3 may take. Raising it tolerates slower stores.
@@ -24,13 +24,31 @@ const REPETITIONS: usize = 10_000;
 
 /// Opens the objects under a prefix of an S3 bucket; the prefix may be empty. Sends no request to the store yet.
 pub(super) fn open(bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
-    let plain = std::env::var("AWS_ENDPOINT_URL").is_ok_and(|endpoint| endpoint.starts_with("http://"));
-    with(AmazonS3Builder::from_env(), plain, bucket, prefix)
+    Ok(Objects::new(client(bucket, prefix, PATIENCE, REQUEST)?, Publication::Upload))
 }
 
-/// Opens the objects under a prefix of a bucket with the credentials and the endpoint of `builder`. If `plain`, the
+/// Builds the client for a prefix of an S3 bucket. A failed call is tried again for the time `patience`; one request
+/// may take the time `request`.
+pub(super) fn client(
+    bucket: &str,
+    prefix: &str,
+    patience: Duration,
+    request: Duration,
+) -> Result<Arc<dyn ObjectStore>, StoreError> {
+    let plain = std::env::var("AWS_ENDPOINT_URL").is_ok_and(|endpoint| endpoint.starts_with("http://"));
+    with(AmazonS3Builder::from_env(), plain, bucket, prefix, patience, request)
+}
+
+/// Builds the client for a prefix of a bucket with the credentials and the endpoint of `builder`. If `plain`, the
 /// endpoint may be without TLS.
-fn with(builder: AmazonS3Builder, plain: bool, bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
+fn with(
+    builder: AmazonS3Builder,
+    plain: bool,
+    bucket: &str,
+    prefix: &str,
+    patience: Duration,
+    request: Duration,
+) -> Result<Arc<dyn ObjectStore>, StoreError> {
     super::tls::provide_tls();
     let retry = RetryConfig {
         backoff: BackoffConfig {
@@ -39,13 +57,11 @@ fn with(builder: AmazonS3Builder, plain: bool, bucket: &str, prefix: &str) -> Re
             base: 2.0,
         },
         max_retries: REPETITIONS,
-        retry_timeout: PATIENCE,
+        retry_timeout: patience,
     };
-    let options = ClientOptions::new().with_timeout(REQUEST).with_allow_http(plain);
+    let options = ClientOptions::new().with_timeout(request).with_allow_http(plain);
     let bucket = builder.with_bucket_name(bucket).with_retry(retry).with_client_options(options).build()?;
-    let store: Arc<dyn ObjectStore> =
-        if prefix.is_empty() { Arc::new(bucket) } else { Arc::new(PrefixStore::new(bucket, prefix)) };
-    Ok(Objects::new(store, Publication::Upload))
+    Ok(if prefix.is_empty() { Arc::new(bucket) } else { Arc::new(PrefixStore::new(bucket, prefix)) })
 }
 
 #[cfg(test)]
@@ -62,7 +78,8 @@ pub(super) mod tests {
             .with_region("us-east-1")
             .with_access_key_id("test")
             .with_secret_access_key("test");
-        Arc::new(with(builder, true, "bucket", "").unwrap())
+        let client = with(builder, true, "bucket", "", PATIENCE, REQUEST).unwrap();
+        Arc::new(Objects::new(client, Publication::Upload))
     }
 
     /// Answers each request to an S3 store with the next text of `answers`, and then ends. Returns the store.

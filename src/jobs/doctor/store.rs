@@ -1,0 +1,136 @@
+//! Verdicts on the store: reachable, of this catalog, and with every call that the service makes of it.
+
+use super::super::archive::INSTANCE;
+use super::asked::Asked;
+use super::finding::Finding;
+use crate::catalog::{Database, Examined};
+use crate::store::{Place, Probe, Step};
+
+/// Store that is to be examined.
+pub(super) enum Found {
+    /// The directory of the store does not exist yet.
+    Missing,
+    /// The store cannot be used at all.
+    Failed(String),
+    /// The store can be asked.
+    Open(Probe),
+}
+
+impl Found {
+    /// Looks for a store, without creating its directory. Blocks the thread.
+    pub(super) fn at(place: &Place) -> Self {
+        if matches!(place, Place::Directory(root) if !root.exists()) {
+            return Self::Missing;
+        }
+        Probe::open(place).map_or_else(|error| Self::Failed(error.to_string()), Self::Open)
+    }
+}
+
+/// Answer of a store.
+pub(super) enum Stored {
+    /// The directory of the store does not exist yet.
+    Missing,
+    /// The store cannot be used at all.
+    Failed(String),
+    /// The store has answered: the id that it carries, and the steps of the probe.
+    Answered(Option<String>, Vec<Step>),
+}
+
+impl Stored {
+    /// Asks a store for the id that it carries, and makes a probe of it.
+    pub(super) async fn of(found: Found) -> Self {
+        match found {
+            Found::Missing => Self::Missing,
+            Found::Failed(reason) => Self::Failed(reason),
+            Found::Open(probe) => match probe.note(INSTANCE).await {
+                Ok(id) => Self::Answered(id, probe.run().await),
+                Err(reason) => Self::Failed(reason),
+            },
+        }
+    }
+
+    /// Returns the verdicts on the store at `place`, used with the catalog in the database `database`.
+    pub(super) fn judge(&self, place: &Place, database: &Database, asked: &Asked) -> Vec<Finding> {
+        let (id, steps) = match self {
+            Self::Missing => {
+                return vec![Finding::warning(
+                    "store",
+                    format!("{place} does not exist yet"),
+                    "serve and worker create it; check --data and --store if it should be there",
+                )];
+            }
+            Self::Failed(reason) => {
+                let remedy = match place {
+                    Place::Directory(_) => "check that this user may read and write the directory",
+                    Place::S3 { .. } => {
+                        "check --store, AWS_ENDPOINT_URL, AWS_REGION, the AWS_ keys, and that the server runs"
+                    }
+                };
+                return vec![Finding::fault("store", format!("{place}: {reason}"), remedy)];
+            }
+            Self::Answered(id, steps) => (id.as_deref(), steps),
+        };
+        let mut findings = vec![Finding::ok("store", format!("{place} answered")), bond(id, database, asked)];
+        findings.extend(steps.iter().map(|step| {
+            let check = format!("store {}", step.name);
+            match &step.outcome {
+                Ok(found) => Finding::ok(&check, found.clone()),
+                Err(reason) => Finding::fault(&check, reason.clone(), right(step.name)),
+            }
+        }));
+        findings
+    }
+}
+
+/// Returns the advice for a failed step of the probe.
+fn right(step: &str) -> &'static str {
+    match step {
+        "put" | "multipart" => {
+            "let these credentials write objects, in parts too, and check the free space of the store"
+        }
+        "list" => "let these credentials list the bucket",
+        "delete" => "let these credentials delete objects",
+        _ => "let these credentials read objects, and check that nothing between changes them",
+    }
+}
+
+/// Compares the id in the store with that of the catalog.
+fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
+    const CHECK: &str = "store instance";
+    let carried = id.map_or_else(|| format!("the store carries no {INSTANCE}"), |id| format!("the store carries {id}"));
+    let ours = match asked {
+        Asked::Silent | Asked::Failed(_) => {
+            return Finding::warning(CHECK, format!("{carried}; not compared"), "mend the database first");
+        }
+        Asked::Missing => None,
+        Asked::Answered(examined) => Some(&**examined),
+    };
+    if let Some(Examined { is_copy: true, instance: Some(ours), .. }) = ours {
+        return Finding::fault(
+            CHECK,
+            format!("the catalog {database} is a copy of the catalog {ours}; {carried}"),
+            format!("give the copy a store of its own, or, if the original is gone for good, use --adopt-store {ours}"),
+        );
+    }
+    let name = ours.and_then(|ours| ours.instance.as_deref());
+    match (id, name) {
+        (Some(id), Some(name)) if id == name => Finding::ok(CHECK, format!("store and catalog are {name}")),
+        (Some(id), _) => {
+            let name = name.map_or_else(|| "has no id yet".to_owned(), |name| format!("is {name}"));
+            Finding::fault(
+                CHECK,
+                format!("{carried}, the catalog {database} {name}"),
+                format!(
+                    "check --store and --database; if the catalog {id} is gone for good, take its store over with \
+                     --adopt-store {id}"
+                ),
+            )
+        }
+        (None, Some(name)) if ours.is_some_and(|ours| ours.has_claimed_store) => Finding::fault(
+            CHECK,
+            format!("{carried}, but the catalog {database} ({name}) has used a store before"),
+            format!("check --store; if it is the right one and the text was removed, write {name} to {INSTANCE} in it"),
+        ),
+        (None, _) => Finding::ok(CHECK, "new: the first start of serve or worker binds the store to the catalog"),
+    }
+}
