@@ -40,8 +40,8 @@ const JSON: &[Kind] = &[
     Kind::UnsupportedEncoding,
     Kind::Overloaded,
 ];
-/// Kinds of errors of uploads over HTTP.
-const UPLOAD: &[Kind] = &[
+/// Kinds of errors of HTTP operations that take the bytes of a file.
+const FILE: &[Kind] = &[
     Kind::BadBody,
     Kind::EmptyBody,
     Kind::InvalidRequest,
@@ -50,14 +50,30 @@ const UPLOAD: &[Kind] = &[
     Kind::TooSlow,
     Kind::UnsupportedEncoding,
     Kind::Overloaded,
-    Kind::Unrecognised,
-    Kind::Malformed,
-    Kind::Unsupported,
-    Kind::OverLimit,
-    Kind::NeedsOption,
-    Kind::Spectrum,
     Kind::Corrupt,
 ];
+/// Kinds of errors of uploads of a measurement, besides those of any file.
+const MEASUREMENT: &[Kind] =
+    &[Kind::Unrecognised, Kind::Malformed, Kind::Unsupported, Kind::OverLimit, Kind::NeedsOption, Kind::Spectrum];
+/// Kinds of errors of uploads of a material, besides those of any file.
+const MATERIAL: &[Kind] = &[Kind::MalformedMaterial, Kind::NotOfMeasurement, Kind::OverLimit, Kind::Spectrum];
+/// Kinds of errors of HTTP operations on resumable uploads.
+const TUS: &[Kind] = &[Kind::UnknownVersion];
+/// Kinds of errors of HTTP operations that send bytes to a resumable upload.
+const PART: &[Kind] = &[
+    Kind::BadBody,
+    Kind::ChecksumMismatch,
+    Kind::OverLimit,
+    Kind::TooLarge,
+    Kind::TooSlow,
+    Kind::UnsupportedEncoding,
+    Kind::UnsupportedMediaType,
+    Kind::WrongOffset,
+];
+/// Kinds of errors of HTTP operations that use one resumable upload.
+const HOLDS: &[Kind] = &[Kind::NotFound, Kind::Gone, Kind::Locked];
+/// Kinds of errors of HTTP operations that may take a resumable upload in place of a body.
+const USES: &[Kind] = &[Kind::NotFound, Kind::Gone, Kind::Locked, Kind::IncompleteUpload];
 /// Kinds of errors of batch evaluations, besides those of every JSON request body.
 const BATCH: &[Kind] = &[Kind::NotAcceptable];
 /// Kinds of errors of exports of a material to another file format.
@@ -70,7 +86,13 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("readyz", &[CATALOG]),
     ("metrics_page", &[CATALOG]),
     ("openapi_json", &[]),
-    ("post_measurement", &[WRITES, QUERY, CATALOG, UPLOAD]),
+    ("post_measurement", &[WRITES, QUERY, CATALOG, FILE, MEASUREMENT, USES]),
+    ("upload_options", &[]),
+    ("create_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
+    ("get_upload_offset", &[CATALOG, TUS, HOLDS]),
+    ("append_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
+    ("delete_upload", &[WRITES, CATALOG, TUS, ONE]),
+    ("override_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
     ("list_measurements", &[QUERY, CATALOG]),
     ("get_measurement", &[ONE, CATALOG]),
     ("delete_measurement", &[WRITES, ONE, CATALOG, &[Kind::InUse]]),
@@ -81,6 +103,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("get_job_events", &[ONE, CATALOG]),
     ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
     ("retry_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
+    ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES]),
     ("list_materials", &[QUERY, CATALOG]),
     ("get_material", &[ONE, CATALOG]),
     ("delete_material", &[WRITES, ONE, CATALOG]),
@@ -117,7 +140,9 @@ pub(super) fn info() -> Info {
 /// registers.
 pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
     for path in openapi.paths.paths.values_mut() {
-        for operation in [&mut path.get, &mut path.post, &mut path.delete].into_iter().flatten() {
+        let operations =
+            [&mut path.get, &mut path.head, &mut path.post, &mut path.patch, &mut path.delete, &mut path.options];
+        for operation in operations.into_iter().flatten() {
             let name = operation.operation_id.as_deref().unwrap_or_default();
             for (status, kinds) in problems(name) {
                 operation.responses.responses.insert(status.to_string(), RefOr::T(answer(status, &kinds)));
@@ -175,7 +200,9 @@ mod tests {
     fn every_operation_has_its_problems_and_every_table_entry_is_an_operation() {
         let openapi = crate::api::openapi();
         let paths = openapi.paths.paths.values();
-        let operations = paths.flat_map(|path| [&path.get, &path.post, &path.delete, &path.put, &path.patch]).flatten();
+        let operations = paths
+            .flat_map(|path| [&path.get, &path.head, &path.post, &path.delete, &path.put, &path.patch, &path.options])
+            .flatten();
         let mut found: Vec<&str> =
             operations.clone().map(|operation| operation.operation_id.as_deref().unwrap()).collect();
         let mut described: Vec<&str> = OPERATIONS.iter().map(|(name, _)| *name).collect();

@@ -73,6 +73,29 @@ impl<S: Send + Sync> FromRequestParts<S> for JobId {
     }
 }
 
+/// Id of a resumable upload that the parameter `{id}` of the request path contains.
+#[derive(Clone, Debug)]
+pub(crate) struct Id32(pub(crate) String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Id32 {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let text = segment(parts, state).await?;
+        check_upload_id(&text).map_err(|reason| Problem::new(Kind::NotFound, reason))?;
+        Ok(Self(text))
+    }
+}
+
+/// Checks that a text may be the id of a resumable upload: 32 lower-case hexadecimal digits.
+pub(crate) fn check_upload_id(text: &str) -> Result<(), String> {
+    if text.len() == 32 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f')) {
+        return Ok(());
+    }
+    let shown: String = text.chars().take(80).collect();
+    Err(format!("`{shown}` is no id of an upload, expected 32 hexadecimal digits"))
+}
+
 /// Text of the parameter `{name}` of the request path.
 #[derive(Clone, Debug)]
 pub(crate) struct Name(pub(crate) String);

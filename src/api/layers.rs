@@ -59,14 +59,18 @@ pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut req
         let lists: &[(HeaderName, &'static str)] = if preflight {
             &[
                 (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, HEAD, POST"),
-                (header::ACCESS_CONTROL_ALLOW_HEADERS, "content-type, range, if-none-match, if-range, request-id"),
+                (
+                    header::ACCESS_CONTROL_ALLOW_HEADERS,
+                    "content-type, range, if-none-match, if-range, request-id, tus-resumable",
+                ),
                 (header::ACCESS_CONTROL_MAX_AGE, "600"),
             ]
         } else {
             &[(
                 header::ACCESS_CONTROL_EXPOSE_HEADERS,
                 "etag, location, retry-after, content-range, accept-ranges, content-disposition, request-id, \
-                 wavelume-export-error",
+                 wavelume-export-error, tus-resumable, tus-version, tus-extension, tus-max-size, tus-checksum-algorithm, \
+                 upload-offset, upload-length, upload-defer-length, upload-metadata, upload-expires",
             )]
         };
         headers.extend(lists.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))));
@@ -124,6 +128,7 @@ fn method_name(method: &Method) -> &'static str {
         Method::GET => "GET",
         Method::HEAD => "HEAD",
         Method::POST => "POST",
+        Method::PATCH => "PATCH",
         Method::DELETE => "DELETE",
         Method::OPTIONS => "OPTIONS",
         _ => "other",

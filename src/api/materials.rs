@@ -56,14 +56,15 @@ struct ListQuery {
 
 /// Description of a material (a compressed measurement): its content, its errors and its provenance.
 #[derive(Debug, Serialize, ToSchema)]
-struct Material {
+pub(super) struct Material {
     /// Digest of the material file.
     id: Digest,
-    /// Latest name that a job gave to the material.
+    /// Latest name that a job or an upload gave to the material.
     name: Option<String>,
-    /// Tags that the jobs which made the material gave to it.
+    /// Tags that jobs and uploads gave to the material.
     tags: Vec<String>,
-    /// Ids of the measurements that the material was made from; several if their compression gave equal bytes.
+    /// Ids of the stored measurements that the material was made from; several if their compression gave equal bytes,
+    /// none if it was uploaded without a stored measurement.
     measurements: Vec<Digest>,
     #[serde(flatten)]
     manifest: Manifest,
@@ -210,7 +211,7 @@ fn absent(id: Digest) -> String {
 }
 
 impl Material {
-    fn of(row: MaterialRow) -> Result<Self, Problem> {
+    pub(super) fn of(row: MaterialRow) -> Result<Self, Problem> {
         let mut manifest = Manifest::read(&row.document)
             .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
         // Documents of earlier versions have no lists.

@@ -3,13 +3,13 @@
 use super::content;
 use super::extract::{Id, Query, linger, word};
 use super::problem::{Kind, Problem};
+use super::resumable;
 use super::schemas::{Binary, CursorText, Word};
 use super::state::App;
-use super::upload;
 use super::upload_query::UploadQuery;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::Quantity;
-use crate::jobs::{Ingested, Understood};
+use crate::jobs::{Ingested, Understood, check_text};
 use crate::store::Digest;
 use axum::Json;
 use axum::extract::{FromRequestParts, Request, State};
@@ -131,16 +131,24 @@ async fn post_measurement(State(app): State<App>, request: Request) -> Result<Re
     let (mut parts, body) = request.into_parts();
     let stated = Query::<UploadQuery>::from_request_parts(&mut parts, &app).await;
     let request = Request::from_parts(parts, body);
-    let upload = match stated {
-        Ok(Query(UploadQuery(upload))) => upload,
+    let (mut upload, id) = match stated {
+        Ok(Query(UploadQuery(upload, id))) => (upload, id),
         Err(problem) => {
             linger(request).await;
             return Err(problem);
         }
     };
-    let staged = upload::receive(&app, request).await?;
+    let (staged, used) = resumable::receive(&app, id.as_deref(), request).await?;
     let bytes = staged.bytes();
-    let ingested = app.engine.ingest_any(staged, upload).await?;
+    if upload.file_name.is_none() {
+        let stated = used.as_ref().and_then(|used| used.stated("filename"));
+        upload.file_name = stated.filter(|name| check_text("filename", name).is_ok());
+    }
+    let ingested = app.engine.ingest_any(staged, upload).await;
+    if let Some(used) = used {
+        used.end(&app, ingested.is_ok()).await;
+    }
+    let ingested = ingested?;
     metrics::counter!("wavelume_uploaded_bytes_total").increment(bytes);
     let duration_ms = start.elapsed().as_millis() as u64;
     let created = |new: bool| if new { StatusCode::CREATED } else { StatusCode::OK };

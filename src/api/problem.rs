@@ -6,7 +6,7 @@ use crate::catalog::CatalogError;
 use crate::evaluate::EvaluateError;
 use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
-use crate::jobs::{BlobError, Code, IngestError, JobProblem, MathsError, OpenError};
+use crate::jobs::{BlobError, Code, IngestError, JobProblem, MaterialError, MathsError, OpenError};
 use crate::preview::PreviewError;
 use crate::store::{Digest, StoreError};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -50,7 +50,9 @@ macro_rules! kinds {
 
         impl Kind {
             pub(crate) fn status(self) -> StatusCode {
-                match self { $(Self::$variant => StatusCode::$status),+ }
+                let known = match self { $(Self::$variant => StatusCode::$status),+ };
+                // Defined by the protocol of resumable uploads, and by no RFC.
+                if matches!(self, Self::ChecksumMismatch) { StatusCode::from_u16(460).unwrap_or(known) } else { known }
             }
             pub(crate) fn code(self) -> &'static str {
                 match self { $(Self::$variant => $code),+ }
@@ -84,6 +86,8 @@ kinds! {
     Unsupported = UNPROCESSABLE_ENTITY, "unsupported-measurement", "The file is valid, but not read here";
     OverLimit = UNPROCESSABLE_ENTITY, "over-limit", "A size in the file is over a limit";
     NeedsOption = UNPROCESSABLE_ENTITY, "needs-option", "The file needs an option, or another one";
+    MalformedMaterial = UNPROCESSABLE_ENTITY, "malformed-material", "The file is no material, or a damaged one";
+    NotOfMeasurement = UNPROCESSABLE_ENTITY, "not-of-measurement", "The material was not made from the measurement";
     Spectrum = UNPROCESSABLE_ENTITY, "unreadable-spectrum", "The spectrum to join is none";
     UnfitAxes = UNPROCESSABLE_ENTITY, "unfit-axes", "The measurement does not fit the axes";
     BadSetting = UNPROCESSABLE_ENTITY, "bad-setting", "A setting is out of its range";
@@ -91,6 +95,12 @@ kinds! {
     UnfitQuery = UNPROCESSABLE_ENTITY, "unfit-query", "The query does not fit the material";
     NotAvailable = UNPROCESSABLE_ENTITY, "not-available", "This is not available yet";
     InUse = CONFLICT, "in-use", "Something depends on it";
+    WrongOffset = CONFLICT, "wrong-offset", "The upload has received another number of bytes";
+    IncompleteUpload = CONFLICT, "incomplete-upload", "The upload has not received all its bytes";
+    Gone = GONE, "gone", "This has expired";
+    Locked = LOCKED, "locked", "Another request holds this";
+    UnknownVersion = PRECONDITION_FAILED, "unknown-version", "This version of the protocol is not spoken here";
+    ChecksumMismatch = BAD_REQUEST, "checksum-mismatch", "The bytes do not have the stated checksum";
     JobFinished = CONFLICT, "job-finished", "The job has ended already";
     KeyReused = UNPROCESSABLE_ENTITY, "idempotency-key-reused", "The idempotency key was used with another body";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The range is outside the content";
@@ -309,6 +319,19 @@ impl From<IngestError> for Problem {
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
             IngestError::Foreign(reason) => Self::foreign(&reason),
+        }
+    }
+}
+
+impl From<MaterialError> for Problem {
+    fn from(error: MaterialError) -> Self {
+        match error {
+            MaterialError::Malformed(_) => Self::new(Kind::MalformedMaterial, error.to_string()),
+            MaterialError::NotOf(detail) => Self::new(Kind::NotOfMeasurement, detail),
+            MaterialError::Described(_) | MaterialError::NoMeasurement(_) => {
+                Self::new(Kind::InvalidRequest, error.to_string())
+            }
+            MaterialError::Ingest(error) => error.into(),
         }
     }
 }

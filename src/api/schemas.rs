@@ -47,6 +47,10 @@ described! {
     /// Schema of the id of a job.
     JobIdText = "JobId", text("A UUID.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
+    /// Schema of the version of the protocol of resumable uploads.
+    TusVersion = "TusVersion", one_of("Version of the protocol of resumable uploads.", ["1.0.0"]);
+    /// Schema of the id of a resumable upload.
+    UploadIdText = "UploadId", text("32 lower-case hexadecimal digits.").pattern(Some("^[0-9a-f]{32}$"));
     /// Schema of a cursor, the value `next` of a page of a list.
     CursorText = "Cursor", text("`next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
     /// Schema of a text by which a list is filtered.

@@ -37,6 +37,8 @@ pub(crate) struct Held {
     pub(crate) queries: Places,
     /// Counter of uploads being received.
     pub(crate) uploads: Places,
+    /// Counter of KiB of memory for checking uploaded materials.
+    pub(crate) checking: Places,
     /// Counter of KiB of JSON request bodies in memory.
     pub(crate) bodies: Places,
     /// Counter of KiB of response bodies that are whole in memory until they are sent, in contrast to streamed ones.
@@ -56,6 +58,7 @@ impl Held {
             requests: Places::new("requests", limits.requests, limits.requests_each),
             queries: Places::new("queries", limits.queries, limits.queries_each),
             uploads: Places::new("uploads", limits.uploads, limits.uploads_each),
+            checking: kib("KiB of materials being checked", limits.checking_bytes, limits.checking_bytes_each),
             bodies: kib("KiB of bodies", limits.bodies_bytes, limits.bodies_bytes_each),
             answers: kib("KiB of answers", limits.answers_bytes, limits.answers_bytes_each),
             streams: Places::new("streams", limits.streams, limits.streams_each),
@@ -66,8 +69,8 @@ impl Held {
 
     /// Returns all pools of permits that requests take (for example, for uploads and for open streams), to report the
     /// taken ones as metrics.
-    pub(crate) fn kinds(&self) -> [&Places; 8] {
-        let Self { requests, queries, uploads, bodies, answers, streams, exports, followers } = self;
-        [requests, queries, uploads, bodies, answers, streams, exports, followers]
+    pub(crate) fn kinds(&self) -> [&Places; 9] {
+        let Self { requests, queries, uploads, checking, bodies, answers, streams, exports, followers } = self;
+        [requests, queries, uploads, checking, bodies, answers, streams, exports, followers]
     }
 }

@@ -43,6 +43,27 @@ enum Cut {
     Slow(Slow),
 }
 
+/// Reason for which the bytes of a resumable upload ended early: a part cannot be read from the store.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("a part of the upload cannot be read from the store")]
+pub(crate) struct Lost;
+
+/// Streams the bytes of a resumable upload, which `headers` describe, into a staging file.
+pub(crate) async fn receive_stream(
+    app: &App,
+    peer: Peer,
+    headers: &HeaderMap,
+    mut bytes: Pin<Box<dyn Stream<Item = io::Result<axum::body::Bytes>> + Send>>,
+) -> Result<Staged, Problem> {
+    let coding = coding(headers)?;
+    let _place = app.held.uploads.take(peer, 1)?;
+    let limits = &app.engine.limits;
+    let received = tokio::time::timeout(limits.upload_time, stage(app, coding, bytes.as_mut())).await;
+    received.unwrap_or_else(|_| {
+        Err(Problem::new(Kind::Unavailable, format!("the parts were not read within {:?}", limits.upload_time)))
+    })
+}
+
 /// Streams an uploaded body into a staging file.
 pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
@@ -74,7 +95,7 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
 async fn stage(
     app: &App,
     coding: Coding,
-    body: Pin<&mut (impl Stream<Item = io::Result<axum::body::Bytes>> + Send)>,
+    body: Pin<&mut (impl Stream<Item = io::Result<axum::body::Bytes>> + Send + ?Sized)>,
 ) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
     let encoded = AtomicU64::new(0);
@@ -127,7 +148,7 @@ async fn stage(
         }
     }
     if total == 0 {
-        return Err(Problem::new(Kind::EmptyBody, "the body has no bytes, expected those of a measurement"));
+        return Err(Problem::new(Kind::EmptyBody, "the body has no bytes, expected those of a file"));
     }
     Ok(blocking(move || writer.finish()).await?)
 }
@@ -166,6 +187,12 @@ fn coding(headers: &HeaderMap) -> Result<Coding, Problem> {
 }
 
 fn broken(error: &io::Error, coding: Coding) -> Problem {
+    if error.get_ref().is_some_and(|inner| inner.is::<Lost>()) {
+        return Problem::new(
+            Kind::Corrupt,
+            "the upload cannot be read from the store; repeat this request, or begin another upload",
+        );
+    }
     match error.get_ref().and_then(|inner| inner.downcast_ref::<Cut>()) {
         Some(Cut::Broken) => Problem::new(Kind::BadBody, "the body ended early"),
         Some(Cut::Slow(slow)) => (*slow).into(),
@@ -178,7 +205,7 @@ fn broken(error: &io::Error, coding: Coding) -> Problem {
 }
 
 fn too_large(limits: &Limits) -> Problem {
-    Problem::new(Kind::TooLarge, format!("a measurement may have {} bytes after decoding", limits.upload_bytes))
+    Problem::new(Kind::TooLarge, format!("an upload may have {} bytes after decoding", limits.upload_bytes))
 }
 
 #[cfg(test)]

@@ -98,6 +98,10 @@ impl Catalog {
     /// Announces to the catalog that an object is about to be written. The announcement expires after `time`. The
     /// object's name must never have been used before.
     pub(crate) async fn intend(&self, object: &Object, bytes: u64, time: Duration) -> Result<(), CatalogError> {
+        self.announce(object, object.digest().to_string(), bytes, time).await
+    }
+
+    async fn announce(&self, object: &Object, digest: String, bytes: u64, time: Duration) -> Result<(), CatalogError> {
         self.repeat(|_| async {
             let _turn = self.turn().await;
             sqlx::query(self.sql(
@@ -105,7 +109,7 @@ impl Catalog {
                  VALUES ($1, 'default', $2, $3, {now} + $4) ON CONFLICT (object) DO NOTHING",
             ))
             .bind(object.to_string())
-            .bind(object.digest().to_string())
+            .bind(digest.clone())
             .bind(bytes as i64)
             .bind(time.as_millis() as i64)
             .execute(&self.pool)
@@ -113,6 +117,12 @@ impl Catalog {
             Ok(())
         })
         .await
+    }
+
+    /// Announces to the catalog that a part of an upload is about to be written; see [`Self::intend`]. Its digest stays
+    /// empty until the upload counts the part.
+    pub(crate) async fn intend_part(&self, part: &Object, bytes: u64, time: Duration) -> Result<(), CatalogError> {
+        self.announce(part, String::new(), bytes, time).await
     }
 
     /// Extends the announcement that an object is being written. Returns false if it has expired: the object may be

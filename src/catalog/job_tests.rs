@@ -50,7 +50,7 @@ fn material(name: &str) -> Box<NewMaterial> {
         bytes: 10,
         name: Some(name.to_owned()),
         tags: vec!["office".to_owned()],
-        measurement: Digest::of(b"lamp"),
+        measurements: vec![Digest::of(b"lamp")],
         document: serde_json::Map::new(),
     })
 }

@@ -27,8 +27,8 @@ pub(crate) struct NewMaterial {
     pub name: Option<String>,
     /// Tags of the material given by the user.
     pub tags: Vec<String>,
-    /// Id of the measurement from which the material was made.
-    pub measurement: Digest,
+    /// Ids of the stored measurements from which the material was made; empty if none is known.
+    pub measurements: Vec<Digest>,
     /// Description of the material as a JSON object: report of its compression, names, licences and origin.
     pub document: Map<String, Value>,
 }
@@ -182,24 +182,31 @@ impl Catalog {
     }
 }
 
+/// Key of a manifest under which the errors of an uploaded material against stored measurements are.
+pub(crate) const COMPARED: &str = "measured_again";
+
 /// Upper bound on the number of names, and of licences, that a material keeps; the oldest are dropped first. Raising it
 /// lengthens the manifests of materials that many jobs have named differently.
 const MOST_NAMES: usize = 32;
 
-/// Stores a material in the catalog, within the given transaction.
+/// Value of the column `search` of a row that this transaction has inserted and not filled yet.
+const UNFILLED: &str = "\u{1}";
+
+/// Stores a material in the catalog, within the given transaction. Returns true if it is new.
 ///
-/// Jobs that give equal bytes share one row. Its manifest, with provenance and time, stays that of the first job. Name
-/// and licence are the latest given. All names, licences, tags and sources accumulate and stay searchable.
+/// Jobs and uploads that give equal bytes share one row. Its manifest, with provenance and time, stays that of the
+/// first one. Name and licence are the latest given. All names, licences, tags, sources and comparisons with sources
+/// accumulate, and names and tags stay searchable.
 ///
 /// The claim on the material's file must be taken before, in the same transaction.
-pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), CatalogError> {
+pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool, CatalogError> {
     let id = new.id.to_string();
     // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
     // The update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
     let row = sqlx::query(
         "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
-         VALUES ('default', $1, $2, $3, $4, NULL, '', $5, $6) \
-         ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document",
+         VALUES ('default', $1, $2, $3, $4, NULL, $7, $5, $6) \
+         ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document, search",
     )
     .bind(id.clone())
     .bind(new.payload.to_string())
@@ -207,8 +214,10 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     .bind(new.bytes as i64)
     .bind(Value::Object(new.document.clone()).to_string())
     .bind(write.now)
+    .bind(UNFILLED.to_owned())
     .fetch_one(&mut *write.transaction)
     .await?;
+    let is_new = row.try_get::<String, _>("search")? == UNFILLED;
     let text: String = row.try_get("document")?;
     let mut document: Map<String, Value> = serde_json::from_str(&text).map_err(|e| CatalogError::Row {
         table: "materials",
@@ -221,14 +230,18 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
     let given = new.document.get("licence").and_then(Value::as_str).map(str::to_owned);
     let licences = added(&mut document, "licences", licence, given);
     document.insert("licence".to_owned(), json!(licences.last()));
+    compared(&mut document, &new.document);
 
-    sqlx::query(
-        "INSERT INTO material_sources (tenant, material, measurement) VALUES ('default', $1, $2) ON CONFLICT DO NOTHING",
-    )
-    .bind(id.clone())
-    .bind(new.measurement.to_string())
-    .execute(&mut *write.transaction)
-    .await?;
+    for measurement in &new.measurements {
+        sqlx::query(
+            "INSERT INTO material_sources (tenant, material, measurement) VALUES ('default', $1, $2) \
+             ON CONFLICT DO NOTHING",
+        )
+        .bind(id.clone())
+        .bind(measurement.to_string())
+        .execute(&mut *write.transaction)
+        .await?;
+    }
     for tag in &new.tags {
         sqlx::query(
             "INSERT INTO material_tags (tenant, material, tag) VALUES ('default', $1, $2) ON CONFLICT DO NOTHING",
@@ -253,7 +266,19 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<(), C
         .bind(Value::Object(document).to_string())
         .execute(&mut *write.transaction)
         .await?;
-    Ok(())
+    Ok(is_new)
+}
+
+/// Adds the comparisons with measurements in the manifest `new` to those of the manifest `document`; a measurement that
+/// was compared before keeps its first comparison.
+fn compared(document: &mut Map<String, Value>, new: &Map<String, Value>) {
+    let Some(Value::Array(added)) = new.get(COMPARED) else { return };
+    let Value::Array(listed) = document.entry(COMPARED).or_insert_with(|| json!([])) else { return };
+    for comparison in added {
+        if listed.len() < MOST_NAMES && listed.iter().all(|known| known["measurement"] != comparison["measurement"]) {
+            listed.push(comparison.clone());
+        }
+    }
 }
 
 /// Appends `given` to the list of names or licences under `key` of a material's manifest, and returns the list: each
@@ -289,7 +314,7 @@ mod tests {
             bytes: 10,
             name: name.map(str::to_owned),
             tags: tags.iter().map(|tag| (*tag).to_owned()).collect(),
-            measurement: Digest::of(b"lamp"),
+            measurements: vec![Digest::of(b"lamp")],
             document: document.as_object().unwrap().clone(),
         }
     }

@@ -21,6 +21,9 @@ mod materials;
 mod measurements;
 mod migrate;
 mod page;
+mod partial;
+#[cfg(test)]
+mod partial_tests;
 mod place;
 mod priority;
 mod queue;
@@ -30,6 +33,7 @@ mod ready;
 mod result_code;
 mod retention;
 mod schema;
+mod uploaded;
 mod watch;
 
 pub use error::CatalogError;
@@ -45,9 +49,11 @@ pub(crate) use jobs::{JobFilter, Retried};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
+pub(crate) use partial::{Begun, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
 pub(crate) use schema::VERSION as SCHEMA;
+pub(crate) use uploaded::Uploaded;
 pub(crate) use watch::Notice;
 
 #[cfg(test)]

@@ -61,7 +61,7 @@ async fn material(catalog: &Catalog, name: &str, lamp: Digest) -> Ended {
         bytes: 10,
         name: Some(name.to_owned()),
         tags: vec!["office".to_owned()],
-        measurement: lamp,
+        measurements: vec![lamp],
         document: serde_json::Map::new(),
     };
     let claim = publish(catalog, new.id, new.bytes).await;

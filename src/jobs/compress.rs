@@ -4,7 +4,7 @@
 
 use super::attempt::{Failure, Made, last, publish, unread};
 use super::computation::{Computation, Computed, compute};
-use super::document::{Manifest, Provenance};
+use super::document::{Manifest, Origin, Provenance};
 use super::engine::Engine;
 use super::hub::Control;
 use super::ingest::IngestError;
@@ -113,11 +113,13 @@ async fn end(
         licences: Vec::new(),
         provenance: Provenance {
             generator: concat!("wavelume ", env!("CARGO_PKG_VERSION")).to_owned(),
-            measurement: request.measurement,
-            content_digest: content.to_owned(),
+            origin: Origin::Job,
+            measurement: Some(request.measurement),
+            content_digest: Some(content.to_owned()),
             options: options.clone(),
-            request: request.clone(),
+            request: Some(request.clone()),
         },
+        measured_again: Vec::new(),
     };
     let document = manifest.document().map_err(|e| unread("manifest", &e))?;
     let material = NewMaterial {
@@ -127,23 +129,15 @@ async fn end(
         bytes: size,
         name: request.name.clone(),
         tags: request.tags.clone(),
-        measurement: request.measurement,
+        measurements: vec![request.measurement],
         document,
     };
     let ended = Ended::Material(Box::new(material), published.claim().clone());
     Ok(Made { ended, published })
 }
 
-/// Returns the options for reading a measurement (quantity, unit, column and so on) that were given at its upload, from
-/// its stored description.
 fn kept_options(document: &str) -> Result<Options, Failure> {
-    #[derive(Deserialize)]
-    struct Kept {
-        options: Options,
-    }
-    serde_json::from_str::<Kept>(document)
-        .map(|kept| kept.options)
-        .map_err(|e| unread("document of the measurement", &e))
+    Options::kept(document).map_err(|e| unread("document of the measurement", &e))
 }
 
 impl From<PipelineError> for Failure {

@@ -196,6 +196,27 @@ limits! {
         body_window: Duration = Duration::from_secs(30), Time >= 100;
         /// Time at the beginning of an upload or a JSON body in which it may arrive more slowly than `body-rate`.
         body_grace: Duration = Duration::from_secs(10), Time >= 0;
+        /// Upper bound on the resumable uploads that are not used yet, over all addresses.
+        partial_uploads: u64 = 1024, Count >= 0;
+        /// Upper bound on the resumable uploads of one address that are not used yet.
+        partial_uploads_each: u64 = 64, Count >= 0;
+        /// Upper bound on the bytes in the store for resumable uploads that are not used yet, over all addresses. An
+        /// upload counts with its stated size from its beginning.
+        partial_bytes: u64 = 64 << 30, Bytes >= 0;
+        /// Upper bound on the bytes in the store for the resumable uploads of one address that are not used yet.
+        partial_bytes_each: u64 = 8 << 30, Bytes >= 0;
+        /// Upper bound on the parts (requests with bytes) of one resumable upload.
+        partial_parts: u32 = 10_000, Count >= 1;
+        /// Time after its beginning at which a resumable upload expires.
+        partial_keep: Duration = Duration::from_hours(24), Time >= 1000;
+        /// Time after which a resumable upload whose request vanished with its process may be continued.
+        partial_lease: Duration = Duration::from_secs(15), Time >= 1000;
+        /// Upper bound on the memory for checking uploaded materials at once, over all addresses: 24 bytes for each
+        /// sample of a material.
+        checking_bytes: usize = 2 << 30, Bytes >= 1024;
+        /// Upper bound on the memory for checking uploaded materials at once for one address; a material that needs
+        /// more is refused. The default admits 22 million samples.
+        checking_bytes_each: usize = 512 << 20, Bytes >= 1024;
         /// Upper bound on the size of the JSON body of one request.
         json_bytes: usize = 64 << 20, Bytes >= 1024;
         /// Upper bound on the memory for all JSON bodies that are held at once, over all addresses.

@@ -2,6 +2,7 @@
 
 use super::options::Options;
 use super::request::CompressRequest;
+use crate::domain::ErrorReport;
 use crate::pipeline::Report;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
@@ -23,24 +24,66 @@ pub(crate) struct Manifest {
     /// Licences that jobs gave to the material, at most 32, the latest last.
     #[serde(default)]
     pub licences: Vec<String>,
-    /// Provenance of the material: the measurement, options, request and program of the first job that made it.
+    /// Provenance of the material: the measurement, options, request and program of the first job that made it, or what
+    /// an uploaded file states about itself.
     pub provenance: Provenance,
+    /// Errors of an uploaded material, measured by this service against stored measurements; empty for materials that
+    /// jobs made, whose report is measured by the job.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub measured_again: Vec<MeasuredAgain>,
 }
 
-/// Measurement, options, request and program of the first job that made a material.
+/// Origin of a material in the service.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = MaterialOrigin)]
+pub(crate) enum Origin {
+    /// A job of the service made the material from a stored measurement.
+    #[default]
+    Job,
+    /// The material was made elsewhere and uploaded. Its report is that of the file's own header.
+    Upload,
+}
+
+/// Origin of a material: the measurement, options, request and program of the first job that made it, or what the
+/// uploaded file states.
 #[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
 pub(crate) struct Provenance {
-    /// Name and version of the program that made the material.
+    /// Origin of the material: `job` if a job of this service made it, `upload` if it was made elsewhere and uploaded.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub origin: Origin,
+    /// Name and version of the program that made the material. An uploaded file states it itself, or has none: then it
+    /// is empty.
     pub generator: String,
-    /// Id of the measurement from which the material was made.
-    pub measurement: Digest,
-    /// Digest of the bytes of the measurement.
-    pub content_digest: String,
+    /// Id of the measurement from which the material was made; null if the service does not know it.
+    #[serde(default)]
+    pub measurement: Option<Digest>,
+    /// Digest of the bytes of the measurement; null if an uploaded file does not state it.
+    #[serde(default)]
+    pub content_digest: Option<String>,
     /// Options with which the measurement was read.
     #[serde(default)]
     pub options: Options,
-    /// Request of the first job that made the material.
-    pub request: CompressRequest,
+    /// Request of the first job that made the material. For an uploaded one the request that its file states; null if
+    /// its measurement is not known.
+    #[serde(default)]
+    pub request: Option<CompressRequest>,
+}
+
+/// Errors of an uploaded material, measured against a stored measurement.
+#[derive(Clone, Debug, Serialize, Deserialize, ToSchema)]
+pub(crate) struct MeasuredAgain {
+    /// Id of the measurement.
+    pub measurement: Digest,
+    /// Name and version of the program that measured.
+    pub generator: String,
+    /// Errors at the values before compression: those that the file states were measured there, too.
+    pub errors: ErrorReport,
+    /// Errors at the samples of the measurement, if the values before compression are averages of the samples or were
+    /// fitted to them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub errors_at_samples: Option<ErrorReport>,
 }
 
 impl Manifest {

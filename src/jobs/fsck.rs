@@ -2,7 +2,7 @@
 
 use super::archive::{Archive, ArchiveError};
 use crate::catalog::Blob;
-use crate::store::{Digest, Object, StoreError, StoreExt};
+use crate::store::{Digest, Object, PARTS, StoreError, StoreExt};
 use futures::TryStreamExt;
 use serde::Serialize;
 use std::collections::HashMap;
@@ -112,18 +112,35 @@ impl Archive {
                 }
             }
             for (object, bytes) in objects {
-                // Known as being written or deleted; or stored since the rows were read.
-                if self.catalog.knows(&object).await? || self.store.size(&object).await?.is_none() {
-                    continue;
-                }
-                if check.repair {
-                    self.belongs().await?;
-                    self.catalog.doom_stray(&object, bytes, GRACE).await?;
-                }
-                report.faults.push(Fault::OrphanObject { object: object.to_string(), bytes });
+                self.check_stray(&object, bytes, check.repair, &mut report).await?;
             }
         }
+        let mut parts = self.store.list(PARTS);
+        while let Some((part, bytes)) = parts.try_next().await? {
+            self.check_stray(&part, bytes, check.repair, &mut report).await?;
+        }
+        drop(parts);
         Ok(report)
+    }
+
+    /// Checks an object that no row about stored bytes names.
+    async fn check_stray(
+        &self,
+        object: &Object,
+        bytes: u64,
+        repair: bool,
+        report: &mut FsckReport,
+    ) -> Result<(), ArchiveError> {
+        // Known as being written or deleted, or as a part of an upload; or stored since the rows were read.
+        if self.catalog.knows(object).await? || self.store.size(object).await?.is_none() {
+            return Ok(());
+        }
+        if repair {
+            self.belongs().await?;
+            self.catalog.doom_stray(object, bytes, GRACE).await?;
+        }
+        report.faults.push(Fault::OrphanObject { object: object.to_string(), bytes });
+        Ok(())
     }
 
     async fn check_blob(
@@ -195,6 +212,8 @@ mod tests {
             archive.store.remove(&[object(missing).await]).await;
             let unknown = Object::fresh(Digest::of(stray));
             archive.store.publish(&archive.staging.stage(stray).unwrap(), &unknown).await.unwrap();
+            let part = Object::part("0a", 0, Digest::of(stray));
+            archive.store.publish(&archive.staging.stage(stray).unwrap(), &part).await.unwrap();
             // As a row that was deleted by hand leaves it.
             let orphan = stored(&archive, lost).await;
             archive.catalog.delete_measurement(orphan).await.unwrap();
@@ -204,6 +223,7 @@ mod tests {
                 Fault::Corrupt { digest: damaged.to_string() },
                 Fault::Missing { digest: missing.to_string(), named_by: format!("measurement {missing}") },
                 Fault::OrphanObject { object: unknown.to_string(), bytes: 5 },
+                Fault::OrphanObject { object: part.to_string(), bytes: 5 },
                 Fault::OrphanRow { digest: orphan.to_string() },
             ];
             let mut check = archive.check_within(Check { repair: true, ..Check::default() }).await.unwrap();

@@ -79,6 +79,16 @@ impl Options {
         serde_json::from_value(stated.into()).map_err(|error| error.to_string())
     }
 
+    /// Returns the options for reading a measurement (quantity, unit, column and so on) that were given at its upload,
+    /// from its stored description.
+    pub(super) fn kept(document: &str) -> Result<Self, serde_json::Error> {
+        #[derive(Deserialize)]
+        struct Kept {
+            options: Options,
+        }
+        serde_json::from_str::<Kept>(document).map(|kept| kept.options)
+    }
+
     /// Returns a copy of these options for reading an array in which `axes`, from the manifest beside the array,
     /// replace the stated ones.
     pub(super) fn with_axes(&self, axes: Option<serde_json::Value>) -> Self {

@@ -3,7 +3,7 @@
 
 use super::archive::{Archive, ArchiveError};
 use super::blobs::BlobError;
-use crate::catalog::Claim;
+use crate::catalog::{Claim, Partial};
 use crate::store::{Digest, Object, Staged, StoreError};
 use std::io;
 use std::time::Duration;
@@ -78,25 +78,43 @@ async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError>
         tracing::error!(object = %known.object, "stored bytes are missing or damaged, and are replaced");
         archive.catalog.suspect(&known.object).await?;
     }
+    writable(archive).await?;
+    let object = Object::fresh(digest);
+    archive.catalog.intend(&object, bytes, INTENT).await?;
+    write(archive, staged, &object).await?;
+    Ok(Claim::Written(object, bytes))
+}
+
+/// Writes a staged (temporary) file to the store as a part of an upload, and returns the new object. The upload must
+/// count the part within the time of the announcement; otherwise a sweep removes it.
+pub(super) async fn publish_part(archive: &Archive, staged: &Staged, upload: &Partial) -> Result<Object, BlobError> {
+    writable(archive).await?;
+    let object = Object::part(&upload.id, upload.parts, staged.digest());
+    archive.catalog.intend_part(&object, staged.bytes(), INTENT).await?;
+    write(archive, staged, &object).await?;
+    Ok(object)
+}
+
+/// Checks that the store still belongs to the catalog.
+async fn writable(archive: &Archive) -> Result<(), BlobError> {
     archive.belonged().await.map_err(|error| match error {
         ArchiveError::Store(error) => BlobError::Store(error),
         ArchiveError::Catalog(error) => BlobError::Catalog(error),
         other => BlobError::Foreign(other.to_string()),
-    })?;
-    let object = Object::fresh(digest);
-    archive.catalog.intend(&object, bytes, INTENT).await?;
-    let writing = archive.store.publish(staged, &object);
+    })
+}
+
+/// Writes an announced object to the store, and extends the announcement meanwhile.
+async fn write(archive: &Archive, staged: &Staged, object: &Object) -> Result<(), BlobError> {
+    let writing = archive.store.publish(staged, object);
     tokio::pin!(writing);
     let mut ticks = interval_at(tokio::time::Instant::now() + PROLONG, PROLONG);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
-            written = &mut writing => {
-                written?;
-                return Ok(Claim::Written(object.clone(), bytes));
-            }
+            written = &mut writing => return Ok(written?),
             // Whether the announcement has run out shows when the row is written.
-            _ = ticks.tick() => drop(archive.catalog.prolong(&object, INTENT).await?),
+            _ = ticks.tick() => drop(archive.catalog.prolong(object, INTENT).await?),
         }
     }
 }

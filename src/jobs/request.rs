@@ -71,16 +71,21 @@ impl CompressRequest {
     /// Checks the material's name, licence and tags that the client states, before the measurement is read. The error
     /// describes the fault.
     pub(super) fn check_texts(&self) -> Result<(), String> {
-        for (what, text) in [("name", &self.name), ("licence", &self.licence)] {
-            if let Some(text) = text {
-                check_text(what, text)?;
-            }
-        }
-        if self.tags.len() > MAX_TAGS {
-            return Err(format!("{} tags, expected at most {MAX_TAGS}", self.tags.len()));
-        }
-        self.tags.iter().try_for_each(|tag| check_text("tag", tag))
+        check_names(self.name.as_ref(), self.licence.as_ref(), &self.tags)
     }
+}
+
+/// Checks the name, licence and tags that a client gives to a material. The error describes the fault.
+pub(super) fn check_names(name: Option<&String>, licence: Option<&String>, tags: &[String]) -> Result<(), String> {
+    for (what, text) in [("name", name), ("licence", licence)] {
+        if let Some(text) = text {
+            check_text(what, text)?;
+        }
+    }
+    if tags.len() > MAX_TAGS {
+        return Err(format!("{} tags, expected at most {MAX_TAGS}", tags.len()));
+    }
+    tags.iter().try_for_each(|tag| check_text("tag", tag))
 }
 
 #[cfg(test)]

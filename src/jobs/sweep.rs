@@ -41,6 +41,10 @@ const LATE: Duration = Duration::from_hours(24);
 /// Age after which an idempotency key is deleted. Raising it lets clients safely repeat a request for longer.
 const KEYS: Duration = Duration::from_hours(24);
 
+/// Hours for which an expired upload is remembered, so that its client gets the answer that it has expired. Raising it
+/// keeps more rows.
+const REMEMBERED: Duration = Duration::from_hours(24);
+
 impl Archive {
     /// Removes stored files to which nothing has referred for the grace period, abandoned temporary files and old jobs.
     pub async fn sweep(&self) -> Result<SweepReport, ArchiveError> {
@@ -74,6 +78,7 @@ impl Archive {
             tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
         let ages = Retention { succeeded: limits.keep_succeeded, failed: limits.keep_failed, keys: KEYS };
         let forgotten_jobs = self.catalog.forget(&ages).await?;
+        self.catalog.forget_partials(REMEMBERED).await?;
         let mut report = SweepReport { removed_staging, forgotten_jobs, ..SweepReport::default() };
         while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;

@@ -27,10 +27,10 @@ pub use tls::provide_tls;
 pub use verified::WHOLE;
 
 pub(crate) use interface::Store;
-pub(crate) use object::Object;
+pub(crate) use object::{Object, PARTS};
+pub(crate) use probe::{Probe, Step};
 #[cfg(test)]
 pub(crate) use s3::tests::at as s3_at;
-pub(crate) use probe::{Probe, Step};
 pub(crate) use staging::{Staged, StagedWriter, Staging};
 pub(crate) use verified::StoreExt;
 

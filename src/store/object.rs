@@ -12,9 +12,15 @@ pub(super) const FOLDER: &str = "blobs";
 /// Name of the folder that holds the objects of the only tenant (owner of data) of a store.
 const TENANT: &str = "default";
 
+/// Name of the folder that holds the parts of uploads that are not complete. It has no folders of its own, which a
+/// directory would keep after the last part of an upload is removed.
+pub(crate) const PARTS: &str = "uploads";
+
 /// Name of a stored object; written as the path of the object below the root of the store.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Object {
+    /// Upload of which the object is a part, and the number of the part from 0; `None` for the bytes of a digest.
+    part: Option<(String, u32)>,
     digest: Digest,
     /// Unique suffix of the object's name; empty for objects of the first version, which had one object for each
     /// digest.
@@ -29,12 +35,25 @@ pub(crate) struct NotAnObject(String);
 impl Object {
     /// Builds the name of a new object with the given digest; the name was never used before.
     pub(crate) fn fresh(digest: Digest) -> Self {
-        Self { digest, generation: uuid::Uuid::now_v7().simple().to_string() }
+        Self { part: None, digest, generation: uuid::Uuid::now_v7().simple().to_string() }
+    }
+
+    /// Builds the name of a new object that holds a part of an upload; the name was never used before. Parts of one
+    /// upload sort by their numbers.
+    pub(crate) fn part(upload: &str, number: u32, digest: Digest) -> Self {
+        Self { part: Some((upload.to_owned(), number)), ..Self::fresh(digest) }
+    }
+
+    /// Returns the beginning that the names of all parts of an upload have in common, and the text that sorts behind
+    /// them.
+    pub(crate) fn parts_of(upload: &str) -> [String; 2] {
+        // The character after `.`.
+        [format!("{PARTS}/{upload}."), format!("{PARTS}/{upload}/")]
     }
 
     /// Builds the name of an existing object from its digest and its unique suffix (generation).
     pub(crate) fn of(digest: Digest, generation: String) -> Self {
-        Self { digest, generation }
+        Self { part: None, digest, generation }
     }
 
     /// Returns the digest of the object's bytes.
@@ -58,6 +77,9 @@ impl fmt::Display for Object {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let digest = self.digest.to_string();
         let first = &digest[3..5];
+        if let Some((upload, number)) = &self.part {
+            return write!(f, "{PARTS}/{upload}.{number:06}.{digest}.{}", self.generation);
+        }
         if self.generation.is_empty() {
             write!(f, "{FOLDER}/{first}/{digest}")
         } else {
@@ -72,12 +94,21 @@ impl FromStr for Object {
     fn from_str(text: &str) -> Result<Self, NotAnObject> {
         let refused = || NotAnObject(text.chars().take(160).collect());
         let name = text.rsplit('/').next().unwrap_or(text);
-        let (digest, generation) = name.split_once('.').unwrap_or((name, ""));
+        let plain = |text: &str| text.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_lowercase());
+        let fields: Vec<&str> = name.splitn(5, '.').collect();
+        let (part, digest, generation) = match fields[..] {
+            [digest] => (None, digest, ""),
+            [digest, generation] => (None, digest, generation),
+            [upload, number, digest, generation] if plain(upload) && !upload.is_empty() => {
+                let number = number.parse().map_err(|_| refused())?;
+                (Some((upload.to_owned(), number)), digest, generation)
+            }
+            _ => return Err(refused()),
+        };
         let digest = digest.parse().map_err(|_| refused())?;
-        let object = Self { digest, generation: generation.to_owned() };
+        let object = Self { part, digest, generation: generation.to_owned() };
         // A path elsewhere, or with a generation of other characters, is somebody else's.
-        let plain = generation.bytes().all(|b| b.is_ascii_digit() || b.is_ascii_lowercase());
-        if plain && object.to_string() == text { Ok(object) } else { Err(refused()) }
+        if plain(generation) && object.to_string() == text { Ok(object) } else { Err(refused()) }
     }
 }
 
@@ -96,6 +127,11 @@ mod tests {
             let byte = u8::from_str_radix(&digest.to_string()[3..5], 16).unwrap();
             assert!(Object::folders(byte).iter().any(|folder| object.to_string().starts_with(&format!("{folder}/"))));
         }
+        let (part, next) = (Object::part("0a", 9, digest), Object::part("0a", 10, digest));
+        assert_eq!(part.to_string().parse::<Object>().as_ref(), Ok(&part));
+        let [before, behind] = Object::parts_of("0a");
+        assert!(before < part.to_string() && part.to_string() < next.to_string() && next.to_string() < behind);
+        assert!(!Object::part("0a0", 0, digest).to_string().starts_with(&before));
         assert_eq!(old.to_string(), format!("blobs/{}/{digest}", &digest.to_string()[3..5]));
         for other in
             ["", "blobs/ab/notes.txt", &format!("elsewhere/{digest}"), &format!("{first}.x"), &format!("{first}/")]

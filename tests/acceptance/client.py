@@ -21,7 +21,7 @@ import time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 # Types of content that the generator does not know, all of which are bytes to it.
-BYTES = ("application/vnd.wavelume.material", "image/png", "application/x-ndjson")
+BYTES = ("application/vnd.wavelume.material", "image/png", "application/x-ndjson", "application/offset+octet-stream")
 
 
 def generate(binary, directory):

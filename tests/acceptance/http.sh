@@ -47,6 +47,23 @@ again=$(call -H 'Content-Encoding: gzip' --data-binary "@$scratch/lamp.gz" "$bas
 is "gzip upload" "$again" "$id"
 call "$base/v1/measurements/$id/content" | cmp -s - "$lamp" || fail "the original bytes differ"
 
+# The same file in two parts, by the protocol of resumable uploads.
+tus=(-H 'Tus-Resumable: 1.0.0' -H 'Content-Type: application/offset+octet-stream')
+size=$(wc -c <"$lamp")
+location=$(call -D - -o /dev/null -X POST -H 'Tus-Resumable: 1.0.0' -H "Upload-Length: $size" "$base/v1/uploads" |
+  tr -d '\r' | sed -n 's/^location: //p')
+head -c 1000 "$lamp" >"$scratch/part-1"
+tail -c +1001 "$lamp" >"$scratch/part-2"
+is "first part" "$(status -X PATCH "${tus[@]}" -H 'Upload-Offset: 0' --data-binary "@$scratch/part-1" "$base$location")" 204
+is "first part again" "$(status -X PATCH "${tus[@]}" -H 'Upload-Offset: 0' --data-binary "@$scratch/part-1" "$base$location")" 409
+is "second part" "$(status -X PATCH "${tus[@]}" -H 'Upload-Offset: 1000' --data-binary "@$scratch/part-2" "$base$location")" 204
+is "upload used" "$(call -X POST "$base/v1/measurements?upload=${location##*/}" | field id)" "$id"
+
+# A material made elsewhere, twice.
+"$binary" compress "$lamp" -o "$scratch/lamp.wlm" --er-l2 0.02 >/dev/null 2>&1 || fail "compress"
+is "material of elsewhere" "$(status --data-binary "@$scratch/lamp.wlm" "$base/v1/materials?tags=elsewhere")" 201
+is "material of elsewhere again" "$(status --data-binary "@$scratch/lamp.wlm" "$base/v1/materials")" 200
+
 # A job to its end.
 job=$(call -H 'Content-Type: application/json' -d "{\"measurement\":\"$id\",\"target\":{\"er_l2\":0.01}}" "$base/v1/jobs" | field id)
 for _ in $(seq 300); do

@@ -9,8 +9,10 @@ mod hostile;
 #[cfg(target_os = "linux")]
 mod isolation;
 mod jobs;
+mod made_elsewhere;
 mod nodes;
 mod queries;
+mod resumable;
 mod state;
 mod streams;
 mod uploads;

@@ -58,19 +58,22 @@ async fn prepare(config: &ServeConfig) {
     Archive::migrate(site, false).await.unwrap();
 }
 
-/// Returns the places of the stored objects whose digests begin so: paths, or addresses in the S3 server.
+/// Returns the places of the stored objects whose digests, or the ids of whose uploads, begin so: paths, or addresses
+/// in the S3 server.
 pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
     let mut found = Vec::new();
     if let Some(wavelume::Place::S3 { bucket, prefix }) = config(data).work.site.store {
         let base = format!("{}/{bucket}", std::env::var("AWS_ENDPOINT_URL").unwrap());
-        let list = format!("{base}?list-type=2&prefix={prefix}/blobs/");
+        let list = format!("{base}?list-type=2&prefix={prefix}/");
         let list = Client::new().get(list).send().await.unwrap().text().await.unwrap();
         let keys = list.split("<Key>").skip(1).map(|rest| rest.split("</Key>").next().unwrap());
         found.extend(keys.map(|key| format!("{base}/{key}")));
     } else {
-        let mut folders = vec![data.join("blobs")];
+        let mut folders = vec![data.join("blobs"), data.join("uploads")];
         while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).unwrap() {
+            // No upload has begun.
+            let Ok(entries) = std::fs::read_dir(folder) else { continue };
+            for entry in entries {
                 let path = entry.unwrap().path();
                 if path.is_dir() { folders.push(path) } else { found.push(path.to_str().unwrap().to_owned()) }
             }

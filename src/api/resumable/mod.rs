@@ -1,0 +1,289 @@
+//! `/v1/uploads`: uploads that a client may continue after a break, by the protocol tus 1.0 (<https://tus.io>).
+//!
+//! Each request with bytes makes one object of the store, under the name of the upload and its number. So any node
+//! continues what another began, and a break loses at most what its node had not stored. The complete upload is used by
+//! `POST /v1/measurements?upload=…` or `POST /v1/materials?upload=…`, which reads the parts as if they were the body of
+//! that request.
+
+mod checksum;
+mod headers;
+mod part;
+mod refusals;
+mod used;
+
+pub(super) use used::{receive, upload_parameter};
+
+use super::extract::{Id32, linger};
+use super::places::Peer;
+use super::problem::{Kind, Problem};
+use super::schemas::{Binary, TusVersion, UploadIdText};
+use super::state::App;
+use crate::catalog::{Begun, Partial};
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use headers::{DEFER_LENGTH, EXPIRES, LENGTH, MAX_SIZE, METADATA, OFFSET, RESUMABLE, VERSION};
+use refusals::{absent, expired, locked};
+use std::time::{Duration, UNIX_EPOCH};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// Version of the protocol tus that is spoken here.
+const SPOKEN: &str = "1.0.0";
+
+/// Extensions of the protocol that are spoken here.
+const EXTENSIONS: &str = "creation,creation-with-upload,creation-defer-length,termination,expiration,checksum";
+
+/// HTTP routes of resumable uploads.
+pub(crate) fn routes() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(upload_options, create_upload))
+        .routes(routes!(get_upload_offset, append_upload, delete_upload, override_upload))
+        .route_layer(axum::middleware::from_fn(protocol))
+}
+
+/// Middleware that refuses other versions of the protocol and states the version in every answer.
+async fn protocol(request: Request, next: Next) -> Response {
+    let spoken = request.headers().get(RESUMABLE).map(|value| value == SPOKEN);
+    let mut response = if request.method() == Method::OPTIONS || spoken == Some(true) {
+        next.run(request).await
+    } else {
+        let found = request.headers().get(RESUMABLE).and_then(|value| value.to_str().ok()).unwrap_or("none").to_owned();
+        linger(request).await;
+        let detail = format!("found Tus-Resumable {found}, expected {SPOKEN}");
+        Problem::new(Kind::UnknownVersion, detail).with(VERSION, SPOKEN).into_response()
+    };
+    response.headers_mut().insert(RESUMABLE, HeaderValue::from_static(SPOKEN));
+    response
+}
+
+/// Get the version, extensions and limits of the protocol of resumable uploads.
+#[utoipa::path(
+    options, path = "/v1/uploads", tag = "uploads",
+    responses((status = 204, description = "The protocol, in headers", headers(
+        ("Tus-Resumable" = String, description = "Version of the protocol"),
+        ("Tus-Version" = String, description = "Versions that are spoken"),
+        ("Tus-Extension" = String, description = "Extensions that are spoken"),
+        ("Tus-Max-Size" = u64, description = "Upper bound on the size of an upload in bytes"),
+        ("Tus-Checksum-Algorithm" = String, description = "Names of the checksums that are known"),
+    )))
+)]
+async fn upload_options(State(app): State<App>) -> Response {
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    let headers = response.headers_mut();
+    headers.insert(VERSION, HeaderValue::from_static(SPOKEN));
+    headers.insert(HeaderName::from_static("tus-extension"), HeaderValue::from_static(EXTENSIONS));
+    headers.insert(HeaderName::from_static("tus-checksum-algorithm"), HeaderValue::from_static(checksum::NAMES));
+    headers.insert(MAX_SIZE, app.engine.limits.upload_bytes.into());
+    response
+}
+
+/// Begin a resumable upload, with or without its first bytes.
+///
+/// The bytes are sent by `PATCH` to the `Location` of the answer, in any number of requests. The complete upload
+/// becomes a measurement by `POST /v1/measurements?upload=ID`, or a material by `POST /v1/materials?upload=ID`.
+#[utoipa::path(
+    post, path = "/v1/uploads", tag = "uploads",
+    params(
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("Upload-Length" = Option<u64>, Header, description = "Size of the whole upload in bytes"),
+        ("Upload-Defer-Length" = Option<u8>, Header, description = "1, if the size will be stated by a later request"),
+        ("Upload-Metadata" = Option<String>, Header, description = "Pairs of a name and a text in Base64, separated by commas; `filename` becomes the name of the file"),
+    ),
+    request_body(content = Option<Binary>, content_type = "application/offset+octet-stream", description = "The first bytes; may be empty"),
+    responses((status = 201, description = "Begun", headers(
+        ("Location" = String, description = "The upload"),
+        ("Upload-Offset" = u64, description = "Number of bytes received"),
+        ("Upload-Expires" = String, description = "Time at which the upload expires"),
+    )))
+)]
+async fn create_upload(State(app): State<App>, peer: Peer, request: Request) -> Result<Response, Problem> {
+    let first =
+        if headers::has_bytes(request.headers()) { headers::asked(request.headers()).map(Some) } else { Ok(None) };
+    let begun = match first {
+        Ok(first) => begin(&app, peer, request.headers()).await.map(|begun| (begun, first)),
+        Err(problem) => Err(problem),
+    };
+    let (begun, first) = match begun {
+        Ok(begun) => begun,
+        Err(problem) => {
+            linger(request).await;
+            return Err(problem);
+        }
+    };
+    let location = HeaderValue::from_str(&format!("/v1/uploads/{}", begun.id)).ok();
+    let partial = match first {
+        Some(asked) => {
+            let asked = part::Asked { offset: 0, length: None, ..asked };
+            part::append(&app, peer, begun.id, asked, request.into_body()).await?
+        }
+        None => begun,
+    };
+    let mut response = StatusCode::CREATED.into_response();
+    response.headers_mut().extend(location.map(|value| (header::LOCATION, value)));
+    progress(&partial, response.headers_mut());
+    Ok(response)
+}
+
+async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Problem> {
+    let most = app.engine.limits.upload_bytes;
+    let length = headers::length_to_begin(headers)?;
+    if let Some(length) = length.filter(|length| *length > most) {
+        return Err(Problem::new(Kind::TooLarge, format!("an upload of {length} bytes, expected at most {most}")));
+    }
+    let metadata = headers::metadata(headers)?;
+    let limits = &app.engine.limits;
+    match app.engine.begin_partial(peer.to_string(), length, metadata).await? {
+        Begun::Now(partial) => Ok(partial),
+        Begun::TooMany(true) => {
+            let most = limits.partial_uploads_each;
+            let detail = format!("{peer} has begun {most} uploads and not used them; use or delete one of them first");
+            Err(Problem::new(Kind::TooManyAtOnce, detail))
+        }
+        Begun::TooLarge(true) => {
+            let most = limits.partial_bytes_each;
+            let detail =
+                format!("the unused uploads of {peer} may have {most} bytes together; use or delete one of them first");
+            Err(Problem::new(Kind::TooManyAtOnce, detail))
+        }
+        Begun::TooMany(false) => {
+            let detail = format!("{} uploads have begun and are not used; try again later", limits.partial_uploads);
+            Err(Problem::new(Kind::Overloaded, detail))
+        }
+        Begun::TooLarge(false) => {
+            let detail =
+                format!("all unused uploads may have {} bytes together; try again later", limits.partial_bytes);
+            Err(Problem::new(Kind::Overloaded, detail))
+        }
+    }
+}
+
+/// Get the number of bytes that a resumable upload has received. Waits a few seconds if a request is writing.
+#[utoipa::path(
+    head, path = "/v1/uploads/{id}", tag = "uploads",
+    params(
+        ("id" = UploadIdText, Path, description = "Its id"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+    ),
+    responses((status = 200, description = "The progress, in headers", headers(
+        ("Upload-Offset" = u64, description = "Number of bytes received"),
+        ("Upload-Length" = u64, description = "Size of the whole upload in bytes, if it is known"),
+        ("Upload-Defer-Length" = u8, description = "1, if the size is not known"),
+        ("Upload-Metadata" = String, description = "As sent with the beginning"),
+        ("Upload-Expires" = String, description = "Time at which the upload expires"),
+    )))
+)]
+async fn get_upload_offset(State(app): State<App>, Id32(id): Id32) -> Result<Response, Problem> {
+    let partial = app.engine.settled_partial(&id).await?.ok_or_else(|| absent(&id))?;
+    if partial.is_expired {
+        return Err(expired(&id));
+    }
+    if partial.is_held {
+        return Err(locked(&id));
+    }
+    let mut response = StatusCode::OK.into_response();
+    let headers = response.headers_mut();
+    match partial.length {
+        Some(length) => headers.insert(LENGTH, length.into()),
+        None => headers.insert(DEFER_LENGTH, HeaderValue::from_static("1")),
+    };
+    if !partial.metadata.is_empty() {
+        headers.extend(HeaderValue::from_str(&partial.metadata).ok().map(|value| (METADATA, value)));
+    }
+    progress(&partial, headers);
+    Ok(response)
+}
+
+/// Send bytes to a resumable upload. If the connection breaks, the bytes that arrived are kept.
+#[utoipa::path(
+    patch, path = "/v1/uploads/{id}", tag = "uploads",
+    params(
+        ("id" = UploadIdText, Path, description = "Its id"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("Upload-Offset" = u64, Header, description = "Number of bytes that the upload has received before"),
+        ("Upload-Length" = Option<u64>, Header, description = "Size of the whole upload, if it was not stated before"),
+        ("Upload-Checksum" = Option<String>, Header, description = "`sha1` or `sha256` and the checksum of this body in Base64; a body with another one is discarded"),
+    ),
+    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "The next bytes"),
+    responses((status = 204, description = "Received", headers(
+        ("Upload-Offset" = u64, description = "Number of bytes received"),
+        ("Upload-Expires" = String, description = "Time at which the upload expires"),
+    )))
+)]
+async fn append_upload(
+    State(app): State<App>,
+    peer: Peer,
+    Id32(id): Id32,
+    request: Request,
+) -> Result<Response, Problem> {
+    append(&app, peer, id, request).await
+}
+
+async fn append(app: &App, peer: Peer, id: String, request: Request) -> Result<Response, Problem> {
+    let asked = match headers::asked(request.headers()) {
+        Ok(asked) => asked,
+        Err(problem) => {
+            linger(request).await;
+            return Err(problem);
+        }
+    };
+    let partial = part::append(app, peer, id, asked, request.into_body()).await?;
+    let mut response = StatusCode::NO_CONTENT.into_response();
+    progress(&partial, response.headers_mut());
+    Ok(response)
+}
+
+/// Delete a resumable upload. The next clean-up of the store removes its bytes.
+#[utoipa::path(
+    delete, path = "/v1/uploads/{id}", tag = "uploads",
+    params(
+        ("id" = UploadIdText, Path, description = "Its id"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+    ),
+    responses((status = 204, description = "Gone"))
+)]
+async fn delete_upload(State(app): State<App>, Id32(id): Id32) -> Result<StatusCode, Problem> {
+    delete(&app, &id).await
+}
+
+async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
+    if app.engine.end_partial(id).await? { Ok(StatusCode::NO_CONTENT) } else { Err(absent(id)) }
+}
+
+/// Send bytes to a resumable upload, or delete it, from a network that only passes `POST`: the header
+/// `X-HTTP-Method-Override` names `PATCH` or `DELETE`.
+#[utoipa::path(
+    post, path = "/v1/uploads/{id}", tag = "uploads",
+    params(
+        ("id" = UploadIdText, Path, description = "Its id"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("X-HTTP-Method-Override" = String, Header, description = "`PATCH` or `DELETE`"),
+        ("Upload-Offset" = Option<u64>, Header, description = "As for `PATCH`"),
+    ),
+    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "As for `PATCH`"),
+    responses((status = 204, description = "As for the method that is named"))
+)]
+async fn override_upload(
+    State(app): State<App>,
+    peer: Peer,
+    Id32(id): Id32,
+    request: Request,
+) -> Result<Response, Problem> {
+    match request.headers().get("x-http-method-override").map(HeaderValue::as_bytes) {
+        Some(b"PATCH") => append(&app, peer, id, request).await,
+        Some(b"DELETE") => delete(&app, &id).await.map(IntoResponse::into_response),
+        _ => {
+            linger(request).await;
+            Err(Problem::new(Kind::BadHeader, "X-HTTP-Method-Override: expected PATCH or DELETE"))
+        }
+    }
+}
+
+/// Writes the headers that say how far an upload is.
+fn progress(partial: &Partial, headers: &mut HeaderMap) {
+    headers.insert(OFFSET, partial.received.into());
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    let expires = UNIX_EPOCH + Duration::from_millis(partial.expires_ms.max(0) as u64);
+    headers.extend(HeaderValue::from_str(&httpdate::fmt_http_date(expires)).ok().map(|value| (EXPIRES, value)));
+}
