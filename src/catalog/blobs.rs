@@ -274,7 +274,7 @@ impl Catalog {
         let rows = sqlx::query(self.sql(
             "WITH due AS MATERIALIZED (SELECT object FROM doomed WHERE not_before <= {now} \
              ORDER BY not_before LIMIT $1{skip}) UPDATE doomed SET not_before = {now} + $2, tries = tries + 1 \
-             WHERE object IN (SELECT object FROM due) RETURNING object, bytes",
+             WHERE object {among SELECT object FROM due} RETURNING object, bytes",
         ))
         .bind(i64::from(most))
         .bind(time.as_millis() as i64)
@@ -303,7 +303,7 @@ impl Catalog {
     pub(crate) async fn deleted(&self, objects: &[Object]) -> Result<(), CatalogError> {
         let names: Vec<String> = objects.iter().map(Object::to_string).collect();
         let _turn = self.turn().await;
-        sqlx::query(self.sql("DELETE FROM doomed WHERE object IN ({each $1})"))
+        sqlx::query(self.sql("DELETE FROM doomed WHERE object {among $1}"))
             .bind(serde_json::json!(names).to_string())
             .execute(&self.pool)
             .await?;

@@ -9,6 +9,7 @@ use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
 use sqlx::{Any, AnyConnection, AnyPool, ConnectOptions, Connection, Executor, Row, SqlStr, Transaction};
 use std::str::FromStr;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 use tokio::sync::{Mutex, OwnedMutexGuard};
 
@@ -22,6 +23,8 @@ pub(crate) struct Catalog {
     /// handler.
     turn: Arc<Mutex<()>>,
     pub(super) readiness: Arc<Readiness>,
+    /// Number of jobs that this process may queue before it counts the waiting ones.
+    pub(super) room: Arc<AtomicU64>,
 }
 
 /// A write transaction of the catalog, which changes nothing unless it is committed.
@@ -91,7 +94,7 @@ impl Catalog {
             .connect_with(options)
             .await?;
         let readiness = Arc::new(Readiness::new(url));
-        Ok(Self { pool, place: place.clone(), dialect, turn: Arc::default(), readiness })
+        Ok(Self { pool, place: place.clone(), dialect, turn: Arc::default(), readiness, room: Arc::default() })
     }
 
     /// Closes all connections to the catalog's database.
@@ -125,6 +128,11 @@ impl Catalog {
         self.readiness.wrote();
         let now = sqlx::query(self.sql("SELECT {now}")).fetch_one(&mut *transaction).await?.try_get(0)?;
         Ok(Write { transaction, dialect: self.dialect, now, _turn: turn })
+    }
+
+    /// Begins a transaction that reads a page of a list.
+    pub(super) async fn list(&self) -> Result<Transaction<'static, Any>, CatalogError> {
+        Ok(self.pool.begin_with(self.dialect.begin_list()).await?)
     }
 
     /// Runs a whole database operation, and repeats it after a short pause if another transaction was in its way or its

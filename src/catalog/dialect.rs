@@ -45,11 +45,24 @@ impl Dialect {
         }
     }
 
+    /// SQL statement that begins a transaction which reads a list. On PostgreSQL its queries may sort, and are planned
+    /// for the filters at hand: a rare one is looked up in an index of its own, a common one is met soon on the way
+    /// along the list.
+    pub(super) fn begin_list(self) -> &'static str {
+        match self {
+            Self::Sqlite => "BEGIN",
+            Self::Postgres => {
+                "BEGIN READ ONLY; SET LOCAL enable_sort = on; SET LOCAL plan_cache_mode = force_custom_plan"
+            }
+        }
+    }
+
     /// Returns `text` with its marks replaced by the SQL of this kind of database. `{now}` is the database's clock in
     /// ms of the Unix epoch, which workers on several hosts share. `{lock}` locks the rows of a query until the
     /// transaction ends; `{skip}` does so but leaves out rows that another transaction has locked. `{greater}` is the
     /// function that returns the greater of two numbers. `{each $n}` is a query for the texts in parameter n, a JSON
-    /// array.
+    /// array. `{among $n}` and `{among SELECT …}` are the condition that a column is one of such texts or of the texts
+    /// of a query; on PostgreSQL they are looked up in an index of the column, also without statistics.
     pub(super) fn sql(self, text: &'static str) -> SqlStr {
         if !text.contains('{') {
             return text.into_sql_str();
@@ -63,18 +76,28 @@ impl Dialect {
                 (Self::Sqlite, "now") => {
                     out.push_str("CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)");
                 }
-                (Self::Postgres, "now") => out.push_str("CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)"),
+                (Self::Postgres, "now") => {
+                    out.push_str("CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)")
+                }
                 (Self::Postgres, "lock") => out.push_str(" FOR UPDATE"),
                 (Self::Postgres, "skip") => out.push_str(" FOR UPDATE SKIP LOCKED"),
                 (Self::Sqlite, "greater") => out.push_str("MAX"),
                 (Self::Postgres, "greater") => out.push_str("GREATEST"),
                 (_, mark) => {
                     if let Some(parameter) = mark.strip_prefix("each ") {
+                        self.each(&mut out, parameter);
+                    } else if let Some(query) = mark.strip_prefix("among ") {
                         let (before, after) = match self {
-                            Self::Sqlite => ("SELECT value FROM json_each(", ")"),
-                            Self::Postgres => ("SELECT value FROM json_array_elements_text(CAST(", " AS json))"),
+                            Self::Sqlite => ("IN (", ")"),
+                            Self::Postgres => ("= ANY (ARRAY(", "))"),
                         };
-                        out.extend([before, parameter, after]);
+                        out.push_str(before);
+                        if query.starts_with('$') {
+                            self.each(&mut out, query)
+                        } else {
+                            out.push_str(query)
+                        }
+                        out.push_str(after);
                     }
                 }
             }
@@ -82,6 +105,15 @@ impl Dialect {
         }
         out.push_str(rest);
         AssertSqlSafe(out).into_sql_str()
+    }
+
+    /// Appends a query for the texts in a parameter, a JSON array.
+    fn each(self, out: &mut String, parameter: &str) {
+        let (before, after) = match self {
+            Self::Sqlite => ("SELECT value FROM json_each(", ")"),
+            Self::Postgres => ("SELECT value FROM json_array_elements_text(CAST(", " AS json))"),
+        };
+        out.extend([before, parameter, after]);
     }
 
     /// Returns true if a failed database operation may succeed when it is tried again at once: another transaction was
@@ -111,12 +143,22 @@ mod tests {
         let text = "SELECT {greater}(a, {now}) FROM t WHERE id IN ({each $2}){skip}";
         assert_eq!(
             Dialect::Postgres.sql(text).as_str(),
-            "SELECT GREATEST(a, CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000 AS BIGINT)) FROM t WHERE id IN \
+            "SELECT GREATEST(a, CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)) FROM t WHERE id IN \
              (SELECT value FROM json_array_elements_text(CAST($2 AS json))) FOR UPDATE SKIP LOCKED"
         );
         let sqlite = Dialect::Sqlite.sql(text);
         let sqlite = sqlite.as_str();
         assert!(sqlite.ends_with("id IN (SELECT value FROM json_each($2))") && sqlite.contains("MAX(a, CAST(ROUND("));
         assert_eq!(Dialect::Sqlite.sql("SELECT 1").as_str(), "SELECT 1");
+        let text = "DELETE FROM t WHERE a {among $1} AND b {among SELECT b FROM old}";
+        assert_eq!(
+            Dialect::Postgres.sql(text).as_str(),
+            "DELETE FROM t WHERE a = ANY (ARRAY(SELECT value FROM json_array_elements_text(CAST($1 AS json)))) AND b = \
+             ANY (ARRAY(SELECT b FROM old))"
+        );
+        assert_eq!(
+            Dialect::Sqlite.sql(text).as_str(),
+            "DELETE FROM t WHERE a IN (SELECT value FROM json_each($1)) AND b IN (SELECT b FROM old)"
+        );
     }
 }

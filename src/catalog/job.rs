@@ -98,6 +98,8 @@ pub(crate) struct Claimed {
     /// Number of attempts to run the job so far, including the attempt for which the worker has just claimed it.
     /// Attempts whose worker vanished or was stopped do not count.
     pub attempts: u32,
+    /// True if somebody follows the job, so that its progress is to be stored often.
+    pub watched: bool,
 }
 
 /// Answer of the catalog to a worker that renews its lease on a job.

@@ -4,7 +4,7 @@ use super::blobs::unname;
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, digest};
 use super::measurements::Deleted;
-use super::page::{Cursor, Page, pattern};
+use super::page::{Cursor, Page, filtered, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use serde_json::{Map, Value, json};
@@ -98,26 +98,40 @@ impl Catalog {
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
-        let rows = sqlx::query(concat!(
-            "SELECT ",
-            columns!(),
-            " FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2) \
-             AND ($3 IS NULL OR quantity = $3) \
-             AND ($4 IS NULL OR EXISTS (SELECT 1 FROM material_sources s \
-                  WHERE s.tenant = m.tenant AND s.material = m.id AND s.measurement = $4)) \
-             AND ($5 IS NULL OR EXISTS (SELECT 1 FROM material_tags t \
-                  WHERE t.tenant = m.tenant AND t.material = m.id AND t.tag = $5)) \
-             AND ($6 IS NULL OR search LIKE $6 ESCAPE '\\') ORDER BY created_at DESC, id DESC LIMIT $7"
-        ))
-        .bind(after.created_at)
-        .bind(after.id)
-        .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
-        .bind(filter.measurement.map(|digest| digest.to_string()))
-        .bind(filter.tag.clone())
-        .bind(filter.q.as_deref().map(pattern))
-        .bind(limit as i64 + 1)
-        .fetch_all(&self.pool)
-        .await?;
+        let statement = filtered(
+            concat!(
+                "SELECT ",
+                columns!(),
+                " FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
+            ),
+            &[
+                (filter.quantity.is_some(), "quantity = $3"),
+                (
+                    filter.measurement.is_some(),
+                    "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = 'default' AND s.material = m.id \
+                     AND s.measurement = $4)",
+                ),
+                (
+                    filter.tag.is_some(),
+                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = 'default' AND t.material = m.id \
+                     AND t.tag = $5)",
+                ),
+                (filter.q.is_some(), "search LIKE $6 ESCAPE '\\'"),
+            ],
+            " ORDER BY created_at DESC, id DESC LIMIT $7",
+        );
+        let mut list = self.list().await?;
+        let rows = sqlx::query(statement)
+            .bind(after.created_at)
+            .bind(after.id)
+            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
+            .bind(filter.measurement.map(|digest| digest.to_string()))
+            .bind(filter.tag.clone())
+            .bind(filter.q.as_deref().map(pattern))
+            .bind(limit as i64 + 1)
+            .fetch_all(&mut *list)
+            .await?;
+        list.commit().await?;
         let materials = self.read_materials(&rows).await?;
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
@@ -158,25 +172,24 @@ impl Catalog {
         }
         let ids = json!(materials.iter().map(|material| material.id.to_string()).collect::<Vec<_>>()).to_string();
         let at: HashMap<Digest, usize> = materials.iter().enumerate().map(|(at, material)| (material.id, at)).collect();
-        let tags = self.sql(
-            "SELECT material, tag FROM material_tags WHERE tenant = 'default' AND material IN ({each $1}) \
-             ORDER BY material, tag",
-        );
+        let tags = self.sql("SELECT material, tag FROM material_tags WHERE tenant = 'default' AND material {among $1}");
         for row in sqlx::query(tags).bind(ids.clone()).fetch_all(&self.pool).await? {
             let id: String = row.try_get(0)?;
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].tags.push(row.try_get(1)?);
             }
         }
-        let sources = self.sql(
-            "SELECT material, measurement FROM material_sources WHERE tenant = 'default' AND material IN ({each $1}) \
-             ORDER BY material, measurement",
-        );
+        let sources = self
+            .sql("SELECT material, measurement FROM material_sources WHERE tenant = 'default' AND material {among $1}");
         for row in sqlx::query(sources).bind(ids).fetch_all(&self.pool).await? {
             let (id, source): (String, String) = (row.try_get(0)?, row.try_get(1)?);
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].measurements.push(digest("materials", &id, &source)?);
             }
+        }
+        for material in &mut materials {
+            material.tags.sort_unstable();
+            material.measurements.sort_unstable();
         }
         Ok(materials)
     }

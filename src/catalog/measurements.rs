@@ -3,7 +3,7 @@
 use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
-use super::page::{Cursor, Page, pattern};
+use super::page::{Cursor, Page, filtered, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use sqlx::Row;
@@ -172,21 +172,30 @@ impl Catalog {
         limit: usize,
     ) -> Result<Page<MeasurementRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
-        let rows = sqlx::query(concat!(
-            "SELECT ",
-            columns!(),
-            " FROM measurements WHERE tenant = 'default' AND (created_at, id) < ($1, $2) \
-             AND ($3 IS NULL OR quantity = $3) AND ($4 IS NULL OR format = $4) \
-             AND ($5 IS NULL OR search LIKE $5 ESCAPE '\\') ORDER BY created_at DESC, id DESC LIMIT $6"
-        ))
-        .bind(after.created_at)
-        .bind(after.id)
-        .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
-        .bind(filter.format.clone())
-        .bind(filter.q.as_deref().map(pattern))
-        .bind(limit as i64 + 1)
-        .fetch_all(&self.pool)
-        .await?;
+        let statement = filtered(
+            concat!(
+                "SELECT ",
+                columns!(),
+                " FROM measurements WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
+            ),
+            &[
+                (filter.quantity.is_some(), "quantity = $3"),
+                (filter.format.is_some(), "format = $4"),
+                (filter.q.is_some(), "search LIKE $5 ESCAPE '\\'"),
+            ],
+            " ORDER BY created_at DESC, id DESC LIMIT $6",
+        );
+        let mut list = self.list().await?;
+        let rows = sqlx::query(statement)
+            .bind(after.created_at)
+            .bind(after.id)
+            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
+            .bind(filter.format.clone())
+            .bind(filter.q.as_deref().map(pattern))
+            .bind(limit as i64 + 1)
+            .fetch_all(&mut *list)
+            .await?;
+        list.commit().await?;
         let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }

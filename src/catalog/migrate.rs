@@ -5,6 +5,7 @@ use super::dialect::Dialect;
 use super::error::CatalogError;
 use super::examine::is_bytewise;
 use super::file::{is_hopeless, unusable, url};
+use super::indexes;
 use super::place::Database;
 use super::schema::{self, REBUILD, TUNING, VERSION};
 use sqlx::migrate::MigrateError;
@@ -14,6 +15,11 @@ use std::time::{Duration, Instant};
 
 /// Upper bound on the database connections of a maintenance command. Raising it lets more statements run at once.
 const FEW: u32 = 4;
+
+/// SQL settings of the PostgreSQL connection that changes the schema: as long as it takes, but no lock is waited for so
+/// long that the service behind it stands still.
+const UNHURRIED: &str =
+    "SET statement_timeout = 0; SET lock_timeout = '10s'; SET client_min_messages = warning; SET jit = off";
 
 /// Upper bound on the database connections of a service on SQLite, where one connection writes at a time. Raising it
 /// lets more statements read at once.
@@ -40,7 +46,10 @@ impl Catalog {
             }
         }
         catalog.check_locale().await?;
-        catalog.apply().await?;
+        match place {
+            Database::File(_) => catalog.apply(&mut *catalog.pool.acquire().await?).await?,
+            Database::Server(url) => catalog.apply_on_server(url, before).await?,
+        }
         let after = catalog.version().await?;
         catalog.check_schema().await?;
         catalog.name_instance().await?;
@@ -100,11 +109,30 @@ impl Catalog {
         )))
     }
 
-    async fn apply(&self) -> Result<(), CatalogError> {
+    /// Brings the schema of a PostgreSQL database up to date, on a connection of its own, because an index of a large
+    /// table takes longer than a statement of the service may.
+    async fn apply_on_server(&self, url: &str, before: i64) -> Result<(), CatalogError> {
+        let mut connection = AnyConnection::connect(url).await?;
+        connection.execute(UNHURRIED).await?;
+        // An empty database has no writers that an index could block.
+        let online = before >= REBUILD;
+        indexes::wait_for_turn(&mut connection).await?;
+        if online {
+            indexes::build(&mut connection).await?;
+        }
+        self.apply(&mut connection).await?;
+        for statement in TUNING {
+            connection.execute(statement).await?;
+        }
+        indexes::build_search(&mut connection, online).await?;
+        Ok(connection.close().await?)
+    }
+
+    async fn apply(&self, connection: &mut AnyConnection) -> Result<(), CatalogError> {
         // Two processes may start at once; the second finds the tables of the first and tries again.
         let migrations = schema::migrator();
         let (mut tries, start) = (0, Instant::now());
-        while let Err(error) = migrations.run(&self.pool).await {
+        while let Err(error) = migrations.run(&mut *connection).await {
             tries += 1;
             let last = tries == 10;
             match error {
@@ -116,11 +144,6 @@ impl Catalog {
                 other => return Err(other.into()),
             }
             tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-        if self.dialect == Dialect::Postgres {
-            for statement in TUNING {
-                self.pool.execute(statement).await?;
-            }
         }
         Ok(())
     }
@@ -275,7 +298,7 @@ mod tests {
                 assert!(error.contains("--i-have-a-backup"), "{error}");
             }
             let (catalog, applied) = Catalog::migrate(&place, true).await.unwrap();
-            assert_eq!(applied, 1);
+            assert_eq!(applied as i64, VERSION - 1);
             for (table, rows) in [
                 ("measurements", 2),
                 ("materials", 1),

@@ -12,6 +12,7 @@ mod error;
 mod examine;
 mod facts;
 mod file;
+mod indexes;
 mod job;
 #[cfg(test)]
 mod job_tests;
@@ -25,6 +26,8 @@ mod partial;
 #[cfg(test)]
 mod partial_tests;
 mod place;
+#[cfg(test)]
+mod plan_tests;
 mod priority;
 mod queue;
 #[cfg(test)]
@@ -131,9 +134,33 @@ pub(crate) mod testing {
         }
     }
 
+    /// Fills an empty catalog on PostgreSQL with many rows, after the SQL statements `before`.
+    pub(crate) async fn fill(place: &Database, jobs: u32, materials: u32, before: &str) {
+        let Database::Server(url) = place else { panic!("{place}") };
+        let mut connection = AnyConnection::connect(url).await.unwrap();
+        connection.execute(sqlx::AssertSqlSafe(before.to_owned())).await.unwrap();
+        let text = include_str!("../../tests/benches/fill.sql");
+        let text = text.replace(":jobs", &jobs.to_string()).replace(":materials", &materials.to_string());
+        connection.execute(sqlx::AssertSqlSafe(text)).await.unwrap();
+        connection.close().await.unwrap();
+    }
+
     /// Lets all announcements of objects that are being written expire now.
     pub(crate) async fn expire_intents(catalog: &Catalog) {
         sqlx::query("UPDATE intents SET expires_at = 0").execute(&catalog.pool).await.unwrap();
+    }
+
+    /// Makes times of hours seconds: an announcement lasts for 1 s, an object is deleted 2 s after its announcement has
+    /// expired, and 1 s after another one took its place or its removal has failed.
+    pub(crate) async fn hurry(catalog: &Catalog) {
+        for statement in [
+            "UPDATE intents SET expires_at = {now} + 1000 WHERE expires_at > {now} + 60000",
+            "UPDATE doomed SET not_before = {now} + CASE WHEN not_before > {now} + 43200000 THEN 2000 ELSE 1000 END \
+             WHERE not_before > {now} + 60000",
+        ] {
+            let _turn = catalog.turn().await;
+            sqlx::query(catalog.sql(statement)).execute(&catalog.pool).await.unwrap();
+        }
     }
 
     /// Returns the number of rows of a table of the catalog.

@@ -1,5 +1,6 @@
 //! Pages of a list, newest first. A cursor is the position after the last row seen, so that new rows shift nothing.
 
+use sqlx::{AssertSqlSafe, SqlSafeStr, SqlStr};
 use std::fmt;
 use std::str::FromStr;
 
@@ -59,6 +60,17 @@ impl FromStr for Cursor {
         }
         Ok(Self { created_at, id: id.to_owned() })
     }
+}
+
+/// Returns the statement of a list: `start`, those conditions whose filter is given, and `end`. A filter that is not
+/// given leaves no trace in the statement, so that the database can choose an index for the others.
+pub(super) fn filtered(start: &'static str, conditions: &[(bool, &'static str)], end: &'static str) -> SqlStr {
+    let mut text = start.to_owned();
+    for (_, condition) in conditions.iter().filter(|(given, _)| *given) {
+        text.extend([" AND ", condition]);
+    }
+    text.push_str(end);
+    AssertSqlSafe(text).into_sql_str()
 }
 
 /// Returns the pattern with which SQL's `LIKE … ESCAPE '\'` finds `text`, in lower case, as a substring.

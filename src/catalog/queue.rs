@@ -18,6 +18,23 @@ const LEVEL: i64 = 1;
 /// Upper bound on the number of jobs taken back from vanished workers at once. Raising it makes one transaction longer.
 const REAPED: i64 = 100;
 
+/// SQL statement that takes running jobs back from the workers that meet a condition.
+macro_rules! lost {
+    ($condition:literal) => {
+        concat!(
+            "WITH lost AS MATERIALIZED (SELECT id FROM jobs WHERE state = 'running' AND ",
+            $condition,
+            " LIMIT $4{skip}) UPDATE jobs SET state = CASE WHEN cancel_requested <> 0 THEN 'cancelled' \
+             WHEN lost + 1 >= $1 THEN 'dead' ELSE 'queued' END, \
+             needs = CASE WHEN cancel_requested <> 0 OR lost + 1 >= $1 THEN NULL ELSE needs END, \
+             problem = CASE WHEN cancel_requested = 0 AND lost + 1 >= $1 THEN $2 ELSE problem END, \
+             lost = lost + 1, attempts = {greater}(attempts - 1, 0), epoch = epoch + 1, worker = NULL, \
+             lease_until = NULL, not_before = {now}, progress = 0.0, updated_at = {now} \
+             WHERE id {among SELECT id FROM lost} RETURNING id"
+        )
+    };
+}
+
 impl Catalog {
     /// Claims the next job of the queue for a worker, if there is one. Jobs whose ids are in `but` are left to other
     /// workers.
@@ -38,7 +55,8 @@ impl Catalog {
             "UPDATE jobs SET state = 'running', epoch = epoch + 1, attempts = attempts + 1, worker = $1, \
              lease_until = {now} + $2, progress = 0.0, updated_at = {now} WHERE id = (SELECT id FROM jobs \
              WHERE state = 'queued' AND not_before <= {now} AND level <= $3 AND id NOT IN ({each $4}) \
-             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, frame, epoch, attempts",
+             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, frame, epoch, attempts, \
+             CASE WHEN watched_until > {now} THEN 1 ELSE 0 END AS watched",
         ))
         .bind(worker.to_owned())
         .bind(lease.as_millis() as i64)
@@ -52,6 +70,7 @@ impl Catalog {
             frame: row.try_get("frame")?,
             epoch: row.try_get("epoch")?,
             attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
+            watched: row.try_get::<i64, _>("watched")? != 0,
         }))
     }
 
@@ -160,29 +179,33 @@ impl Catalog {
         most: u32,
         problem: &str,
     ) -> Result<Vec<String>, CatalogError> {
-        let running = sqlx::query("SELECT 1 FROM jobs WHERE state = 'running' LIMIT 1").fetch_optional(&self.pool);
-        if running.await?.is_none() {
-            return Ok(Vec::new());
+        let mut reaped = Vec::new();
+        // Look first, so that the many processes that reap do not disturb writers.
+        let late = "SELECT 1 FROM jobs WHERE state = 'running' AND lease_until <= {now} LIMIT 1";
+        if expired && sqlx::query(self.sql(late)).fetch_optional(&self.pool).await?.is_some() {
+            reaped = self.take_back(lost!("lease_until <= {now}"), &[], most, problem).await?;
         }
+        if !gone.is_empty() {
+            reaped.extend(self.take_back(lost!("worker {among $3}"), gone, most, problem).await?);
+        }
+        Ok(reaped)
+    }
+
+    async fn take_back(
+        &self,
+        statement: &'static str,
+        gone: &[String],
+        most: u32,
+        problem: &str,
+    ) -> Result<Vec<String>, CatalogError> {
         let _turn = self.turn().await;
-        let rows = sqlx::query(self.sql(
-            "WITH lost AS MATERIALIZED (SELECT id FROM jobs WHERE state = 'running' \
-             AND ((lease_until <= {now} AND $5 <> 0) OR worker IN ({each $3})) LIMIT $4{skip}) \
-             UPDATE jobs SET state = CASE WHEN cancel_requested <> 0 THEN 'cancelled' \
-             WHEN lost + 1 >= $1 THEN 'dead' ELSE 'queued' END, \
-             needs = CASE WHEN cancel_requested <> 0 OR lost + 1 >= $1 THEN NULL ELSE needs END, \
-             problem = CASE WHEN cancel_requested = 0 AND lost + 1 >= $1 THEN $2 ELSE problem END, \
-             lost = lost + 1, attempts = {greater}(attempts - 1, 0), epoch = epoch + 1, worker = NULL, \
-             lease_until = NULL, not_before = {now}, progress = 0.0, updated_at = {now} \
-             WHERE id IN (SELECT id FROM lost) RETURNING id",
-        ))
-        .bind(i64::from(most))
-        .bind(problem.to_owned())
-        .bind(serde_json::json!(gone).to_string())
-        .bind(REAPED)
-        .bind(i64::from(expired))
-        .fetch_all(&self.pool)
-        .await?;
+        let rows = sqlx::query(self.sql(statement))
+            .bind(i64::from(most))
+            .bind(problem.to_owned())
+            .bind(serde_json::json!(gone).to_string())
+            .bind(REAPED)
+            .fetch_all(&self.pool)
+            .await?;
         rows.iter().map(|row| Ok(row.try_get(0)?)).collect()
     }
 }

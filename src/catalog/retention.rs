@@ -66,7 +66,7 @@ impl Catalog {
         let rows = sqlx::query(write.sql(
             "WITH old AS MATERIALIZED (SELECT id FROM jobs WHERE state = $1 AND state NOT IN ('queued', 'running') \
              AND updated_at < $2 ORDER BY updated_at LIMIT $3{skip}) \
-             DELETE FROM jobs WHERE id IN (SELECT id FROM old) RETURNING report",
+             DELETE FROM jobs WHERE id {among SELECT id FROM old} RETURNING report",
         ))
         .bind(state)
         .bind(write.now.saturating_sub(age.as_millis() as i64))
@@ -85,8 +85,9 @@ impl Catalog {
     async fn forget_keys(&self, age: Duration) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let gone = sqlx::query(self.sql(
-            "DELETE FROM idempotency_keys WHERE (tenant, name) IN (SELECT tenant, name FROM idempotency_keys \
-             WHERE created_at < {now} - $1 ORDER BY created_at LIMIT $2)",
+            "WITH old AS MATERIALIZED (SELECT name FROM idempotency_keys WHERE tenant = 'default' \
+             AND created_at < {now} - $1 ORDER BY created_at LIMIT $2) \
+             DELETE FROM idempotency_keys WHERE tenant = 'default' AND name {among SELECT name FROM old}",
         ))
         .bind(age.as_millis() as i64)
         .bind(MOST)

@@ -5,9 +5,10 @@ use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
 /// File names and SQL texts of all schema migrations; the number in a name is the version that the database records.
-const FILES: [(&str, &str); 2] = [
+const FILES: [(&str, &str); 3] = [
     ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
     ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
+    ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
 ];
 
 /// Version of the database schema that this program works with: the number of the last migration.
@@ -24,6 +25,16 @@ pub(super) fn migrator() -> Migrator {
     migrator.set_ignore_missing(true);
     migrator
 }
+
+/// Returns the indexes that the migrations after the rebuild add, as the text between `CREATE INDEX IF NOT EXISTS` and
+/// the semicolon.
+pub(super) fn online_indexes() -> impl Iterator<Item = &'static str> {
+    let texts = FILES.iter().skip(REBUILD as usize);
+    texts.flat_map(|(_, text)| text.lines()).filter_map(|line| line.strip_prefix(INDEX)?.strip_suffix(';'))
+}
+
+/// Beginning of a line of a migration that adds an index.
+const INDEX: &str = "CREATE INDEX IF NOT EXISTS ";
 
 fn migration(name: &'static str, text: &'static str) -> Option<Migration> {
     let (number, description) = name.split_once('_')?;
@@ -42,6 +53,18 @@ pub(super) const TUNING: [&str; 3] = [
 mod tests {
     use super::*;
     use std::path::Path;
+
+    #[test]
+    fn each_later_index_is_one_line_that_may_be_repeated() {
+        for (name, text) in &FILES[REBUILD as usize..] {
+            let indexes = text.to_lowercase().matches("create index").count()
+                + text.to_lowercase().matches("create unique index").count();
+            let comments = text.lines().filter(|line| line.starts_with("--")).collect::<String>().to_lowercase();
+            let lines = text.lines().filter(|line| line.starts_with(INDEX) && line.ends_with(';')).count();
+            assert_eq!(indexes - comments.matches("create index").count(), lines, "{name}");
+        }
+        assert!(online_indexes().count() >= 5);
+    }
 
     #[test]
     fn every_file_of_the_folder_is_embedded_under_its_name() {

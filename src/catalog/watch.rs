@@ -45,7 +45,7 @@ const CHANNEL: &str = "wavelume";
 impl Catalog {
     /// Returns the state and progress of the jobs with the given ids, in one query for any number of jobs.
     pub(crate) async fn seen(&self, ids: &[String]) -> Result<Vec<Seen>, CatalogError> {
-        let rows = sqlx::query(self.sql("SELECT id, state, progress FROM jobs WHERE id IN ({each $1})"))
+        let rows = sqlx::query(self.sql("SELECT id, state, progress FROM jobs WHERE id {among $1}"))
             .bind(serde_json::json!(ids).to_string())
             .fetch_all(&self.pool)
             .await?;
@@ -59,9 +59,11 @@ impl Catalog {
     /// Asks the workers of the given jobs to store progress often, for the duration `time`.
     pub(crate) async fn watch(&self, ids: &[String], time: Duration) -> Result<(), CatalogError> {
         let _turn = self.turn().await;
-        sqlx::query(self.sql(
-            "UPDATE jobs SET watched_until = {now} + $2 WHERE id IN ({each $1}) AND state IN ('queued', 'running')",
-        ))
+        sqlx::query(
+            self.sql(
+                "UPDATE jobs SET watched_until = {now} + $2 WHERE id {among $1} AND state IN ('queued', 'running')",
+            ),
+        )
         .bind(serde_json::json!(ids).to_string())
         .bind(time.as_millis() as i64)
         .execute(&self.pool)

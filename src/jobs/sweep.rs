@@ -54,11 +54,16 @@ impl Archive {
     /// Removes unused files and old jobs by the ages in `limits`. If `now`, unused files are removed without their
     /// grace period, and a client that is reading one gets an error.
     pub(crate) async fn sweep_with(&self, limits: &Limits, now: bool) -> Result<SweepReport, ArchiveError> {
-        if !now {
-            return self.sweep_within(limits, &|| false).await;
-        }
-        self.catalog.end_grace().await?;
-        self.sweep_within(&Limits { grace: Duration::ZERO, ..limits.clone() }, &|| false).await
+        let mut report = if now {
+            self.catalog.end_grace().await?;
+            self.sweep_within(&Limits { grace: Duration::ZERO, ..limits.clone() }, &|| false).await?
+        } else {
+            self.sweep_within(limits, &|| false).await?
+        };
+        let counts = self.catalog.blob_counts().await?;
+        report.kept_blobs = counts.live;
+        (report.waiting_blobs, report.waiting_bytes) = (counts.doomed, counts.doomed_bytes);
+        Ok(report)
     }
 
     /// Removes old jobs by the default ages, and unused files without their grace period.
@@ -67,7 +72,8 @@ impl Archive {
         self.sweep_with(&Limits::default(), true).await
     }
 
-    /// Removes unused files and old jobs by the ages in `limits`, and ends early once `stopped` returns true.
+    /// Removes unused files and old jobs by the ages in `limits`, and ends early once `stopped` returns true. What is
+    /// left is not counted, because that reads every row about a stored file.
     pub(crate) async fn sweep_within(
         &self,
         limits: &Limits,
@@ -83,9 +89,6 @@ impl Archive {
         while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;
         self.delete(&mut report, stopped).await?;
-        let counts = self.catalog.blob_counts().await?;
-        report.kept_blobs = counts.live;
-        (report.waiting_blobs, report.waiting_bytes) = (counts.doomed, counts.doomed_bytes);
         Ok(report)
     }
 

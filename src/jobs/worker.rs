@@ -13,7 +13,7 @@ use super::watcher::listening;
 use crate::catalog::{Beat, CatalogError, Claimed, Dialect, Ended, Ending, JobState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::{MissedTickBehavior, interval, interval_at, sleep};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
@@ -179,12 +179,14 @@ async fn guard(
     mut running: tokio::task::JoinHandle<Result<Made, Failure>>,
     stop: &CancellationToken,
 ) -> Result<Result<Made, Failure>, Unfinished> {
-    let mut beats = interval(BEAT.min(engine.limits.lease / 3));
+    // The claim has set the lease: the first beat is due later.
+    let period = BEAT.min(engine.limits.lease / 3);
+    let mut beats = interval_at(tokio::time::Instant::now() + period, period);
     beats.set_missed_tick_behavior(MissedTickBehavior::Delay);
     // Thousands of workers at one database beat seldom, unless somebody looks.
     let has_one_writer = engine.archive.catalog.dialect() == Dialect::Sqlite;
-    let mut often = has_one_writer;
-    let mut last: Option<Instant> = None;
+    let mut often = has_one_writer || job.watched;
+    let mut last = Instant::now();
     let drained = async {
         stop.cancelled().await;
         sleep(engine.limits.drain).await;
@@ -200,10 +202,10 @@ async fn guard(
             }
             _ = beats.tick() => {
                 let watched = control.take_watched();
-                if !often && !watched && last.is_some_and(|last| last.elapsed() < engine.limits.lease / 3) {
+                if !often && !watched && last.elapsed() < engine.limits.lease / 3 {
                     continue;
                 }
-                last = Some(Instant::now());
+                last = Instant::now();
                 match engine.archive.catalog.beat(job, control.progress(), engine.limits.lease).await {
                     Ok(Beat::Yours(watched)) => often = watched || has_one_writer,
                     Ok(Beat::Cancel) => control.stop(),
