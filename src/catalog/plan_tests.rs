@@ -190,7 +190,7 @@ async fn work(on: &mut Explained) {
             bytes: 10,
             name: Some("lamp".to_owned()),
             tags: vec!["office".to_owned()],
-            measurement: lamp.id,
+            measurements: vec![lamp.id],
             document: serde_json::Map::new(),
         };
         let claim = publish(&catalog, new.id, 10).await;
@@ -206,7 +206,14 @@ async fn work(on: &mut Explained) {
     for round in 0..7 {
         let (id, key) = (format!("{} {round}", on.about), format!("{} {round}", on.about));
         let idempotency = Some((key, Digest::of(b"request")));
-        let new = NewJob { id, frame: "00".to_owned(), measurement: Some(lamp.id), share: share.clone(), idempotency };
+        let new = NewJob {
+            id,
+            frame: "00".to_owned(),
+            measurement: Some(lamp.id),
+            share: share.clone(),
+            idempotency,
+            priority: Priority::Usual,
+        };
         let queued = on.check("enqueue", on.most, false, catalog.enqueue(&new, 10_000)).await.unwrap();
         assert!(matches!(queued, Enqueued::New(_)));
     }
@@ -386,7 +393,14 @@ async fn plans_and_times_at_size() {
     for round in 0..1000 {
         let id = format!("enqueued {round}");
         let share = format!("10.0.0.{}", round % 50);
-        let new = NewJob { id, frame: "00".to_owned(), measurement: Some(lamp.id), share, idempotency: None };
+        let new = NewJob {
+            id,
+            frame: "00".to_owned(),
+            measurement: Some(lamp.id),
+            share,
+            idempotency: None,
+            priority: Priority::Usual,
+        };
         timed(&mut queued, catalog.enqueue(&new, 1_000_000)).await.unwrap();
     }
     tell("enqueue", queued);

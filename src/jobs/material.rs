@@ -6,7 +6,7 @@ use super::ingest::IngestError;
 use super::options::{LaterOptions, Options};
 use super::publish::Published;
 use super::request::{CompressKind, CompressRequest, check_names};
-use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, Uploaded};
+use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, Priority, Uploaded};
 use crate::compress::Target;
 use crate::domain::ErrorReport;
 use crate::pipeline::{
@@ -242,6 +242,7 @@ fn material(
         name: upload.name.clone(),
         licence: upload.licence.clone(),
         tags: upload.tags.clone(),
+        priority: Priority::default(),
     });
     let manifest = Manifest {
         // The digest repeats the id.
