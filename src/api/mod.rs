@@ -29,6 +29,8 @@ mod preview;
 mod problem;
 mod query;
 mod resumable;
+#[cfg(test)]
+mod rolling_tests;
 mod root;
 mod router;
 mod schemas;

@@ -5,6 +5,7 @@ use super::error::CatalogError;
 use super::file::{self, check};
 use super::lock::Readiness;
 use super::place::Database;
+use super::schema::{Edition, edition};
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
 use sqlx::{Any, AnyConnection, AnyPool, ConnectOptions, Connection, Executor, Row, SqlStr, Transaction};
 use std::str::FromStr;
@@ -19,6 +20,8 @@ pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
     pub(super) place: Database,
     pub(super) dialect: Dialect,
+    /// Schema and jobs that this program understands.
+    pub(super) edition: Edition,
     /// Lock that the writers of this process take in turn on SQLite. Waiting for it is fair, unlike SQLite's busy
     /// handler.
     turn: Arc<Mutex<()>>,
@@ -94,7 +97,8 @@ impl Catalog {
             .connect_with(options)
             .await?;
         let readiness = Arc::new(Readiness::new(url));
-        Ok(Self { pool, place: place.clone(), dialect, turn: Arc::default(), readiness, room: Arc::default() })
+        let (edition, turn, room) = (edition(), Arc::default(), Arc::default());
+        Ok(Self { pool, place: place.clone(), dialect, edition, turn, readiness, room })
     }
 
     /// Closes all connections to the catalog's database.

@@ -1,7 +1,6 @@
 //! Indexes of large tables on PostgreSQL, built while the service goes on writing.
 
 use super::error::CatalogError;
-use super::schema;
 use sqlx::{AnyConnection, AssertSqlSafe, Executor, Row};
 use std::time::Duration;
 
@@ -18,10 +17,13 @@ pub(super) async fn wait_for_turn(connection: &mut AnyConnection) -> Result<(), 
     Ok(())
 }
 
-/// Builds the indexes of all migrations that only add indexes, where they are missing, without blocking writers.
-pub(super) async fn build(connection: &mut AnyConnection) -> Result<(), CatalogError> {
-    drop_unfinished(connection).await?;
-    for index in schema::online_indexes() {
+/// Builds the indexes of one migration, where they are missing, without blocking writers. Each of `indexes` is the text
+/// after `CREATE INDEX IF NOT EXISTS`.
+pub(super) async fn build(
+    connection: &mut AnyConnection,
+    indexes: impl Iterator<Item = &'static str>,
+) -> Result<(), CatalogError> {
+    for index in indexes {
         create(connection, index, true).await?;
     }
     Ok(())
@@ -65,7 +67,7 @@ async fn create(connection: &mut AnyConnection, index: &str, online: bool) -> Re
 }
 
 /// Removes indexes whose build was broken off: PostgreSQL keeps them, and never uses them.
-async fn drop_unfinished(connection: &mut AnyConnection) -> Result<(), CatalogError> {
+pub(super) async fn drop_unfinished(connection: &mut AnyConnection) -> Result<(), CatalogError> {
     let unfinished = sqlx::query(
         "SELECT CAST(quote_ident(c.relname) AS TEXT) FROM pg_index i JOIN pg_class c ON c.oid = i.indexrelid \
          JOIN pg_namespace n ON n.oid = c.relnamespace WHERE NOT i.indisvalid AND n.nspname = current_schema()",

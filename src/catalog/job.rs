@@ -32,6 +32,8 @@ pub(crate) struct NewJob {
     pub id: String,
     /// Arguments of the job, encoded as a text for the queue.
     pub frame: String,
+    /// Lowest version of the arguments that a worker must understand.
+    pub level: i64,
     /// Id of the measurement that the job reads, if any.
     pub measurement: Option<Digest>,
     /// Priority of the job.

@@ -12,6 +12,7 @@ fn job(id: &str) -> NewJob {
     NewJob {
         id: id.to_owned(),
         frame: "00".to_owned(),
+        level: 1,
         measurement: Some(Digest::of(b"lamp")),
         priority: Priority::Usual,
         share: "somebody".to_owned(),

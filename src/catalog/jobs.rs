@@ -107,7 +107,7 @@ impl Catalog {
         let rank = rank(&mut write, &share, new.priority, cost).await?;
         let inserted = sqlx::query(
             "INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, not_before, created_at, \
-             updated_at, priority) VALUES ($1, 'default', $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7) \
+             updated_at, priority, level) VALUES ($1, 'default', $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7, $8) \
              ON CONFLICT (id) DO NOTHING",
         )
         .bind(new.id.clone())
@@ -117,6 +117,7 @@ impl Catalog {
         .bind(rank)
         .bind(write.now)
         .bind(i64::from(new.priority))
+        .bind(new.level)
         .execute(&mut *write.transaction)
         .await?;
         // A repetition after an answer that was lost finds the job that it has queued.

@@ -7,7 +7,7 @@ use super::examine::is_bytewise;
 use super::file::{is_hopeless, unusable, url};
 use super::indexes;
 use super::place::Database;
-use super::schema::{self, REBUILD, TUNING, VERSION};
+use super::schema::{REBUILD, TUNING};
 use sqlx::migrate::MigrateError;
 use sqlx::{AnyConnection, Connection, Executor, Row};
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ impl Catalog {
         }
         catalog.check_locale().await?;
         match place {
-            Database::File(_) => catalog.apply(&mut *catalog.pool.acquire().await?).await?,
+            Database::File(_) => catalog.apply(&mut *catalog.pool.acquire().await?, catalog.edition.version()).await?,
             Database::Server(url) => catalog.apply_on_server(url, before).await?,
         }
         let after = catalog.version().await?;
@@ -118,9 +118,13 @@ impl Catalog {
         let online = before >= REBUILD;
         indexes::wait_for_turn(&mut connection).await?;
         if online {
-            indexes::build(&mut connection).await?;
+            indexes::drop_unfinished(&mut connection).await?;
+            for (version, added) in self.edition.later() {
+                indexes::build(&mut connection, added).await?;
+                self.apply(&mut connection, version).await?;
+            }
         }
-        self.apply(&mut connection).await?;
+        self.apply(&mut connection, self.edition.version()).await?;
         for statement in TUNING {
             connection.execute(statement).await?;
         }
@@ -128,11 +132,12 @@ impl Catalog {
         Ok(connection.close().await?)
     }
 
-    async fn apply(&self, connection: &mut AnyConnection) -> Result<(), CatalogError> {
+    /// Applies the migrations up to a version of the schema that were not applied yet.
+    async fn apply(&self, connection: &mut AnyConnection, version: i64) -> Result<(), CatalogError> {
         // Two processes may start at once; the second finds the tables of the first and tries again.
-        let migrations = schema::migrator();
+        let migrations = self.edition.migrator();
         let (mut tries, start) = (0, Instant::now());
-        while let Err(error) = migrations.run(&mut *connection).await {
+        while let Err(error) = migrations.run_to(version, &mut *connection).await {
             tries += 1;
             let last = tries == 10;
             match error {
@@ -178,17 +183,17 @@ impl Catalog {
     /// Refuses a database schema that this program cannot work with: an older one, or one that a newer program has
     /// marked as unreadable to it.
     async fn check_schema(&self) -> Result<(), CatalogError> {
-        let version = self.version().await?;
-        if version < VERSION {
+        let (version, ours) = (self.version().await?, self.edition.version());
+        if version < ours {
             let found =
                 if version == 0 { "found an empty database".to_owned() } else { format!("found version {version}") };
-            return Err(CatalogError::Schema(format!("{found}, expected {VERSION} or newer; run `wavelume migrate`")));
+            return Err(CatalogError::Schema(format!("{found}, expected {ours} or newer; run `wavelume migrate`")));
         }
         let reader = self.fact("oldest_reader").await?.and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
-        if reader > VERSION {
+        if reader > ours {
             return Err(CatalogError::Schema(format!(
                 "found version {version}, which needs a program of schema version {reader} or newer; this one has \
-                 {VERSION}: use the newer program"
+                 {ours}: use the newer program"
             )));
         }
         Ok(())
@@ -272,7 +277,7 @@ mod tests {
     /// did.
     async fn first_version(place: &Database) -> Catalog {
         let catalog = Catalog::connect(place, 2).await.unwrap();
-        schema::migrator().run_to(1, &catalog.pool).await.unwrap();
+        catalog.edition.migrator().run_to(1, &catalog.pool).await.unwrap();
         for statement in [
             "INSERT INTO measurements VALUES ('m', 'c', NULL, 'Lamp', NULL, 5, 'ies', 'edf', 'lamp', '{}', 1)",
             "INSERT INTO measurements VALUES ('n', 'c', 'm', NULL, NULL, 5, 'ies', 'edf', '', '{}', 2)",
@@ -298,7 +303,7 @@ mod tests {
                 assert!(error.contains("--i-have-a-backup"), "{error}");
             }
             let (catalog, applied) = Catalog::migrate(&place, true).await.unwrap();
-            assert_eq!(applied as i64, VERSION - 1);
+            assert_eq!(applied as i64, catalog.edition.version() - 1);
             for (table, rows) in [
                 ("measurements", 2),
                 ("materials", 1),

@@ -55,7 +55,10 @@ pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use partial::{Begun, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
+pub(crate) use schema::EDITION;
 pub(crate) use schema::VERSION as SCHEMA;
+#[cfg(test)]
+pub(crate) use schema::{Edition, PROGRAM};
 pub(crate) use uploaded::Uploaded;
 pub(crate) use watch::Notice;
 

@@ -11,10 +11,6 @@ use super::materials::insert;
 use sqlx::Row;
 use std::time::Duration;
 
-/// Version of the encoded job arguments that this program understands. A job with a higher version is left to newer
-/// workers.
-const LEVEL: i64 = 1;
-
 /// Upper bound on the number of jobs taken back from vanished workers at once. Raising it makes one transaction longer.
 const REAPED: i64 = 100;
 
@@ -60,7 +56,7 @@ impl Catalog {
         ))
         .bind(worker.to_owned())
         .bind(lease.as_millis() as i64)
-        .bind(LEVEL)
+        .bind(self.edition.level)
         .bind(but)
         .fetch_optional(&self.pool)
         .await?;

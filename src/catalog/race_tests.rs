@@ -42,7 +42,7 @@ async fn meet<A, B>(round: u32, first: impl Future<Output = A>, second: impl Fut
 
 fn job(id: String, measurement: Option<Digest>) -> NewJob {
     let priority = Priority::Usual;
-    NewJob { id, frame: "00".to_owned(), measurement, priority, share: String::new(), idempotency: None }
+    NewJob { id, frame: "00".to_owned(), level: 1, measurement, priority, share: String::new(), idempotency: None }
 }
 
 /// Queues a job that reads no measurement, and claims it for a worker.

@@ -1,40 +1,75 @@
-//! The migrations of `migrations/`, embedded in the order in which they are applied, and the schemas that this version
-//! can work with.
+//! The migrations of `migrations/`, embedded in the order in which they are applied, and the schemas and jobs that this
+//! program understands.
 
 use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
-/// File names and SQL texts of all schema migrations; the number in a name is the version that the database records.
-const FILES: [(&str, &str); 3] = [
-    ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
-    ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
-    ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
-];
-
-/// Version of the database schema that this program works with: the number of the last migration.
-pub(crate) const VERSION: i64 = FILES.len() as i64;
-
-/// Number of the migration that rebuilds the tables of the first version of the schema.
-pub(super) const REBUILD: i64 = 2;
-
-/// Builds the object that applies the schema migrations. A list of files, instead of sqlx's `migrate!` macro, keeps a
-/// second SQLite and half of tokio out of the build. Migrations that a newer program has applied are left alone.
-pub(super) fn migrator() -> Migrator {
-    let mut migrator =
-        Migrator::with_migrations(FILES.iter().filter_map(|(name, text)| migration(name, text)).collect());
-    migrator.set_ignore_missing(true);
-    migrator
+/// Schema and jobs that a program understands.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edition {
+    /// File names and SQL texts of all schema migrations; the number in a name is the version that the database
+    /// records.
+    pub(crate) migrations: &'static [(&'static str, &'static str)],
+    /// Version of the encoded job arguments. A job with a higher version is left to newer workers.
+    pub(crate) level: i64,
 }
 
-/// Returns the indexes that the migrations after the rebuild add, as the text between `CREATE INDEX IF NOT EXISTS` and
-/// the semicolon.
-pub(super) fn online_indexes() -> impl Iterator<Item = &'static str> {
-    let texts = FILES.iter().skip(REBUILD as usize);
-    texts.flat_map(|(_, text)| text.lines()).filter_map(|line| line.strip_prefix(INDEX)?.strip_suffix(';'))
+/// Schema and jobs that this program understands.
+pub(crate) const EDITION: Edition = Edition {
+    migrations: &[
+        ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
+        ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
+        ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
+    ],
+    level: 1,
+};
+
+/// Version of the database schema that this program works with: the number of the last migration.
+pub(crate) const VERSION: i64 = EDITION.migrations.len() as i64;
+
+#[cfg(test)]
+tokio::task_local! {
+    /// Edition of the program that the current task stands for: catalogs that it opens behave as that program's.
+    pub(crate) static PROGRAM: Edition;
+}
+
+/// Returns the edition of this program.
+pub(super) fn edition() -> Edition {
+    #[cfg(test)]
+    if let Ok(edition) = PROGRAM.try_with(|edition| *edition) {
+        return edition;
+    }
+    EDITION
 }
 
 /// Beginning of a line of a migration that adds an index.
 const INDEX: &str = "CREATE INDEX IF NOT EXISTS ";
+
+/// Number of the migration that rebuilds the tables of the first version of the schema.
+pub(super) const REBUILD: i64 = 2;
+
+impl Edition {
+    /// Returns the version of the schema: the number of its last migration.
+    pub(super) fn version(self) -> i64 {
+        self.migrations.len() as i64
+    }
+
+    /// Builds the object that applies the schema migrations. A list of files, instead of sqlx's `migrate!` macro, keeps
+    /// a second SQLite and half of tokio out of the build. Migrations that a newer program has applied are left alone.
+    pub(super) fn migrator(self) -> Migrator {
+        let migrations = self.migrations.iter().filter_map(|(name, text)| migration(name, text));
+        let mut migrator = Migrator::with_migrations(migrations.collect());
+        migrator.set_ignore_missing(true);
+        migrator
+    }
+
+    /// Returns the migrations after the rebuild: for each its version and the indexes that it adds, as the text between
+    /// `CREATE INDEX IF NOT EXISTS` and the semicolon.
+    pub(super) fn later(self) -> impl Iterator<Item = (i64, impl Iterator<Item = &'static str>)> {
+        let indexes = |text: &'static str| text.lines().filter_map(|line| line.strip_prefix(INDEX)?.strip_suffix(';'));
+        (1..).zip(self.migrations).skip(REBUILD as usize).map(move |(version, (_, text))| (version, indexes(text)))
+    }
+}
 
 fn migration(name: &'static str, text: &'static str) -> Option<Migration> {
     let (number, description) = name.split_once('_')?;
@@ -56,14 +91,14 @@ mod tests {
 
     #[test]
     fn each_later_index_is_one_line_that_may_be_repeated() {
-        for (name, text) in &FILES[REBUILD as usize..] {
+        for (name, text) in &EDITION.migrations[REBUILD as usize..] {
             let indexes = text.to_lowercase().matches("create index").count()
                 + text.to_lowercase().matches("create unique index").count();
             let comments = text.lines().filter(|line| line.starts_with("--")).collect::<String>().to_lowercase();
             let lines = text.lines().filter(|line| line.starts_with(INDEX) && line.ends_with(';')).count();
             assert_eq!(indexes - comments.matches("create index").count(), lines, "{name}");
         }
-        assert!(online_indexes().count() >= 5);
+        assert!(EDITION.later().flat_map(|(_, indexes)| indexes).count() >= 5);
     }
 
     #[test]
@@ -74,9 +109,10 @@ mod tests {
             .map(|entry| entry.unwrap().file_name().to_string_lossy().trim_end_matches(".sql").to_owned())
             .collect();
         names.sort();
-        assert_eq!(names, FILES.map(|(name, _)| name.to_owned()));
-        let migrator = migrator();
+        let embedded: Vec<_> = EDITION.migrations.iter().map(|(name, _)| (*name).to_owned()).collect();
+        assert_eq!(names, embedded);
+        let migrator = EDITION.migrator();
         let versions: Vec<i64> = migrator.iter().map(|migration| migration.version).collect();
-        assert_eq!(versions, (1..=VERSION).collect::<Vec<_>>());
+        assert_eq!(versions, (1..=EDITION.version()).collect::<Vec<_>>());
     }
 }

@@ -120,8 +120,8 @@ impl Engine {
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;
         let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
-        let (measurement, priority) = (request.measurement(), request.priority());
-        let new = NewJob { id: id.clone(), frame, measurement, priority, share, idempotency };
+        let (level, measurement, priority) = (request.level(), request.measurement(), request.priority());
+        let new = NewJob { id: id.clone(), frame, level, measurement, priority, share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
             self.queued().await;

@@ -11,6 +11,9 @@ pub(crate) trait Queued {
     /// Returns the measurement that the job reads, if any.
     fn measurement(&self) -> Option<Digest>;
 
+    /// Returns the lowest version of the arguments that a worker must understand.
+    fn level(&self) -> i64;
+
     /// Returns the priority of the job.
     fn priority(&self) -> Priority;
 

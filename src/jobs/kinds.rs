@@ -8,7 +8,7 @@ use super::hub::Control;
 use super::paper::PaperRequest;
 use super::request::{CompressRequest, RequestError};
 use super::work::Work;
-use crate::catalog::Priority;
+use crate::catalog::{EDITION, Priority};
 use crate::domain::Progress;
 use crate::store::Digest;
 use bytes::Bytes;
@@ -84,6 +84,12 @@ macro_rules! kinds {
                 }
             }
 
+            fn level(&self) -> i64 {
+                match self {
+                    $(Self::$kind(_) => <$request as Work>::LEVEL,)+
+                }
+            }
+
             fn priority(&self) -> Priority {
                 match self {
                     $(Self::$kind(request) => Work::priority(request.as_ref()),)+
@@ -112,6 +118,9 @@ macro_rules! kinds {
             })+
             Err(Failure::Newer(format!("there is no computation `{name}`")))
         }
+
+        // A job that this program queues is one that it runs.
+        const _: () = assert!($(<$request as Work>::LEVEL <= EDITION.level)&&+);
 
         impl Frame {
             /// Runs one attempt at the job.

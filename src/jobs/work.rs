@@ -13,6 +13,10 @@ use std::sync::Arc;
 /// Request for a job of one particular kind, such as compression: its checks, its arguments in the job queue, and the
 /// attempt to run it.
 pub(super) trait Work {
+    /// Lowest version of the arguments that a worker must understand. A kind of job, or a form of its arguments, that
+    /// older programs do not know has the next number, which is then the level of [`EDITION`](crate::catalog::EDITION).
+    const LEVEL: i64 = 1;
+
     /// Arguments of a job as the job queue stores them. Workers of other versions of the program read them: their form
     /// never changes.
     type Arguments;

@@ -368,6 +368,7 @@ mod tests {
         let new = NewJob {
             id: id.clone(),
             frame: frame.to_owned(),
+            level: 1,
             measurement: None,
             priority: Priority::Usual,
             share: String::new(),
