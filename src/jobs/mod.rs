@@ -29,6 +29,8 @@ mod process;
 mod publish;
 mod request;
 mod site;
+#[cfg(test)]
+mod soak_tests;
 mod sweep;
 mod text;
 mod turns;
