@@ -18,11 +18,9 @@ const NEXT: Edition = Edition {
     migrations: &[
         EDITION.migrations[0],
         EDITION.migrations[1],
-        ("0003_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
-        (
-            "0004_jobs_by_note",
-            "-- no-transaction\nCREATE INDEX{concurrently} IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL",
-        ),
+        EDITION.migrations[2],
+        ("0004_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
+        ("0005_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
     level: 2,
 };

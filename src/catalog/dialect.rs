@@ -81,7 +81,6 @@ impl Dialect {
                 }
                 (Self::Postgres, "lock") => out.push_str(" FOR UPDATE"),
                 (Self::Postgres, "skip") => out.push_str(" FOR UPDATE SKIP LOCKED"),
-                (Self::Postgres, "concurrently") => out.push_str(" CONCURRENTLY"),
                 (Self::Sqlite, "greater") => out.push_str("MAX"),
                 (Self::Postgres, "greater") => out.push_str("GREATEST"),
                 (_, mark) => {

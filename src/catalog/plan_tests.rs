@@ -213,6 +213,7 @@ async fn work(on: &mut Explained) {
             share: share.clone(),
             idempotency,
             priority: Priority::Usual,
+            level: 1,
         };
         let queued = on.check("enqueue", on.most, false, catalog.enqueue(&new, 10_000)).await.unwrap();
         assert!(matches!(queued, Enqueued::New(_)));
@@ -400,6 +401,7 @@ async fn plans_and_times_at_size() {
             share,
             idempotency: None,
             priority: Priority::Usual,
+            level: 1,
         };
         timed(&mut queued, catalog.enqueue(&new, 1_000_000)).await.unwrap();
     }
