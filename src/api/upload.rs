@@ -187,7 +187,7 @@ fn coding(headers: &HeaderMap) -> Result<Coding, Problem> {
 }
 
 fn broken(error: &io::Error, coding: Coding) -> Problem {
-    if error.get_ref().is_some_and(|inner| inner.is::<Lost>()) {
+    if error.get_ref().and_then(|inner| inner.downcast_ref::<Lost>()).is_some() {
         return Problem::new(
             Kind::Corrupt,
             "the upload cannot be read from the store; repeat this request, or begin another upload",

@@ -88,24 +88,31 @@ class Proxy:
         while True:
             client, _ = self.listener.accept()
             node = socket.create_connection(("127.0.0.1", self.ports[self.turn % len(self.ports)]))
-            threading.Thread(target=self.pass_on, args=(client, node, True), daemon=True).start()
-            threading.Thread(target=self.pass_on, args=(node, client, False), daemon=True).start()
+            left = [client, node]
+            threading.Thread(target=self.pass_on, args=(client, node, True, left), daemon=True).start()
+            threading.Thread(target=self.pass_on, args=(node, client, False, left), daemon=True).start()
 
-    def pass_on(self, source, target, is_sent):
+    def pass_on(self, source, target, is_sent, left):
         try:
             while piece := source.recv(65536):
-                if is_sent and (left := self.before_cut(len(piece))) is not None:
-                    target.sendall(piece[:left])
+                if is_sent and (rest := self.before_cut(len(piece))) is not None:
+                    target.sendall(piece[:rest])
                     break
                 target.sendall(piece)
         except OSError:
             pass
         for end in (source, target):
-            # Both directions, so that neither side waits for the other.
+            # Both directions, so that the other thread ends, too.
             try:
                 end.shutdown(socket.SHUT_RDWR)
             except OSError:
                 pass
+        with self.lock:
+            left.remove(source)
+            if not left:
+                # Only now a client that is still sending is told.
+                source.close()
+                target.close()
 
     def before_cut(self, count):
         """Returns how many of `count` bytes pass before the planned cut, or None if all do."""

@@ -37,7 +37,7 @@ fn number(headers: &HeaderMap, name: &HeaderName) -> Result<Option<u64>, Problem
     let Some(text) = text(headers, name)? else { return Ok(None) };
     // Larger numbers do not fit the database.
     let digits = text.bytes().all(|byte| byte.is_ascii_digit()).then(|| text.parse().ok()).flatten();
-    digits.filter(|number| *number <= i64::MAX as u64).map(Some).ok_or_else(|| bad(name, "expected a whole number"))
+    digits.filter(|number| i64::try_from(*number).is_ok()).map(Some).ok_or_else(|| bad(name, "expected a whole number"))
 }
 
 fn bad(name: &HeaderName, reason: &str) -> Problem {

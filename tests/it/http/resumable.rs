@@ -150,7 +150,7 @@ async fn each_refusal_of_the_protocol_has_its_status() {
     let mut config = config(data.path());
     config.work.limits.upload_bytes = 64 << 10;
     config.work.limits.partial_uploads_each = 4;
-    config.work.limits.partial_bytes_each = 200 << 10;
+    config.work.limits.partial_bytes_each = 190 << 10;
     config.work.limits.partial_parts = 3;
     config.work.limits.partial_keep = Duration::from_secs(600);
     let service = Service::start(config).await;
