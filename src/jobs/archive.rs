@@ -137,7 +137,7 @@ impl Archive {
             tracing::warn!(store = %self.place, id, adopted = adopt, "the store was taken over");
         } else {
             if let Some(moved) = self.catalog.copied_from().await? {
-                return Err(self.is_copy(&moved));
+                return Err(self.is_copy(&moved, found.as_deref()));
             }
             if found.is_some() || self.catalog.has_claimed_store().await? {
                 return self.belongs().await;
@@ -197,12 +197,13 @@ impl Archive {
         seen.is_some_and(|seen| seen.elapsed() < time)
     }
 
-    fn is_copy(&self, id: &str) -> ArchiveError {
+    fn is_copy(&self, id: &str, found: Option<&str>) -> ArchiveError {
         let Self { place, database, .. } = self;
+        let carried = found.map_or_else(|| "belongs to no catalog".to_owned(), |found| format!("belongs to {found}"));
         ArchiveError::Belongs(format!(
-            "the catalog {database} is a copy of the catalog {id}, made by a restored dump: used with the store {place} it \
-             could delete what the original still names. Give the copy a store of its own, or, if the original is gone \
-             for good, take its store over with --adopt-store {id}"
+            "the catalog {database} is a copy of the catalog {id}, made by a restored dump, and the store {place} \
+             {carried}: used together they could delete what the original still names. Give the copy a store of its \
+             own, or, if the original is gone for good, take its store over with --adopt-store {id}"
         ))
     }
 }

@@ -14,4 +14,5 @@ mod http;
 mod labs;
 mod layering;
 mod pages;
+mod restored;
 mod service;
