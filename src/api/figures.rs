@@ -12,15 +12,20 @@ use tokio::net::TcpListener;
 use tokio_util::task::AbortOnDropHandle;
 
 /// Names of counters that are set to 0 at the start, so that the first event shows as an increase.
-const COUNTERS: [&str; 4] = [
+const COUNTERS: [&str; 6] = [
     "wavelume_jobs_left_to_newer_total",
     "wavelume_jobs_lost_total",
     "wavelume_damaged_blobs_total",
     "wavelume_materials_opened_total",
+    "wavelume_scrub_blobs_total",
+    "wavelume_scrub_bytes_total",
 ];
 
 /// Job states that are values of the label `state` of the metric `wavelume_job_attempts_total`.
 const ENDS: [&str; 5] = ["succeeded", "failed", "dead", "cancelled", "queued"];
+
+/// Faults that are values of the label `kind` of the metric `wavelume_scrub_faults_total`.
+const FAULTS: [&str; 2] = ["corrupt", "missing"];
 
 /// Upper bounds in seconds of the classes in which the durations of requests and jobs are counted. The counts of
 /// several processes can be added, unlike quantiles.
@@ -36,6 +41,9 @@ pub(super) fn recorder() -> Option<PrometheusHandle> {
         }
         for state in ENDS {
             metrics::counter!("wavelume_job_attempts_total", "state" => state).increment(0);
+        }
+        for kind in FAULTS {
+            metrics::counter!("wavelume_scrub_faults_total", "kind" => kind).increment(0);
         }
         Some(handle)
     };

@@ -330,7 +330,7 @@ impl Catalog {
         after: Option<Digest>,
         most: u32,
     ) -> Result<Vec<Blob>, CatalogError> {
-        let low = after.map_or_else(|| format!("b3-{first:02x}"), |digest| digest.to_string());
+        let low = low(first, after);
         // The character after `f`, the last of a hexadecimal digit.
         let high = format!("b3-{first:02x}g");
         let rows = sqlx::query(
@@ -489,7 +489,12 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
     Ok(())
 }
 
-fn read(row: &AnyRow) -> Result<Blob, CatalogError> {
+/// Returns the text before the first digest that begins with byte `first` and follows the digest `after`.
+pub(super) fn low(first: u8, after: Option<Digest>) -> String {
+    after.map_or_else(|| format!("b3-{first:02x}"), |digest| digest.to_string())
+}
+
+pub(super) fn read(row: &AnyRow) -> Result<Blob, CatalogError> {
     let text: String = row.try_get("digest")?;
     Ok(Blob {
         object: Object::of(digest("blobs", &text, &text)?, row.try_get("generation")?),

@@ -6,6 +6,7 @@
 //! that a transaction never has to give up because it read before it wrote.
 
 mod blobs;
+mod checks;
 mod database;
 mod dialect;
 mod error;

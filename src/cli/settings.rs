@@ -24,7 +24,7 @@ pub(crate) struct Chosen<const CHOICE: u8>(Vec<u64>);
 
 /// Help headings of the settings that a command accepts. The three lists are for a service, for a worker and for a
 /// command that only removes old data; an empty list stands for all headings.
-const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Stopping"], &["Keeping"]];
+const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Checking", "Stopping"], &["Keeping"]];
 
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
 const WORKER_DRAIN: &str = "10min";

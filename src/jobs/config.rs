@@ -149,6 +149,12 @@ limits! {
         /// ended jobs, once they were kept for long enough.
         sweep: Duration = Duration::from_hours(1), Time >= 1000;
     }
+    "Checking" {
+        /// Rate at which this process reads stored bytes to check their digests; 0 checks none.
+        scrub_rate: u64 = 10 << 20, Rate >= 0;
+        /// Age of the last check of a stored file at which it is checked again.
+        scrub_every: Duration = Duration::from_hours(30 * 24), Time >= 1000;
+    }
     "Connections" {
         /// Upper bound on the connections that are open at once, over all addresses; lower where the system allows
         /// fewer file descriptors.

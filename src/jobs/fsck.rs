@@ -104,7 +104,11 @@ impl Archive {
                         due -= 1.0;
                     }
                     self.check_blob(blob, there, compute, &mut report).await?;
-                    self.check_named(blob.object.digest(), check.repair, &mut report).await?;
+                }
+                if let Some(last) = rows.last() {
+                    for digest in self.catalog.orphans(first, after, last.object.digest()).await? {
+                        self.check_named(digest, check.repair, &mut report).await?;
+                    }
                 }
                 match rows.last() {
                     Some(last) if rows.len() == PAGE as usize => after = Some(last.object.digest()),

@@ -28,6 +28,7 @@ mod problem;
 mod process;
 mod publish;
 mod request;
+mod scrub;
 mod site;
 #[cfg(test)]
 mod soak_tests;

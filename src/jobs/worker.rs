@@ -9,6 +9,7 @@ use super::hub::Control;
 use super::kinds::Frame;
 use super::problem::{Code, JobProblem};
 use super::publish::Published;
+use super::scrub::scrubbing;
 use super::watcher::listening;
 use crate::catalog::{Beat, CatalogError, Claimed, Dialect, Ended, Ending, JobState};
 use std::sync::Arc;
@@ -57,6 +58,7 @@ pub(crate) async fn run(engine: &Arc<Engine>, workers: usize, stop: &Cancellatio
     tasks.spawn(reaping(Arc::clone(engine), stop.clone()));
     tasks.spawn(sweeping(Arc::clone(engine), stop.clone()));
     tasks.spawn(ageing(Arc::clone(engine), stop.clone()));
+    tasks.spawn(scrubbing(Arc::clone(engine), stop.clone()));
     tasks.spawn(listening(Arc::clone(engine), stop.clone()));
     for _ in 0..workers {
         tasks.spawn(working(Arc::clone(engine), stop.clone()));
