@@ -268,11 +268,12 @@ impl Catalog {
     }
 
     /// Reserves at most `most` objects that are due for deletion, and returns them with their sizes in bytes. No other
-    /// process can reserve them for `time`.
+    /// process can reserve them for `time`. Returns none during a hold.
     pub(crate) async fn take_doomed(&self, most: u32, time: Duration) -> Result<Vec<(Object, u64)>, CatalogError> {
         let _turn = self.turn().await;
         let rows = sqlx::query(self.sql(
-            "WITH due AS MATERIALIZED (SELECT object FROM doomed WHERE not_before <= {now} \
+            "WITH due AS MATERIALIZED (SELECT object FROM doomed WHERE not_before <= {now} AND NOT EXISTS (SELECT 1 \
+             FROM facts WHERE CASE WHEN name LIKE 'hold:%' THEN CAST(value AS BIGINT) > {now} ELSE false END) \
              ORDER BY not_before LIMIT $1{skip}) UPDATE doomed SET not_before = {now} + $2, tries = tries + 1 \
              WHERE object {among SELECT object FROM due} RETURNING object, bytes",
         ))

@@ -87,6 +87,21 @@ impl Catalog {
         Self::open_as_is(place, FEW, Duration::ZERO).await
     }
 
+    /// Opens a catalog that a copy is to fill. A database without any table gets the schema, and so does one where an
+    /// earlier try was killed while it made them.
+    pub(crate) async fn open_to_fill(place: &Database) -> Result<Self, CatalogError> {
+        let catalog = Self::connect(place, FEW).await?;
+        let version = catalog.version().await?;
+        let is_new = version == 0 || (version < REBUILD && !catalog.holds_rows().await?);
+        catalog.close().await;
+        if is_new { Ok(Self::migrate(place, false).await?.0) } else { Self::open_few(place).await }
+    }
+
+    /// Returns the number of the last migration of the schema that this program knows.
+    pub(crate) fn schema_version() -> i64 {
+        VERSION
+    }
+
     /// Refuses a PostgreSQL database that is not encoded in UTF-8 or that sorts texts by the rules of a language.
     async fn check_locale(&self) -> Result<(), CatalogError> {
         if self.dialect == Dialect::Sqlite {

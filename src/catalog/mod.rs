@@ -14,6 +14,8 @@ mod examine;
 mod facts;
 mod file;
 mod indexes;
+mod filling;
+mod hold;
 mod job;
 #[cfg(test)]
 mod job_tests;
@@ -38,6 +40,7 @@ mod result_code;
 mod retention;
 mod schema;
 mod uploaded;
+mod snapshot;
 mod watch;
 
 pub use error::CatalogError;
@@ -60,6 +63,7 @@ pub(crate) use schema::EDITION;
 pub(crate) use schema::VERSION as SCHEMA;
 #[cfg(test)]
 pub(crate) use schema::{Edition, PROGRAM};
+pub(crate) use snapshot::TABLES;
 pub(crate) use uploaded::Uploaded;
 pub(crate) use watch::Notice;
 

@@ -1,6 +1,7 @@
 //! Command line, one file per command: translates between words and the library, without any science of its own.
 
 mod answer;
+mod backup;
 mod bases;
 mod batch;
 mod color;
@@ -38,8 +39,10 @@ mod project;
 mod query;
 mod reading;
 mod reflectance;
+mod relocate;
 mod report;
 mod request;
+mod restore;
 mod rows;
 mod runtime;
 mod sample;
@@ -124,6 +127,12 @@ enum Command {
     Health(health::Args),
     /// Check every stored file of a data directory against its digest, and every reference to one
     Fsck(fsck::Args),
+    /// Copy the catalog and the stored files of a running service to another place
+    Backup(backup::Args),
+    /// Fill an empty service with a backup
+    Restore(restore::Args),
+    /// Copy a service to another database and store
+    Move(relocate::Args),
     /// Remove unreferenced files and abandoned temporary files from a data directory
     Gc(gc::Args),
     /// Print the OpenAPI description of the HTTP interface
@@ -206,6 +215,9 @@ impl Cli {
             Command::Doctor(args) => doctor::run(&args),
             Command::Health(args) => health::run(&args),
             Command::Fsck(args) => fsck::run(&args),
+            Command::Backup(args) => backup::run(&args),
+            Command::Restore(args) => restore::run(&args),
+            Command::Move(args) => relocate::run(&args),
             Command::Gc(args) => gc::run(&args),
             Command::Openapi(args) => openapi::run(&args),
             Command::ComputeJob => compute_job::run(),

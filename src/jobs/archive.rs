@@ -38,6 +38,9 @@ pub enum ArchiveError {
     /// The store of files belongs to another catalog (database), or this catalog is a copy of another one.
     #[error("the store and the catalog do not belong together: {0}")]
     Belongs(String),
+    /// A backup, a restore or a move was refused, or could not end.
+    #[error("{0}")]
+    Copy(String),
     /// The store (directory or S3 prefix that holds the files) failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -51,6 +54,9 @@ pub enum ArchiveError {
 
 /// Name of a small text in the store that holds the id of the catalog to which the store belongs.
 pub(super) const INSTANCE: &str = "wavelume-instance";
+
+/// Name of the text that describes the newest backup at a place, which must never be used as a store.
+pub(super) const BACKUP: &str = "wavelume-backup";
 
 /// Seconds that a starting service waits for a PostgreSQL database to have the schema it needs, while `wavelume
 /// migrate` may be running. Raising it lets a service start earlier before the migration.
@@ -88,6 +94,7 @@ impl Archive {
             Dialect::Sqlite => Catalog::migrate(&database, false).await?.0,
             Dialect::Postgres => Catalog::open_as_is(&database, CONNECTIONS, PATIENCE).await?,
         };
+        refuse_begun(&catalog, &database).await?;
         Self::with(site, root, database, catalog).await
     }
 
@@ -96,6 +103,7 @@ impl Archive {
         let root = directory(site)?;
         let database = site.database(&root);
         let catalog = Catalog::open_few(&database).await?;
+        refuse_begun(&catalog, &database).await?;
         Self::with(site, root, database, catalog).await
     }
 
@@ -108,7 +116,20 @@ impl Archive {
         Ok(applied)
     }
 
-    async fn with(site: &Site, root: PathBuf, database: Database, catalog: Catalog) -> Result<Self, ArchiveError> {
+    /// Returns the data directory of a site, which is created if it is missing, and the place of its database.
+    pub(super) fn places_of(site: &Site) -> Result<(PathBuf, Database), ArchiveError> {
+        let root = directory(site)?;
+        let database = site.database(&root);
+        Ok((root, database))
+    }
+
+    /// Opens the store of a catalog.
+    pub(super) async fn with(
+        site: &Site,
+        root: PathBuf,
+        database: Database,
+        catalog: Catalog,
+    ) -> Result<Self, ArchiveError> {
         let place = site.store(&root);
         if let Place::Directory(directory) = &place {
             std::fs::create_dir_all(directory)
@@ -131,6 +152,12 @@ impl Archive {
 
     /// Makes the store belong to this catalog, if it belongs to no catalog or to the one with the id `adopt`.
     async fn claim(&self, adopt: Option<&str>) -> Result<(), ArchiveError> {
+        if self.store.note(BACKUP).await?.is_some() {
+            return Err(ArchiveError::Belongs(format!(
+                "{} holds a backup: give another --store, and fill it with `wavelume restore {}`",
+                self.place, self.place
+            )));
+        }
         let found = self.store.note(INSTANCE).await?;
         if adopt.is_some() && found.as_deref() == adopt {
             let id = self.catalog.rename_instance().await?;
@@ -205,6 +232,17 @@ impl Archive {
              {carried}: used together they could delete what the original still names. Give the copy a store of its \
              own, or, if the original is gone for good, take its store over with --adopt-store {id}"
         ))
+    }
+}
+
+/// Refuses a catalog that a restore or a move has begun to fill.
+async fn refuse_begun(catalog: &Catalog, database: &Database) -> Result<(), ArchiveError> {
+    match catalog.copying().await? {
+        None => Ok(()),
+        Some(original) => Err(ArchiveError::Copy(format!(
+            "a copy of {original} into {database} was begun and has not ended: start the same `wavelume restore` or \
+             `wavelume move` again"
+        ))),
     }
 }
 

@@ -2,15 +2,20 @@
 
 mod archive;
 mod attempt;
+mod backup;
 mod blobs;
 mod child;
 mod compress;
 mod computation;
 mod config;
+#[cfg(test)]
+mod copy_tests;
 mod describe;
 mod doctor;
 mod document;
+mod dump;
 mod engine;
+mod fetch;
 mod frame;
 mod fsck;
 mod hub;
@@ -27,7 +32,10 @@ mod presence;
 mod problem;
 mod process;
 mod publish;
+mod refill;
+mod relocate;
 mod request;
+mod restore;
 mod scrub;
 mod site;
 #[cfg(test)]
@@ -56,6 +64,7 @@ pub(crate) use describe::Understood;
 pub(crate) use doctor::{Finding, Verdict, examine};
 pub(crate) use document::Manifest;
 pub(crate) use engine::{Engine, OpenError};
+pub(crate) use fetch::Tally;
 pub(crate) use frame::Queued;
 pub(crate) use hub::Following;
 pub(crate) use ingest::{IngestError, Upload};

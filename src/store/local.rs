@@ -21,6 +21,15 @@ pub(super) fn open(root: &Path) -> Result<(Objects, Staging), StoreError> {
     Ok((Objects::new(Arc::new(files), Publication::Rename(STAGING)), Staging::new(root.join(STAGING))))
 }
 
+/// Opens the store in the directory `root` for reading alone; `None` if there is no such directory.
+pub(super) fn open_to_read(root: &Path) -> Result<Option<Objects>, StoreError> {
+    if !root.is_dir() {
+        return Ok(None);
+    }
+    let files = LocalFileSystem::new_with_prefix(root)?;
+    Ok(Some(Objects::new(Arc::new(files), Publication::Rename(STAGING))))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -66,6 +66,12 @@ impl Object {
         &self.generation
     }
 
+    /// Returns the folder that holds the object.
+    pub(crate) fn folder(&self) -> String {
+        let path = self.to_string();
+        path.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned())
+    }
+
     /// Returns the two folders that hold all objects whose digest begins with byte `first`. The folders of all 256
     /// bytes hold every object.
     pub(crate) fn folders(first: u8) -> [String; 2] {

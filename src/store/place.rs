@@ -41,6 +41,15 @@ impl Place {
             }
         }
     }
+
+    /// Opens the store for reading alone, without creating anything in it; `None` if there is no such directory. Blocks
+    /// the thread.
+    pub(crate) fn open_to_read(&self) -> Result<Option<Arc<dyn Store>>, StoreError> {
+        match self {
+            Self::Directory(root) => Ok(local::open_to_read(root)?.map(|store| Arc::new(store) as _)),
+            Self::S3 { bucket, prefix } => Ok(Some(Arc::new(s3::open(bucket, prefix)?))),
+        }
+    }
 }
 
 impl FromStr for Place {

@@ -93,8 +93,7 @@ impl Staging {
     /// it. Blocks the thread.
     pub(crate) fn stage_again(&self, staged: &Staged) -> Result<Staged, StoreError> {
         // The open file keeps its bytes whatever became of its name.
-        let mut from = staged.file.try_clone()?;
-        from.rewind()?;
+        let mut from = staged.open()?;
         let mut writer = self.begin()?;
         let mut piece = vec![0; 1 << 20];
         loop {
@@ -176,6 +175,14 @@ impl Staged {
     /// Returns the path of the temporary file.
     pub(crate) fn path(&self) -> &Path {
         &self.path.0
+    }
+
+    /// Returns the temporary file, ready to be read from its beginning, even if it was moved into the store. One reader
+    /// at a time may use it.
+    pub(crate) fn open(&self) -> Result<File, StoreError> {
+        let mut file = self.file.try_clone()?;
+        file.rewind()?;
+        Ok(file)
     }
 
     /// Reads all bytes of the temporary file. Blocks the thread.

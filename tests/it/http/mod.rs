@@ -2,6 +2,7 @@
 
 mod access;
 mod content;
+mod copies;
 mod crowd;
 mod exports;
 mod frames;

@@ -45,17 +45,23 @@ pub(crate) fn is_shared() -> bool {
     std::env::var("WAVELUME_TEST_SITE").is_ok_and(|site| site == "shared")
 }
 
-/// Makes the schema of a service's database, if it has one of its own.
+/// Makes the schema of a service's database, if it has one of its own, with its tables.
 async fn prepare(config: &ServeConfig) {
-    let site = &config.work.site;
-    let Some(Database::Server(url)) = &site.database else { return };
+    if make_schema(config).await {
+        Archive::migrate(&config.work.site, false).await.unwrap();
+    }
+}
+
+/// Makes the schema of a service's database, if it has one of its own, without a table. Returns true if it has.
+pub(crate) async fn make_schema(config: &ServeConfig) -> bool {
+    let Some(Database::Server(url)) = &config.work.site.database else { return false };
     let schema = url.rsplit_once('=').unwrap().1;
     sqlx::any::install_default_drivers();
     let mut connection = sqlx::AnyConnection::connect(url).await.unwrap();
     let statement = sqlx::AssertSqlSafe(format!("CREATE SCHEMA IF NOT EXISTS {schema}"));
     sqlx::query(statement).execute(&mut connection).await.unwrap();
     connection.close().await.unwrap();
-    Archive::migrate(site, false).await.unwrap();
+    true
 }
 
 /// Returns the places of the stored objects whose digests, or the ids of whose uploads, begin so: paths, or addresses

@@ -1,0 +1,26 @@
+//! `wavelume restore`: fills an empty service with a backup.
+
+use super::backup::{place, show};
+use super::failure::Failure;
+use super::runtime::block_on;
+use super::site::SiteArgs;
+use crate::jobs::{Archive, Place};
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "A killed restore goes on when it is started again. SRC is only read")]
+pub(crate) struct Args {
+    /// Directory or `s3://BUCKET/PREFIX` with a backup
+    #[arg(value_name = "SRC", value_parser = place)]
+    source: Place,
+    #[command(flatten)]
+    site: SiteArgs,
+    /// Print the report as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    let report = block_on(async { Archive::restore(&args.site.site(), &args.source).await.map_err(Failure::failed) })?;
+    let more = format!("; the new catalog is {}", report.instance);
+    show(&report, &report.files, report.rows, &more, args.json)
+}

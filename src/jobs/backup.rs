@@ -1,0 +1,221 @@
+//! Backup of a running service: its catalog as it is at one moment, and the stored bytes that this copy names.
+//!
+//! A backup is a directory or S3 prefix with the text `wavelume-backup` and objects under their digests: those of the
+//! service, and the tables of the catalog as compressed files. Later backups to the same place add what is missing.
+
+use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
+use super::dump::{Dump, Table};
+use super::fetch::{AT_ONCE, Lost, Stored, Tally, fetch_or_lose, stored};
+use crate::catalog::Catalog;
+use crate::store::{Digest, Object, Place, Staging, Store, StoreExt};
+use futures::{StreamExt, TryStreamExt};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio_util::task::AbortOnDropHandle;
+
+/// Number of the form in which backups are written.
+pub(super) const FORM: u32 = 1;
+
+/// Time for which a killed backup or move still keeps stored objects from being deleted. Raising it bears longer
+/// standstills of a running one.
+const HOLD: Duration = Duration::from_mins(10);
+
+/// Description of a backup.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Manifest {
+    /// Number of the form in which the backup is written.
+    pub form: u32,
+    /// Random id of the backup.
+    pub id: String,
+    /// Id of the catalog that was copied.
+    pub instance: String,
+    /// Number of the last migration of its schema.
+    pub schema: i64,
+    /// Time of the copy in ms of the Unix epoch, by the clock of the database.
+    pub made_ms: i64,
+    /// Tables of the catalog.
+    pub tables: Vec<Table>,
+    /// Digests of bytes that were missing or damaged when the backup was made.
+    pub lost: Vec<Digest>,
+}
+
+/// Report of a backup; the output of `wavelume backup`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub(crate) struct BackupReport {
+    /// Number of rows of the copied catalog.
+    pub rows: u64,
+    /// Copied files.
+    #[serde(flatten)]
+    pub files: Tally,
+}
+
+/// A hold on deletions that is prolonged until it is ended or dropped.
+pub(super) struct Hold {
+    catalog: Catalog,
+    name: String,
+    lapsed: Arc<AtomicBool>,
+    _prolonging: AbortOnDropHandle<()>,
+}
+
+impl Hold {
+    /// Keeps all processes from deleting stored objects.
+    pub(super) async fn begin(catalog: &Catalog) -> Result<Self, ArchiveError> {
+        let (name, lapsed) = (uuid::Uuid::now_v7().to_string(), Arc::new(AtomicBool::new(false)));
+        catalog.begin_hold(&name, HOLD).await?;
+        let prolonging = {
+            let (catalog, name, lapsed) = (catalog.clone(), name.clone(), Arc::clone(&lapsed));
+            async move {
+                loop {
+                    tokio::time::sleep(HOLD / 10).await;
+                    match catalog.prolong_hold(&name, HOLD).await {
+                        Ok(true) => {}
+                        Ok(false) => lapsed.store(true, Ordering::Relaxed),
+                        Err(error) => tracing::warn!(%error, "the hold on deletions was not prolonged"),
+                    }
+                }
+            }
+        };
+        let prolonging = AbortOnDropHandle::new(tokio::spawn(prolonging));
+        Ok(Self { catalog: catalog.clone(), name, lapsed, _prolonging: prolonging })
+    }
+
+    /// Lets other processes delete again. Fails if the hold was interrupted, and `lost` files may have been deleted in
+    /// between.
+    pub(super) async fn end(self, lost: &[Lost]) -> Result<(), ArchiveError> {
+        let held = self.catalog.prolong_hold(&self.name, HOLD).await? && !self.lapsed.load(Ordering::Relaxed);
+        self.catalog.end_hold(&self.name).await?;
+        if held || lost.is_empty() {
+            return Ok(());
+        }
+        Err(ArchiveError::Copy(
+            "this process stood still for too long, and stored bytes were deleted meanwhile: start it again".to_owned(),
+        ))
+    }
+}
+
+/// Object of a backup with the bytes of this digest.
+pub(super) fn kept(digest: Digest) -> Object {
+    Object::of(digest, String::new())
+}
+
+impl Archive {
+    /// Copies the catalog, as it is now, and the stored bytes that it names to `to`. Bytes that an earlier backup has
+    /// left there are not copied again; if `check`, their digests are computed again.
+    pub(crate) async fn backup(&self, to: &Place, check: bool) -> Result<BackupReport, ArchiveError> {
+        if let Place::Directory(directory) = to {
+            std::fs::create_dir_all(directory)
+                .map_err(|source| ArchiveError::Directory { directory: directory.clone(), source })?;
+        }
+        let (store, staging) = to.open(&self.data)?;
+        if let Some(id) = store.note(INSTANCE).await? {
+            return Err(ArchiveError::Copy(format!(
+                "{to} is the store of the catalog {id}: choose another place for the backup"
+            )));
+        }
+        let before = manifest(&store, to).await?;
+        let hold = Hold::begin(&self.catalog).await?;
+        let made_ms = self.catalog.time().await?;
+        let dump = Dump::of(&self.catalog, &staging).await?;
+        // The tables first: a service that runs here removes old temporary files.
+        for (table, staged) in &dump.0 {
+            store.publish(staged, &kept(table.digest)).await?;
+        }
+        let files = self.copy_blobs(&dump, &store, &staging, check).await?;
+        hold.end(&files.lost).await?;
+        let manifest = Manifest {
+            form: FORM,
+            id: uuid::Uuid::now_v7().to_string(),
+            instance: self.catalog.instance().await?,
+            schema: Catalog::schema_version(),
+            made_ms,
+            tables: dump.0.iter().map(|(table, _)| table.clone()).collect(),
+            lost: files.lost.iter().map(|lost| lost.digest).collect(),
+        };
+        store.set_note(BACKUP, serde_json::json!(manifest).to_string()).await?;
+        // Bytes of the service stay, as an older catalog may name them; the older catalog itself is replaced.
+        let tables = |manifest: &Manifest| manifest.tables.iter().map(|table| table.digest).collect::<Vec<_>>();
+        let new = tables(&manifest);
+        let old = before.map(|before| tables(&before)).unwrap_or_default();
+        let old: Vec<Object> = old.into_iter().filter(|digest| !new.contains(digest)).map(kept).collect();
+        for outcome in store.remove(&old).await {
+            outcome?;
+        }
+        Ok(BackupReport { rows: dump.rows(), files })
+    }
+
+    async fn copy_blobs(
+        &self,
+        dump: &Dump,
+        to: &Arc<dyn Store>,
+        staging: &Staging,
+        check: bool,
+    ) -> Result<Tally, ArchiveError> {
+        let (mut rows, mut tally) = (dump.read("blobs")?, Tally::default());
+        let (mut listed, mut there) = (None, HashMap::new());
+        loop {
+            let batch = stored(&mut rows).await?;
+            if batch.is_empty() {
+                return Ok(tally);
+            }
+            let mut absent = Vec::new();
+            for blob in batch {
+                let digest = blob.object.digest();
+                // Digests come in order: each folder is listed once.
+                let folder = kept(digest).folder();
+                if listed.as_ref() != Some(&folder) {
+                    there = to.list(&folder).try_collect::<HashMap<Object, u64>>().await?;
+                    listed = Some(folder);
+                }
+                match there.get(&kept(digest)) {
+                    Some(size) if is_whole(to, &blob, *size, check).await? => tally.there(*size),
+                    _ => absent.push(blob.object),
+                }
+            }
+            let copies = futures::stream::iter(absent).map(|object| async move {
+                let fetched = fetch_or_lose(&self.store, Some(&self.catalog), &object, staging).await?;
+                if let Ok(staged) = &fetched {
+                    to.publish(staged, &kept(object.digest())).await?;
+                } else {
+                    self.catalog.suspect(&object).await?;
+                }
+                Ok::<_, ArchiveError>(fetched.map(|staged| staged.bytes()))
+            });
+            let mut copies = copies.buffer_unordered(AT_ONCE);
+            while let Some(copied) = copies.try_next().await? {
+                match copied {
+                    Ok(bytes) => tally.copied(bytes),
+                    Err(lost) => tally.lost.push(lost),
+                }
+            }
+        }
+    }
+}
+
+/// Returns true if a file of an earlier backup is what it should be: of the right size, and with the right digest if
+/// `check` or if the size is not known.
+async fn is_whole(store: &Arc<dyn Store>, blob: &Stored, size: u64, check: bool) -> Result<bool, ArchiveError> {
+    if blob.bytes.is_some_and(|bytes| bytes != size) {
+        return Ok(false);
+    }
+    Ok(!check && blob.bytes.is_some() || Arc::clone(store).verify(&kept(blob.object.digest())).await.is_ok())
+}
+
+/// Reads the description of the newest backup at a place, if there is one.
+pub(super) async fn manifest(store: &Arc<dyn Store>, place: &Place) -> Result<Option<Manifest>, ArchiveError> {
+    let Some(text) = store.note(BACKUP).await? else { return Ok(None) };
+    let wrong = |reason: String| ArchiveError::Copy(format!("{BACKUP} of {place} cannot be used: {reason}"));
+    let form: Form = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+    if form.form > FORM {
+        return Err(wrong(format!("found form {}, expected at most {FORM}; use a newer program", form.form)));
+    }
+    serde_json::from_str(&text).map(Some).map_err(|error| wrong(error.to_string()))
+}
+
+/// Number of the form of a backup, which a later program may describe in another way.
+#[derive(Deserialize)]
+struct Form {
+    form: u32,
+}

@@ -1,0 +1,123 @@
+//! Stored bytes copied from one store towards another: read, verified and staged, several at once.
+
+use super::archive::ArchiveError;
+use super::dump::{Rows, blocking};
+use crate::catalog::Catalog;
+use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
+use futures::TryStreamExt;
+use serde::Serialize;
+use std::sync::Arc;
+
+/// Number of files that are copied at once. Raising it needs more memory, up to 8 MiB each.
+pub(super) const AT_ONCE: usize = 8;
+
+/// Row about stored bytes in a copied catalog.
+#[derive(Clone, Debug)]
+pub(super) struct Stored {
+    /// Object of the original that holds the bytes.
+    pub object: Object,
+    /// Size in bytes; `None` if the original did not know it.
+    pub bytes: Option<u64>,
+    /// Time of the row in ms of the Unix epoch.
+    pub created_at: i64,
+}
+
+/// Fault of one stored file that could not be copied.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct Lost {
+    /// Digest of the bytes.
+    pub digest: Digest,
+    /// Kind of the fault: `corrupt` or `missing`.
+    pub kind: &'static str,
+}
+
+/// Count of copied files, of files that were there already, and of those that could not be copied.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub(crate) struct Tally {
+    /// Number of files that were copied.
+    pub copied_blobs: u64,
+    /// Total size in bytes of the copied files.
+    pub copied_bytes: u64,
+    /// Number of files that an earlier copy has left.
+    pub there_blobs: u64,
+    /// Total size in bytes of the files that an earlier copy has left.
+    pub there_bytes: u64,
+    /// Files that are missing or damaged.
+    pub lost: Vec<Lost>,
+}
+
+impl Tally {
+    /// Counts a file that was copied.
+    pub(super) fn copied(&mut self, bytes: u64) {
+        self.copied_blobs += 1;
+        self.copied_bytes += bytes;
+    }
+
+    /// Counts a file that an earlier copy has left.
+    pub(super) fn there(&mut self, bytes: u64) {
+        self.there_blobs += 1;
+        self.there_bytes += bytes;
+    }
+}
+
+/// Returns the next rows about stored bytes of a copied catalog, in the order of their digests.
+pub(super) async fn stored(rows: &mut Rows) -> Result<Vec<Stored>, ArchiveError> {
+    let mut at = [0; 5];
+    for (at, name) in at.iter_mut().zip(["tenant", "digest", "generation", "bytes", "created_at"]) {
+        *at = rows.column(name)?;
+    }
+    let parse = |row: &serde_json::Value| {
+        let text = |at: usize| row[at].as_str();
+        let digest = text(at[1])?.parse::<Digest>().ok()?;
+        let object = Object::of(digest, text(at[2])?.to_owned());
+        // A generation that makes another path is nobody's.
+        let object = object.to_string().parse::<Object>().ok()?;
+        let created_at = row[at[4]].as_i64()?;
+        (text(at[0])? == "default").then_some(Stored { object, bytes: row[at[3]].as_u64(), created_at })
+    };
+    let invalid = |row: &serde_json::Value| ArchiveError::Copy(format!("the copied row {row} of blobs is invalid"));
+    let batch = rows.next().await?;
+    batch.iter().map(|row| parse(row).ok_or_else(|| invalid(row))).collect()
+}
+
+/// Reads an object of a store into a temporary file, and checks its digest.
+pub(super) async fn fetch(store: &Arc<dyn Store>, object: &Object, staging: &Staging) -> Result<Staged, StoreError> {
+    let size = store.size(object).await?.ok_or(StoreError::NotFound(object.digest()))?;
+    let staging = staging.clone();
+    if size <= WHOLE {
+        let bytes = store.get(object, Some(size)).await?;
+        return blocking(move || staging.stage(&bytes)).await;
+    }
+    let mut writer = blocking(move || staging.begin()).await?;
+    let mut pieces = Arc::clone(store).stream(object.clone(), 0..size, size);
+    while let Some(piece) = pieces.try_next().await? {
+        writer = blocking(move || writer.write(&piece).map(|()| writer)).await?;
+    }
+    blocking(move || writer.finish()).await
+}
+
+/// Like [`fetch`], but looks twice at a faulty object, and for another one that holds the same bytes now in the catalog
+/// of the original, if that is at hand. Returns the fault if both are faulty.
+pub(super) async fn fetch_or_lose(
+    store: &Arc<dyn Store>,
+    catalog: Option<&Catalog>,
+    object: &Object,
+    staging: &Staging,
+) -> Result<Result<Staged, Lost>, ArchiveError> {
+    if let Ok(staged) = fetch(store, object, staging).await {
+        return Ok(Ok(staged));
+    }
+    let digest = object.digest();
+    let now = match catalog {
+        Some(catalog) => catalog.blob(digest).await?.map(|blob| blob.object),
+        None => None,
+    };
+    let kind = match fetch(store, now.as_ref().unwrap_or(object), staging).await {
+        Ok(staged) => return Ok(Ok(staged)),
+        Err(StoreError::NotFound(_)) => "missing",
+        Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => "corrupt",
+        Err(other) => return Err(other.into()),
+    };
+    tracing::warn!(%digest, kind, "stored bytes cannot be copied");
+    Ok(Err(Lost { digest, kind }))
+}

@@ -1,0 +1,201 @@
+//! Copy of a catalog and of its stored bytes into an empty service, from a backup or from another service.
+//!
+//! Bytes come first, announced and listed batch by batch, so that a killed copy goes on where it was. The rows that
+//! name them follow in one transaction: the service is empty, or it is the whole copy.
+
+use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
+use super::dump::Dump;
+use super::fetch::{AT_ONCE, Stored, Tally, fetch_or_lose, stored};
+use super::site::Site;
+use crate::catalog::{Catalog, TABLES};
+use crate::store::{Digest, Object, Place, Store};
+use futures::{StreamExt, TryStreamExt};
+use serde::Serialize;
+use serde_json::Value;
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Time after its announcement within which a copied object must be listed. Raising it keeps what a killed copy has
+/// written for longer.
+const INTENT: Duration = Duration::from_hours(1);
+
+/// Number of files that are announced and listed together. Raising it writes to the database less often.
+const BATCH: usize = 64;
+
+/// Report of a copy into an empty service; the output of `wavelume restore` and `wavelume move`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub(crate) struct CopyReport {
+    /// Id of the new catalog.
+    pub instance: String,
+    /// Number of copied rows.
+    pub rows: u64,
+    /// Copied files.
+    #[serde(flatten)]
+    pub files: Tally,
+}
+
+/// Stored bytes of the original, and its catalog if it is at hand.
+pub(super) struct Origin<'a> {
+    /// Store of the original.
+    pub store: &'a Arc<dyn Store>,
+    /// Catalog of the original.
+    pub catalog: Option<&'a Catalog>,
+    /// Returns the object of the original that holds the bytes of a row.
+    pub object: fn(&Object) -> Object,
+}
+
+impl Archive {
+    /// Opens an empty service that a copy of the catalog with the id `original` is to fill, or one that such a copy has
+    /// begun to fill. Refuses any other.
+    pub(super) async fn to_fill(site: &Site, original: &str) -> Result<Self, ArchiveError> {
+        let (root, database) = Self::places_of(site)?;
+        let place = site.store(&root);
+        let catalog = Catalog::open_to_fill(&database).await?;
+        match catalog.copying().await? {
+            Some(begun) if begun == original => {}
+            Some(begun) => {
+                return Err(ArchiveError::Copy(format!(
+                    "a copy of {begun} into {database} was begun and has not ended: go on with that one, or begin with a \
+                     new database and store"
+                )));
+            }
+            None => {
+                if let Some(found) = catalog.contents().await? {
+                    return Err(ArchiveError::Copy(format!(
+                        "found {found} in {database}, expected an empty database: choose another one"
+                    )));
+                }
+                refuse_used(&place, &catalog).await?;
+                catalog.begin_copy(original).await?;
+            }
+        }
+        Self::with(&Site { adopt: None, ..site.clone() }, root, database, catalog).await
+    }
+
+    /// Copies the stored bytes that a copied catalog names, apart from those that are here already.
+    pub(super) async fn fill_blobs(&self, dump: &Dump, origin: &Origin<'_>) -> Result<Tally, ArchiveError> {
+        let (mut rows, mut tally) = (dump.read("blobs")?, Tally::default());
+        loop {
+            let page = stored(&mut rows).await?;
+            if page.is_empty() {
+                return Ok(tally);
+            }
+            for batch in page.chunks(BATCH) {
+                self.belonged().await?;
+                while !self.fill_batch(batch, origin, &mut tally).await? {
+                    tracing::warn!("copied bytes were listed too late, and are copied again");
+                }
+            }
+        }
+    }
+
+    /// Copies some files. Returns false if their announcement has expired.
+    async fn fill_batch(&self, batch: &[Stored], origin: &Origin<'_>, tally: &mut Tally) -> Result<bool, ArchiveError> {
+        let mut absent = Vec::with_capacity(batch.len());
+        for blob in batch {
+            match self.catalog.blob(blob.object.digest()).await? {
+                Some(known) => tally.there(known.bytes.unwrap_or(0)),
+                None => absent.push((blob.clone(), Object::fresh(blob.object.digest()))),
+            }
+        }
+        if absent.is_empty() {
+            return Ok(true);
+        }
+        let announced: Vec<_> = absent.iter().map(|(blob, new)| (new.clone(), blob.bytes.unwrap_or(0))).collect();
+        self.catalog.intend_all(&announced, INTENT).await?;
+        let copies = futures::stream::iter(absent).map(|(blob, new)| async move {
+            let from = (origin.object)(&blob.object);
+            let fetched = fetch_or_lose(origin.store, origin.catalog, &from, &self.staging).await?;
+            if let Ok(staged) = &fetched {
+                self.store.publish(staged, &new).await?;
+            }
+            Ok::<_, ArchiveError>(fetched.map(|staged| (new, staged.bytes(), blob.created_at)))
+        });
+        let outcomes: Vec<_> = copies.buffer_unordered(AT_ONCE).try_collect().await?;
+        let (mut copied, mut lost) = (Vec::new(), Vec::new());
+        for outcome in outcomes {
+            match outcome {
+                Ok(one) => copied.push(one),
+                Err(one) => lost.push(one),
+            }
+        }
+        if !self.catalog.add_copied(&copied).await? {
+            return Ok(false);
+        }
+        copied.iter().for_each(|(_, bytes, _)| tally.copied(*bytes));
+        tally.lost.extend(lost);
+        Ok(true)
+    }
+
+    /// Writes all rows of a copied catalog, and ends the copy.
+    pub(super) async fn fill_rows(&self, dump: &Dump, lost: &[Digest]) -> Result<(), ArchiveError> {
+        let mut filling = self.catalog.fill().await?;
+        let lost: HashSet<Digest> = lost.iter().copied().collect();
+        for digest in lost {
+            filling.insert_lost(&Object::fresh(digest)).await?;
+        }
+        let mut joined = Vec::new();
+        for (name, _) in TABLES.iter().filter(|(name, _)| *name != "blobs") {
+            let mut rows = dump.read(name)?;
+            let columns = rows.columns().to_vec();
+            loop {
+                let mut batch = rows.next().await?;
+                if batch.is_empty() {
+                    break;
+                }
+                if *name == "measurements" {
+                    take_spectra(&rows, &mut batch, &mut joined)?;
+                }
+                filling.insert(name, &columns, &batch).await?;
+            }
+        }
+        for [tenant, id, spectrum] in &joined {
+            filling.join(tenant, id, spectrum).await?;
+        }
+        filling.finish().await?;
+        Ok(())
+    }
+}
+
+/// Takes the spectra out of rows of measurements: a row may come before that of its spectrum.
+fn take_spectra(
+    rows: &super::dump::Rows,
+    batch: &mut [Value],
+    joined: &mut Vec<[String; 3]>,
+) -> Result<(), ArchiveError> {
+    let [tenant, id, spectrum] = [rows.column("tenant")?, rows.column("id")?, rows.column("spectrum")?];
+    for row in batch {
+        if let [Some(tenant), Some(id), Some(text)] = [tenant, id, spectrum].map(|at| row[at].as_str()) {
+            joined.push([tenant, id, text].map(str::to_owned));
+            row[spectrum] = Value::Null;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a store that belongs to another catalog or holds objects.
+async fn refuse_used(place: &Place, catalog: &Catalog) -> Result<(), ArchiveError> {
+    let Some(store) = place.open_to_read()? else { return Ok(()) };
+    let refused = |found: String| {
+        Err(ArchiveError::Copy(format!(
+            "found {found} in the store {place}, expected an empty one: choose another one"
+        )))
+    };
+    if let Some(id) = store.note(INSTANCE).await?
+        && id != catalog.instance().await?
+    {
+        return refused(format!("the bytes of the catalog {id}"));
+    }
+    if store.note(BACKUP).await?.is_some() {
+        return refused("a backup".to_owned());
+    }
+    for first in 0..=u8::MAX {
+        for folder in Object::folders(first) {
+            if let Some((object, _)) = store.list(&folder).try_next().await? {
+                return refused(format!("the object {object}"));
+            }
+        }
+    }
+    Ok(())
+}
