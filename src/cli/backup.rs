@@ -47,7 +47,7 @@ pub(crate) fn show(report: &impl Serialize, files: &Tally, rows: u64, more: &str
     if json {
         print_json(report)?;
     } else {
-        let lost = files.lost.iter().map(|lost| format!("{:<8} {}\n", lost.kind, lost.digest));
+        let lost = files.lost.iter().map(|lost| format!("{:<10} {}\n", lost.kind, lost.digest));
         print(&format!(
             "{}copied {} rows and {} files ({} bytes); {} files ({} bytes) were there; {} are missing or damaged{more}\n",
             lost.collect::<String>(),

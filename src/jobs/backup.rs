@@ -5,7 +5,7 @@
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Table};
-use super::fetch::{AT_ONCE, Lost, Stored, Tally, fetch_or_lose, stored};
+use super::fetch::{AT_ONCE, Lost, Stored, Tally, UNREADABLE, fetch_or_lose, stored};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Place, Staging, Store, StoreExt};
 use futures::{StreamExt, TryStreamExt};
@@ -176,10 +176,10 @@ impl Archive {
             }
             let copies = futures::stream::iter(absent).map(|object| async move {
                 let fetched = fetch_or_lose(&self.store, Some(&self.catalog), &object, staging).await?;
-                if let Ok(staged) = &fetched {
-                    to.publish(staged, &kept(object.digest())).await?;
-                } else {
-                    self.catalog.suspect(&object).await?;
+                match &fetched {
+                    Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
+                    Err(lost) if lost.kind == UNREADABLE => {}
+                    Err(_) => self.catalog.suspect(&object).await?,
                 }
                 Ok::<_, ArchiveError>(fetched.map(|staged| staged.bytes()))
             });

@@ -2,6 +2,7 @@
 
 use super::archive::{Archive, ArchiveError};
 use super::dump::Dump;
+use super::presence::{Presence, WORKERS};
 use super::publish::Published;
 use super::publish::tests::stored;
 use super::site::Site;
@@ -285,6 +286,11 @@ async fn a_service_moves_to_the_other_kind_and_back() {
         assert!(error.contains("is still written to: stop its nodes and workers"), "{error}");
         stop.store(true, Ordering::Relaxed);
         futures::future::try_join_all(loads).await.unwrap();
+
+        let idle = Presence::enter(&archive.data.join(WORKERS)).unwrap();
+        let error = archive.relocate(&other).await.unwrap_err().to_string();
+        assert!(error.contains("1 nodes or workers use") && error.contains("stop them"), "{error}");
+        drop(idle);
 
         let staging = &archive.staging;
         let (before, held) = (Dump::of(&archive.catalog, staging).await.unwrap(), objects(&archive).await);

@@ -7,7 +7,7 @@ use super::frame::Queued;
 use super::hub::Hub;
 use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
-use super::presence::Presence;
+use super::presence::{Presence, WORKERS};
 use super::turns::CLIENT;
 use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, Retried};
 use crate::compress::{Decoded, decode};
@@ -67,7 +67,7 @@ impl Engine {
     pub(crate) async fn open(config: &WorkConfig) -> Result<Arc<Self>, ArchiveError> {
         let archive = Archive::serve(&config.site).await?;
         let limits = config.limits.clone();
-        let presence = Presence::enter(&archive.data.join("workers"))
+        let presence = Presence::enter(&archive.data.join(WORKERS))
             .map_err(|source| ArchiveError::Directory { directory: archive.data.clone(), source })?;
         let workers = config.workers.max(1);
         let opened = moka::future::Cache::builder()

@@ -1,6 +1,6 @@
 //! Stored bytes copied from one store towards another: read, verified and staged, several at once.
 
-use super::archive::ArchiveError;
+use super::archive::{ArchiveError, INSTANCE};
 use super::dump::{Rows, blocking};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
@@ -10,6 +10,9 @@ use std::sync::Arc;
 
 /// Number of files that are copied at once. Raising it needs more memory, up to 8 MiB each.
 pub(super) const AT_ONCE: usize = 8;
+
+/// Kind of the fault of a file that the store has and cannot read.
+pub(super) const UNREADABLE: &str = "unreadable";
 
 /// Row about stored bytes in a copied catalog.
 #[derive(Clone, Debug)]
@@ -27,7 +30,7 @@ pub(super) struct Stored {
 pub(crate) struct Lost {
     /// Digest of the bytes.
     pub digest: Digest,
-    /// Kind of the fault: `corrupt` or `missing`.
+    /// Kind of the fault: `corrupt`, `missing` or `unreadable`.
     pub kind: &'static str,
 }
 
@@ -116,6 +119,8 @@ pub(super) async fn fetch_or_lose(
         Ok(staged) => return Ok(Ok(staged)),
         Err(StoreError::NotFound(_)) => "missing",
         Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => "corrupt",
+        // The disk cannot read this one file, while the store answers.
+        Err(StoreError::Objects(_)) if store.note(INSTANCE).await.is_ok() => UNREADABLE,
         Err(other) => return Err(other.into()),
     };
     tracing::warn!(%digest, kind, "stored bytes cannot be copied");

@@ -7,6 +7,9 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
+/// Name of the folder of a data directory that holds the lock files.
+pub(super) const WORKERS: &str = "workers";
+
 /// Sign of life of a worker: a locked file in the data directory. Dropping it, or the end of the process, releases the
 /// lock.
 #[derive(Debug)]
@@ -67,6 +70,25 @@ impl Presence {
     }
 }
 
+/// Returns the number of processes of this host that work on the data directory whose folder of lock files this is.
+/// Blocks on disk access.
+pub(super) fn living(directory: &Path) -> io::Result<usize> {
+    let mut living = 0;
+    let entries = match fs::read_dir(directory) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),
+        entries => entries?,
+    };
+    for entry in entries {
+        let entry = entry?;
+        if !entry.file_name().to_string_lossy().starts_with(&boot()) {
+            continue;
+        }
+        let Ok(file) = File::open(entry.path()) else { continue };
+        living += usize::from(matches!(file.try_lock(), Err(TryLockError::WouldBlock)));
+    }
+    Ok(living)
+}
+
 /// Returns a text that differs between hosts, and between starts of a host.
 fn boot() -> String {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
@@ -91,6 +113,8 @@ mod tests {
         fs::write(directory.path().join(&killed), b"").unwrap();
         fs::write(directory.path().join("another host's"), b"").unwrap();
         assert_eq!(a.gone().unwrap(), [killed]);
+        assert_eq!(living(directory.path()).unwrap(), 2);
+        assert_eq!(living(&directory.path().join("nothing")).unwrap(), 0);
         b.forget(&a.gone().unwrap());
         assert!(a.gone().unwrap().is_empty());
         assert_ne!(a.id(), b.id());

@@ -123,7 +123,9 @@ impl Archive {
         if !self.catalog.add_copied(&copied).await? {
             return Ok(false);
         }
-        copied.iter().for_each(|(_, bytes, _)| tally.copied(*bytes));
+        for (_, bytes, _) in &copied {
+            tally.copied(*bytes);
+        }
         tally.lost.extend(lost);
         Ok(true)
     }

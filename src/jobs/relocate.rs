@@ -2,8 +2,9 @@
 
 use super::archive::{Archive, ArchiveError};
 use super::backup::Hold;
-use super::dump::Dump;
+use super::dump::{Dump, blocking};
 use super::fetch::Tally;
+use super::presence::{WORKERS, living};
 use super::refill::{CopyReport, Origin};
 use super::site::Site;
 
@@ -16,6 +17,14 @@ impl Archive {
     /// be written to meanwhile: if it is, the copy is brought up to date, and given up in the end.
     pub(crate) async fn relocate(&self, site: &Site) -> Result<CopyReport, ArchiveError> {
         let original = format!("the catalog {}", self.catalog.instance().await?);
+        let workers = self.data.join(WORKERS);
+        let living = blocking(move || Ok(living(&workers)?)).await?;
+        if living > 0 {
+            return Err(ArchiveError::Copy(format!(
+                "{living} nodes or workers use the data directory {}: stop them, and start the move again",
+                self.data.display()
+            )));
+        }
         let archive = Self::to_fill(site, &original).await?;
         let hold = Hold::begin(&self.catalog).await?;
         let origin = Origin { store: &self.store, catalog: Some(&self.catalog), object: Clone::clone };
