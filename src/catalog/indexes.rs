@@ -19,10 +19,7 @@ pub(super) async fn wait_for_turn(connection: &mut AnyConnection) -> Result<(), 
 
 /// Builds the indexes of one migration, where they are missing, without blocking writers. Each of `indexes` is the text
 /// after `CREATE INDEX IF NOT EXISTS`.
-pub(super) async fn build(
-    connection: &mut AnyConnection,
-    indexes: impl Iterator<Item = &'static str>,
-) -> Result<(), CatalogError> {
+pub(super) async fn build(connection: &mut AnyConnection, indexes: &[&'static str]) -> Result<(), CatalogError> {
     for index in indexes {
         create(connection, index, true).await?;
     }

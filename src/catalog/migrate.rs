@@ -97,11 +97,6 @@ impl Catalog {
         if is_new { Ok(Self::migrate(place, false).await?.0) } else { Self::open_few(place).await }
     }
 
-    /// Returns the number of the last migration of the schema that this program knows.
-    pub(crate) fn schema_version() -> i64 {
-        VERSION
-    }
-
     /// Refuses a PostgreSQL database that is not encoded in UTF-8 or that sorts texts by the rules of a language.
     async fn check_locale(&self) -> Result<(), CatalogError> {
         if self.dialect == Dialect::Sqlite {
@@ -135,7 +130,7 @@ impl Catalog {
         if online {
             indexes::drop_unfinished(&mut connection).await?;
             for (version, added) in self.edition.later() {
-                indexes::build(&mut connection, added).await?;
+                indexes::build(&mut connection, &added).await?;
                 self.apply(&mut connection, version).await?;
             }
         }

@@ -13,9 +13,9 @@ mod error;
 mod examine;
 mod facts;
 mod file;
-mod indexes;
 mod filling;
 mod hold;
+mod indexes;
 mod job;
 #[cfg(test)]
 mod job_tests;
@@ -39,8 +39,8 @@ mod ready;
 mod result_code;
 mod retention;
 mod schema;
-mod uploaded;
 mod snapshot;
+mod uploaded;
 mod watch;
 
 pub use error::CatalogError;

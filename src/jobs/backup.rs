@@ -6,7 +6,7 @@
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Dump, Table};
 use super::fetch::{AT_ONCE, Lost, Stored, Tally, UNREADABLE, fetch_or_lose, stored};
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, SCHEMA};
 use crate::store::{Digest, Object, Place, Staging, Store, StoreExt};
 use futures::{StreamExt, TryStreamExt};
 use serde::{Deserialize, Serialize};
@@ -129,7 +129,7 @@ impl Archive {
             form: FORM,
             id: uuid::Uuid::now_v7().to_string(),
             instance: self.catalog.instance().await?,
-            schema: Catalog::schema_version(),
+            schema: SCHEMA,
             made_ms,
             tables: dump.0.iter().map(|(table, _)| table.clone()).collect(),
             lost: files.lost.iter().map(|lost| lost.digest).collect(),

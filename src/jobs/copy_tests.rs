@@ -7,7 +7,7 @@ use super::publish::Published;
 use super::publish::tests::stored;
 use super::site::Site;
 use super::site::tests::sites;
-use crate::catalog::{Deleted, Ended, Ending, JobState, NewJob, NewMaterial};
+use crate::catalog::{Deleted, Ended, Ending, JobState, NewJob, NewMaterial, Priority};
 use crate::domain::Quantity;
 use crate::store::{Digest, Object, Place, contract};
 use futures::TryStreamExt;
@@ -35,7 +35,15 @@ async fn objects(archive: &Archive) -> BTreeSet<(Object, u64)> {
 }
 
 fn job(id: &str, measurement: Option<Digest>) -> NewJob {
-    NewJob { id: id.to_owned(), frame: "00".to_owned(), measurement, share: String::new(), idempotency: None }
+    NewJob {
+        id: id.to_owned(),
+        frame: "00".to_owned(),
+        level: 1,
+        measurement,
+        priority: Priority::Usual,
+        share: String::new(),
+        idempotency: None,
+    }
 }
 
 /// Makes a material of a measurement, one job that runs and one that waits. Returns the id of the material.
@@ -52,7 +60,7 @@ async fn used(archive: &Archive, measurement: Digest) -> Digest {
         bytes: 10,
         name: Some("A \"name\" – with\nlines".to_owned()),
         tags: vec!["office".to_owned()],
-        measurement,
+        measurements: vec![measurement],
         document: serde_json::Map::new(),
     };
     let ended = Ended::Material(Box::new(material), published.claim().clone());
@@ -174,16 +182,9 @@ async fn a_killed_backup_and_a_killed_restore_go_on() {
 }
 
 /// Starts an operation, ends it at later and later times, and runs it to its end at last.
-async fn killed<T, F>(operation: impl Fn() -> F) -> T
-where
-    T: Send + 'static,
-    F: Future<Output = Result<T, ArchiveError>> + Send + 'static,
-{
+async fn killed<T, F: Future<Output = Result<T, ArchiveError>>>(operation: impl Fn() -> F) -> T {
     for time in [10, 60, 150, 400] {
-        let running = tokio::spawn(operation());
-        tokio::time::sleep(Duration::from_millis(time)).await;
-        running.abort();
-        if let Ok(done) = running.await {
+        if let Ok(done) = tokio::time::timeout(Duration::from_millis(time), operation()).await {
             // A fast machine.
             return done.unwrap();
         }

@@ -6,7 +6,7 @@ use super::dump::Dump;
 use super::fetch::fetch;
 use super::refill::{CopyReport, Origin};
 use super::site::Site;
-use crate::catalog::Catalog;
+use crate::catalog::SCHEMA;
 use crate::store::{Place, StoreError};
 
 impl Archive {
@@ -16,11 +16,10 @@ impl Archive {
         let absent = || ArchiveError::Copy(format!("found no {BACKUP} in {from}, expected the place of a backup"));
         let store = from.open_to_read()?.ok_or_else(absent)?;
         let manifest = manifest(&store, from).await?.ok_or_else(absent)?;
-        if manifest.schema > Catalog::schema_version() {
+        if manifest.schema > SCHEMA {
             return Err(ArchiveError::Copy(format!(
                 "the backup in {from} has the schema {}, and this program knows {}: use a newer program",
-                manifest.schema,
-                Catalog::schema_version()
+                manifest.schema, SCHEMA
             )));
         }
         let archive = Self::to_fill(site, &format!("the backup {}", manifest.id)).await?;
