@@ -127,12 +127,15 @@ async fn damaged_files_and_those_of_another_measurement_are_refused_with_where_a
 
     // Another light on the same wavelengths, and a lamp.
     let text = String::from_utf8(D65.to_vec()).unwrap();
-    let mut lines = text.lines();
-    let mut other = format!("{}\n", lines.next().unwrap());
-    for (i, line) in lines.enumerate() {
-        let (wavelength, _) = line.split_once(',').unwrap();
-        other += &format!("{wavelength},{}\n", 50 + i % 7);
-    }
+    let other: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(i, line)| match line.split_once(',') {
+            Some((wavelength, _)) if i > 0 => format!("{wavelength},{}\n", 50 + i % 7),
+            _ => format!("{line}\n"),
+        })
+        .collect();
+    let other = other.concat();
     let other = service.upload("", other).await["id"].clone();
     let lamp = service.upload("", LAMP).await["id"].clone();
     let named = |id: &Value| format!("?measurement={}", id.as_str().unwrap());

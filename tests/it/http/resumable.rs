@@ -152,7 +152,7 @@ async fn each_refusal_of_the_protocol_has_its_status() {
     config.work.limits.partial_uploads_each = 4;
     config.work.limits.partial_bytes_each = 190 << 10;
     config.work.limits.partial_parts = 3;
-    config.work.limits.partial_keep = Duration::from_secs(600);
+    config.work.limits.partial_keep = Duration::from_mins(10);
     let service = Service::start(config).await;
     let path = begin(&service, D65.len()).await;
     let post = || tus(&service, "POST", "/v1/uploads");
@@ -177,7 +177,7 @@ async fn each_refusal_of_the_protocol_has_its_status() {
     problem(patch(&service, &path, 99, b"x"), 409, "wrong-offset").await;
     let text = tus(&service, "PATCH", &path).header(KIND.0, "text/plain").header("upload-offset", 100).body("x");
     problem(text, 415, "unsupported-media-type").await;
-    problem(patch(&service, &path, 100, &[b'x'; 60 << 10]), 413, "too-large").await;
+    problem(patch(&service, &path, 100, &vec![b'x'; 60 << 10]), 413, "too-large").await;
     let checked = |sum: &str| patch(&service, &path, 100, &D65[100..111]).header("upload-checksum", sum);
     problem(checked("crc32 AAAA"), 400, "bad-header").await;
     problem(checked("sha1 Kq5sNclPz7QV2+lfQIuc6R7oRu0="), 460, "checksum-mismatch").await;

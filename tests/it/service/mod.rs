@@ -73,6 +73,8 @@ pub(crate) async fn objects(data: &Path, digest: &str) -> Vec<String> {
         let list = format!("{base}?list-type=2&prefix={prefix}/");
         let list = Client::new().get(list).send().await.unwrap().text().await.unwrap();
         let keys = list.split("<Key>").skip(1).map(|rest| rest.split("</Key>").next().unwrap());
+        // The text with the id of the catalog lies beside the folders.
+        let keys = keys.filter(|key| key.contains("/blobs/") || key.contains("/uploads/"));
         found.extend(keys.map(|key| format!("{base}/{key}")));
     } else {
         let mut folders = vec![data.join("blobs"), data.join("uploads")];
