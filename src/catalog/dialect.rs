@@ -77,7 +77,7 @@ impl Dialect {
                     out.push_str("CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS BIGINT)");
                 }
                 (Self::Postgres, "now") => {
-                    out.push_str("CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)")
+                    out.push_str("CAST(EXTRACT(EPOCH FROM statement_timestamp()) * 1000 AS BIGINT)");
                 }
                 (Self::Postgres, "lock") => out.push_str(" FOR UPDATE"),
                 (Self::Postgres, "skip") => out.push_str(" FOR UPDATE SKIP LOCKED"),
@@ -93,9 +93,9 @@ impl Dialect {
                         };
                         out.push_str(before);
                         if query.starts_with('$') {
-                            self.each(&mut out, query)
+                            self.each(&mut out, query);
                         } else {
-                            out.push_str(query)
+                            out.push_str(query);
                         }
                         out.push_str(after);
                     }

@@ -7,6 +7,8 @@
 
 mod blobs;
 mod checks;
+#[cfg(test)]
+mod cost_tests;
 mod database;
 mod dialect;
 mod error;
@@ -148,7 +150,11 @@ pub(crate) mod testing {
         let mut connection = AnyConnection::connect(url).await.unwrap();
         connection.execute(sqlx::AssertSqlSafe(before.to_owned())).await.unwrap();
         let text = include_str!("../../tests/benches/fill.sql");
-        let text = text.replace(":jobs", &jobs.to_string()).replace(":materials", &materials.to_string());
+        let text = text
+            .replace(":jobs", &jobs.to_string())
+            .replace(":materials", &materials.to_string())
+            .replace(":measurement_document", "repeat(md5(CAST(i AS TEXT)), 20)")
+            .replace(":material_document", "repeat(md5(CAST(i AS TEXT)), 75)");
         connection.execute(sqlx::AssertSqlSafe(text)).await.unwrap();
         connection.close().await.unwrap();
     }

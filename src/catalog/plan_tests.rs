@@ -171,7 +171,7 @@ async fn number(catalog: &Catalog, query: &'static str) -> i64 {
     sqlx::query(query).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
 }
 
-/// What workers repeat all the time.
+/// Operations that workers and uploads repeat all the time.
 async fn work(on: &mut Explained) {
     let catalog = on.catalog.clone();
     let lamp = measurement(&format!("lamp {}", on.about));
@@ -220,7 +220,7 @@ async fn work(on: &mut Explained) {
     }
 }
 
-/// What clients and the watcher of an API node look at.
+/// Lists and rows that clients and the watcher of an API node look at.
 async fn look(on: &mut Explained) {
     let catalog = on.catalog.clone();
     for state in JobState::ALL {
@@ -293,7 +293,7 @@ async fn look(on: &mut Explained) {
     assert!(matches!(on.check("doom", FEW, false, catalog.doom_unnamed(made, MINUTE)).await.unwrap(), Doom::Doomed(_)));
 }
 
-/// What a sweep does in its rounds.
+/// Operations of a sweep.
 async fn sweep(on: &mut Explained) {
     let catalog = on.catalog.clone();
     assert!(on.check("expired intents", FEW, false, catalog.doom_expired(1000, DAY)).await.unwrap() > 9);

@@ -13,7 +13,7 @@ use futures::future::BoxFuture;
 use futures::stream::BoxStream;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::io;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -370,7 +370,7 @@ async fn nothing_is_lost_or_left_over_when_store_calls_outlive_their_callers() {
         sweeping.await.unwrap();
         clock.await.unwrap();
 
-        let contents: HashMap<u64, ()> = left.iter().map(|named| (named.content, ())).collect();
+        let contents: BTreeSet<u64> = left.iter().map(|named| named.content).collect();
         let stored = objects(&soak.archive).await;
         println!(
             "{}: {} s, {counts:?}, {} names and {} objects left",

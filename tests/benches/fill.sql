@@ -1,7 +1,7 @@
 -- Fills an empty catalog on PostgreSQL with :jobs jobs, and with :materials materials of as many measurements.
 -- The newest jobs wait (a fiftieth, 10,000 at most) or run (a fiftieth, 1,000 at most); the others have ended within 60
 -- days: one in 5,000 is dead, one in 20 has failed, one in 25 was cancelled, one in 100 has made a report.
--- Foreign keys are not checked meanwhile; all of them hold.
+-- Their documents are :measurement_document and :material_document. Foreign keys are not checked meanwhile; all hold.
 SET session_replication_role = replica;
 CREATE FUNCTION pg_temp.now_ms() RETURNS BIGINT LANGUAGE SQL AS 'SELECT CAST(EXTRACT(EPOCH FROM now()) * 1000 AS BIGINT)';
 CREATE FUNCTION pg_temp.digest(kind TEXT, i BIGINT) RETURNS TEXT LANGUAGE SQL IMMUTABLE AS
@@ -17,14 +17,14 @@ INSERT INTO blobs (tenant, digest, generation, bytes, created_at)
 INSERT INTO measurements (tenant, id, content, name, file_name, bytes, format, quantity, search, document, created_at)
     SELECT 'default', pg_temp.digest('measurement', i), pg_temp.digest('content', i), 'sample ' || i, 'sample-' || i || '.csv',
         100000, CASE WHEN i % 5000 = 0 THEN 'ies' ELSE 'csv' END, CASE WHEN i % 5000 = 0 THEN 'edf' ELSE 'brdf' END,
-        'sample ' || i || chr(10) || 'sample-' || i || '.csv', '{"file": "' || repeat(md5(i || ''), 20) || '"}',
+        'sample ' || i || chr(10) || 'sample-' || i || '.csv', :measurement_document,
         pg_temp.now_ms() - 1000 * (:materials - i)
     FROM generate_series(1, :materials) AS i;
 INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at)
     SELECT 'default', pg_temp.digest('material', i), pg_temp.digest('payload', i),
         CASE WHEN i % 5000 = 0 THEN 'edf' ELSE 'brdf' END, 3000, 'sample ' || i,
         'sample ' || i || chr(10) || 'tag' || i % 100 || CASE WHEN i % 5000 = 1 THEN chr(10) || 'rare' ELSE '' END,
-        '{"manifest": "' || md5(i || 'a') || md5(i || 'b') || md5(i || 'c') || md5(i || 'd') || repeat(md5(i || ''), 70) || '"}',
+        :material_document,
         pg_temp.now_ms() - 1000 * (:materials - i)
     FROM generate_series(1, :materials) AS i;
 INSERT INTO material_sources (tenant, material, measurement)
