@@ -19,6 +19,8 @@ SETTINGS = {
 STOPPED, RESTARTED = 5, 20
 # Seconds that a round waits at most for its share of accepted requests before it kills all the same.
 PATIENCE = 20
+# Minutes after which no further round begins, as what follows takes some more. Fewer rounds than asked for are a failure.
+MINUTES = 26
 
 
 def run(shared, rounds):
@@ -28,6 +30,7 @@ def run(shared, rounds):
     rounds = parser.parse_args().rounds
     seed = int(os.environ.get("WAVELUME_SEED", random.randrange(1 << 30)))
     start, chance = time.monotonic(), random.Random(seed)
+    end = start + 60 * float(os.environ.get("WAVELUME_MINUTES", MINUTES))
     kills, restarts, stops = dict.fromkeys(("node", "worker"), 0), 0, []
     with Site(shared, SETTINGS, nodes=2 if shared else 1, workers=2 if shared else 1) as site:
         ledger = Ledger([node.port for node in site.nodes])
@@ -49,7 +52,7 @@ def run(shared, rounds):
                     victim = chance.choice([process for process in site.processes if not process.paused])
                     victim.kill()
                     kills[victim.name.split("-")[0]] += 1
-                    if ledger.wrong:
+                    if ledger.wrong or time.monotonic() > end:
                         break
                     if round % 100 == 99:
                         print(f"{round + 1} rounds, {time.monotonic() - start:.0f} s: {summary(ledger)}", flush=True)
@@ -78,6 +81,8 @@ def run(shared, rounds):
             raise SystemExit(1)
         stored = site.settled()
         print(f"nothing lost, no job ended twice, fsck clean, {stored} objects stored and named, no orphan", flush=True)
+        if (done := sum(kills.values())) < rounds:
+            raise SystemExit(f"{done} of {rounds} rounds, as the time is over: run it on an idle machine, or set WAVELUME_MINUTES")
 
 
 def tend(site):
