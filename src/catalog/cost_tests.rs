@@ -70,6 +70,8 @@ async fn statements_of_a_job() {
         frame: "00".repeat(80),
         measurement: Some(lamp.id),
         share: format!("10.0.0.{}", round % 50),
+        level: 1,
+        priority: Priority::Usual,
         idempotency: Some((format!("key {round}"), Digest::of(b"request"))),
     };
     let material = |round: u32| NewMaterial {
@@ -79,7 +81,7 @@ async fn statements_of_a_job() {
         bytes: 3000,
         name: Some(format!("lamp {round}")),
         tags: vec!["office".to_owned()],
-        measurement: lamp.id,
+        measurements: vec![lamp.id],
         document: serde_json::Map::from_iter([("manifest".to_owned(), "0123456789abcdef".repeat(150).into())]),
     };
     let queued = cost(&catalog, "enqueue", times, async |round| catalog.enqueue(&new(round), 1_000_000).await.unwrap());
