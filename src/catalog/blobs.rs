@@ -235,7 +235,13 @@ impl Catalog {
     pub(crate) async fn doom_unnamed(&self, digest: Digest, grace: Duration) -> Result<Doom, CatalogError> {
         let mut write = self.write().await?;
         let text = digest.to_string();
-        // The lock first: a row that names the digest is written before, and seen by the next statement, or after, and
+        // The list first: a row that ceases to name the digest later lists it again, and one that ceased before is not
+        // seen any more by the statement that looks for names.
+        sqlx::query("DELETE FROM unnamed WHERE tenant = 'default' AND digest = $1")
+            .bind(text.clone())
+            .execute(&mut *write.transaction)
+            .await?;
+        // Then the lock: a row that names the digest is written before, and seen by the next statement, or after, and
         // refused by its foreign key.
         let row = sqlx::query(write.sql(concat!(blob!(), "{lock}")))
             .bind(text.clone())
@@ -259,10 +265,6 @@ impl Catalog {
                 }
             }
         };
-        sqlx::query("DELETE FROM unnamed WHERE tenant = 'default' AND digest = $1")
-            .bind(text)
-            .execute(&mut *write.transaction)
-            .await?;
         write.commit().await?;
         Ok(doomed)
     }

@@ -247,3 +247,20 @@ async fn a_digest_is_named_or_doomed_and_never_both() {
         println!("{:?}: {named} named first, {doomed} doomed first", a.dialect());
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_digest_that_loses_its_last_name_while_it_is_examined_is_examined_again() {
+    for ([a, b], _guard) in pairs().await {
+        let lamp = measurement("lamp");
+        for round in 0..ROUNDS {
+            testing::add(&a, &lamp).await;
+            a.list_unnamed(lamp.content).await.unwrap();
+            let (deleted, doom) = meet(round, a.delete_measurement(lamp.id), b.doom_unnamed(lamp.content, LEASE)).await;
+            assert_eq!(deleted.unwrap(), Deleted::Done, "round {round}");
+            let is_stored = a.blob(lamp.content).await.unwrap().is_some();
+            assert_eq!(doom.unwrap() == Doom::Named, is_stored, "round {round}");
+            assert_eq!(a.is_unnamed(lamp.content).await.unwrap(), is_stored, "round {round}");
+            a.doom_unnamed(lamp.content, LEASE).await.unwrap();
+        }
+    }
+}
