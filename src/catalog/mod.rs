@@ -5,6 +5,7 @@
 //! keys and by updates that name the state in which they find a row. Writes on SQLite begin with `BEGIN IMMEDIATE`, so
 //! that a transaction never has to give up because it read before it wrote.
 
+mod ageing;
 mod blobs;
 mod checks;
 #[cfg(test)]

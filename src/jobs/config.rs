@@ -117,8 +117,8 @@ limits! {
         /// Upper bound on the jobs that wait in the queue; a further job is refused with 429. Each further node may
         /// exceed it by an eighth.
         queued_jobs: u64 = 10_000, Count >= 0;
-        /// Time after which a waiting batch job (`"priority": 1`) counts as a usual one, so that usual jobs do not hold it
-        /// up for ever.
+        /// Time after which a waiting batch job (`"priority": 1`) counts as a usual one, so that usual jobs do not hold
+        /// it up for ever.
         batch_age: Duration = Duration::from_hours(1), Time >= 1000;
         /// Upper bound on the attempts at a job whose disk, store or database failed; after the last one its state is
         /// `dead`.

@@ -53,8 +53,8 @@ pub(super) async fn compute(
         threads: isolation.threads,
         memory: isolation.memory,
     });
-    let order = order.map_err(passing)?;
-    let child = start(isolation, staging).map_err(passing)?;
+    let order = order.map_err(|error| passing(&error))?;
+    let child = start(isolation, staging).map_err(|error| passing(&error))?;
     let group = Group::of(&child);
     let mut talk = tokio::task::spawn_blocking({
         let (group, control) = (Group(Arc::clone(&group.0)), Arc::clone(control));
@@ -71,7 +71,7 @@ pub(super) async fn compute(
         drop(talk.await);
         return Err(Failure::Stopped);
     };
-    match ended.map_err(|error| passing(error.into()))?.map_err(passing)? {
+    match ended.map_err(|error| passing(&error.into()))?.map_err(|error| passing(&error))? {
         End::Said(Message::Made(report)) => Ok(Written { staged: blocking(move || result.take()).await?, report }),
         End::Said(Message::Failed(problem)) => Err(Failure::Final(problem)),
         End::Said(Message::Newer(detail)) => Err(Failure::Newer(detail)),
@@ -105,7 +105,7 @@ async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(work).await.map_err(|error| StoreError::Io(error.into()))?
 }
 
-fn passing(error: io::Error) -> Failure {
+fn passing(error: &io::Error) -> Failure {
     Failure::Passing(format!("the process of the job: {error}"))
 }
 
