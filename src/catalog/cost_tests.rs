@@ -17,8 +17,8 @@ const MATERIALS: u32 = 10_000;
 /// Clock ticks of Linux in a second, the unit of CPU times in `/proc`.
 const TICKS: f64 = 100.0;
 
-/// Returns the CPU time in s of the processes of the server, which must run on this machine, but for those that come and
-/// go to clean tables; and the length of its log in bytes.
+/// Returns the CPU time in s of the processes of the server, which must run on this machine, but for those that come
+/// and go to clean tables; and the length of its log in bytes.
 async fn spent(catalog: &Catalog) -> (f64, i64) {
     let mut ticks = 0.0;
     let pids = sqlx::query("SELECT pid FROM pg_stat_activity WHERE backend_type NOT LIKE 'autovacuum%'")

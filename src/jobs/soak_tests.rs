@@ -1,5 +1,5 @@
-//! Publishers, readers and sweeps of two processes over a store whose calls outlive their callers: no read of named bytes
-//! may fail, and nothing may be left over. `WAVELUME_SOAK_SECONDS` says for how long.
+//! Publishers, readers and sweeps of two processes over a store whose calls outlive their callers: no read of named
+//! bytes may fail, and nothing may be left over. `WAVELUME_SOAK_SECONDS` says for how long.
 
 use super::archive::{Archive, ArchiveError};
 use super::config::Limits;

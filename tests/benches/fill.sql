@@ -1,7 +1,8 @@
 -- Fills an empty catalog on PostgreSQL with :jobs jobs, and with :materials materials of as many measurements.
 -- The newest jobs wait (a fiftieth, 10,000 at most) or run (a fiftieth, 1,000 at most); the others have ended within 60
 -- days: one in 5,000 is dead, one in 20 has failed, one in 25 was cancelled, one in 100 has made a report.
--- Their documents are :measurement_document and :material_document. Foreign keys are not checked meanwhile; all hold.
+-- The leases of half of those that run are over. Documents are :measurement_document and :material_document. Foreign keys
+-- are not checked meanwhile; all of them hold.
 SET session_replication_role = replica;
 CREATE FUNCTION pg_temp.now_ms() RETURNS BIGINT LANGUAGE SQL AS 'SELECT CAST(EXTRACT(EPOCH FROM now()) * 1000 AS BIGINT)';
 CREATE FUNCTION pg_temp.digest(kind TEXT, i BIGINT) RETURNS TEXT LANGUAGE SQL IMMUTABLE AS
@@ -41,7 +42,7 @@ INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, pro
             placing '-' from 14 for 0) placing '-' from 19 for 0) placing '-' from 24 for 0),
         'default', 'address ' || i % 50, repeat(md5(i || 'frame'), 5), source, CASE WHEN ended THEN NULL ELSE source END,
         state, 2 * i, CASE WHEN ended THEN 1 ELSE 0 END, 1, 1,
-        CASE WHEN state = 'running' THEN 'worker ' || i % 100 END, CASE WHEN state = 'running' THEN at + 600000 END, at,
+        CASE WHEN state = 'running' THEN 'worker ' || i % 100 END, CASE WHEN state = 'running' THEN CASE WHEN i % 2 = 0 THEN at + 600000 ELSE pg_temp.now_ms() + 86400000 END END, at,
         CASE WHEN state = 'succeeded' AND i % 100 <> 0 THEN pg_temp.digest('material', 1 + i % :materials) END,
         CASE WHEN state = 'succeeded' AND i % 100 = 0 THEN pg_temp.digest('report', i) END, at, at + 1000
     FROM (SELECT i, state NOT IN ('queued', 'running') AS ended, state, pg_temp.digest('measurement', 1 + i % :materials) AS source,
