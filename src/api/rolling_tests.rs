@@ -225,6 +225,7 @@ async fn rolls(site: &Site) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_rolling_update_and_its_rollback_fail_no_job_on_one_machine() {
+    crate::store::provide_tls();
     let data = tempfile::tempdir().unwrap();
     let site = Site::new(data.path());
     Archive::migrate(&site, false).await.unwrap();

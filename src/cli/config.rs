@@ -2,6 +2,7 @@
 
 use super::config_file::ConfigFile;
 use super::failure::Failure;
+use super::isolate::IsolateArgs;
 use super::jobs::UrlArg;
 use super::keys::{Key, Kind};
 use super::output::{print, print_json};
@@ -26,6 +27,8 @@ pub(crate) struct Args {
     reach: ReachArgs,
     #[command(flatten)]
     figures: MetricsArg,
+    #[command(flatten)]
+    isolation: IsolateArgs,
     #[command(flatten)]
     settings: Settings,
     /// Print the settings as one line of JSON

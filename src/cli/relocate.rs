@@ -3,7 +3,7 @@
 use super::backup::show;
 use super::failure::Failure;
 use super::runtime::block_on;
-use super::site::SiteArgs;
+use super::site::PlaceArgs;
 use crate::jobs::{Archive, Database, Place, Site};
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "URL")]
     from_store: Option<Place>,
     #[command(flatten)]
-    site: SiteArgs,
+    places: PlaceArgs,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     {
         return Err(Failure::failed("no such data directory").about(data));
     }
-    let to = args.site.site();
+    let to = args.places.site();
     let from = Site {
         // Staged files are the only thing that lies there.
         data: args.from_data.clone().unwrap_or_else(|| to.data.clone()),

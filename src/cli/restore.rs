@@ -3,7 +3,7 @@
 use super::backup::{place, show};
 use super::failure::Failure;
 use super::runtime::block_on;
-use super::site::SiteArgs;
+use super::site::PlaceArgs;
 use crate::jobs::{Archive, Place};
 
 #[derive(Debug, clap::Args)]
@@ -13,14 +13,15 @@ pub(crate) struct Args {
     #[arg(value_name = "SRC", value_parser = place)]
     source: Place,
     #[command(flatten)]
-    site: SiteArgs,
+    places: PlaceArgs,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report = block_on(async { Archive::restore(&args.site.site(), &args.source).await.map_err(Failure::failed) })?;
+    let report =
+        block_on(async { Archive::restore(&args.places.site(), &args.source).await.map_err(Failure::failed) })?;
     let more = format!("; the new catalog is {}", report.instance);
     show(&report, &report.files, report.rows, &more, args.json)
 }

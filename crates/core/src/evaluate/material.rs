@@ -491,8 +491,8 @@ impl Material {
     }
 
     /// Three parts of a material with samples over triangles: the function of direction and wavelength without the
-    /// analytic lobe that evaluation may add, its spectral coefficients, and its tables for smooth interpolation. `None`
-    /// if the material stores all samples rather than coefficients, or has its samples on a grid of angles.
+    /// analytic lobe that evaluation may add, its spectral coefficients, and its tables for smooth interpolation.
+    /// `None` if the material stores all samples rather than coefficients, or has its samples on a grid of angles.
     #[inline(always)]
     pub(super) fn planes_of_cells(&self) -> Option<(&Function, &Planes, &Smooth)> {
         let function = self.function()?;

@@ -263,9 +263,9 @@ fn check_forms(wide: &mut [(f64, usize)], has_value: bool, has_wavelength: bool,
     }
 }
 
-/// Returns the index, 0 to 3, of the angle (`theta_i`, `phi_i`, `theta_o`, `phi_o`) that a column name denotes. Also returns
-/// true for names of luminaire angles (gamma, C), false for those of surface angles, `None` for a name that serves
-/// both.
+/// Returns the index, 0 to 3, of the angle (`theta_i`, `phi_i`, `theta_o`, `phi_o`) that a column name denotes. Also
+/// returns true for names of luminaire angles (gamma, C), false for those of surface angles, `None` for a name that
+/// serves both.
 fn angle_of(name: &str, quantity: Quantity) -> Option<(usize, Option<bool>)> {
     let outgoing = quantity == Quantity::Edf;
     match name {
