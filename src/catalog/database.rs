@@ -179,6 +179,12 @@ impl Write {
     pub(super) async fn commit(self) -> Result<(), CatalogError> {
         Ok(self.transaction.commit().await?)
     }
+
+    /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, and another
+    /// worker skips the rows that it has locked.
+    pub(super) async fn undo(self) -> Result<(), CatalogError> {
+        Ok(self.transaction.rollback().await?)
+    }
 }
 
 #[cfg(test)]

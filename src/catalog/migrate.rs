@@ -92,7 +92,7 @@ impl Catalog {
     pub(crate) async fn open_to_fill(place: &Database) -> Result<Self, CatalogError> {
         let catalog = Self::connect(place, FEW).await?;
         let version = catalog.version().await?;
-        let is_new = version == 0 || (version < REBUILD && !catalog.holds_rows().await?);
+        let is_new = version == 0 || (version < catalog.edition.version() && !catalog.holds_rows().await?);
         catalog.close().await;
         if is_new { Ok(Self::migrate(place, false).await?.0) } else { Self::open_few(place).await }
     }

@@ -234,7 +234,8 @@ async fn look(on: &mut Explained) {
         on.check("next jobs", FEW, false, catalog.jobs(&JobFilter::default(), all.next.clone(), 100)).await.unwrap();
     assert!(next.items[0].id < all.items[0].id);
     let made = catalog.materials(&MaterialFilter::default(), None, 100).await.unwrap();
-    let old = Some(made.items[99].measurements[0]);
+    let lamp = made.items[99].measurements[0];
+    let old = Some(lamp);
     let filter = JobFilter { state: None, measurement: old };
     assert!(!on.check("jobs of", FEW, true, catalog.jobs(&filter, None, 100)).await.unwrap().items.is_empty());
 
@@ -279,7 +280,6 @@ async fn look(on: &mut Explained) {
             !on.check(name, on.most, true, catalog.measurements(&filter, None, 100)).await.unwrap().items.is_empty()
         );
     }
-    let lamp = old.unwrap();
     on.check("measurement", FEW, false, catalog.measurement(lamp)).await.unwrap().unwrap();
     assert!(matches!(
         on.check("delete", FEW, false, catalog.delete_measurement(lamp)).await.unwrap(),

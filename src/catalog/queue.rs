@@ -106,7 +106,10 @@ impl Catalog {
             write.sql("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'{lock}");
         let owned =
             sqlx::query(owned).bind(job.id.clone()).bind(job.epoch).fetch_optional(&mut *write.transaction).await?;
-        let Some(owned) = owned else { return Ok(Ending::Lost) };
+        let Some(owned) = owned else {
+            write.undo().await?;
+            return Ok(Ending::Lost);
+        };
         let cancel = owned.try_get::<i64, _>(0)? != 0;
         if let Some(claim) = ended.claim()
             && !take(&mut write, claim).await?
@@ -157,6 +160,7 @@ impl Catalog {
         .execute(&mut *write.transaction)
         .await?;
         if written.rows_affected() != 1 {
+            write.undo().await?;
             return Ok(Ending::Lost);
         }
         write.commit().await?;
