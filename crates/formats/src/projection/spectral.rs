@@ -132,7 +132,7 @@ mod tests {
             refusal(Some(&lambda), None, "800:900:10"),
             "wavelengths: 800 to 900 nm requested, measured 400 to 700 nm"
         );
-        assert!(refusal(Some(&lambda), Some(&factor), "400:700:10").contains("of their own"));
+        assert!(refusal(Some(&lambda), Some(&factor), "400:700:10").contains("already have the spectral axis"));
         let short = SpectralFactor { grid: grid("400:402:1"), factors: vec![1.0; 2] };
         assert_eq!(
             refusal(None, Some(&short), "400:700:10"),

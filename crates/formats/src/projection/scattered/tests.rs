@@ -415,7 +415,7 @@ fn what_makes_no_sense_is_refused() {
         }
     };
     unfit(&|data| data.incoming.truncate(3), "3 incoming directions, expected 50 or none");
-    unfit(&|data| data.outgoing[7] = [f64::NAN, 0.0], "outgoing theta NaN, phi 0 of sample 7");
+    unfit(&|data| data.outgoing[7] = [f64::NAN, 0.0], "outgoing theta NaN, phi 0 degrees of sample 7");
     unfit(&|data| data.outgoing.iter_mut().for_each(|wo| wo[0] = 120.0), "no sample of the 50 lies on the hemisphere");
     unfit(&|data| data.values.fill(f32::NAN), "no sample of the 50");
     unfit(
