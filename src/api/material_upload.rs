@@ -139,18 +139,39 @@ async fn post_material(State(app): State<App>, peer: Peer, request: Request) -> 
     Ok(response)
 }
 
-/// Checks and stores an uploaded file, within the memory that its client may use for that.
+/// Checks and stores an uploaded file, within the memory that its client may use for that. The work goes on if the
+/// client leaves, and holds its memory until it has ended.
 async fn ingest(app: &App, peer: Peer, staged: Staged, upload: MaterialUpload) -> Result<(MaterialRow, bool), Problem> {
     let (staged, memory) = app.engine.material_memory(staged).await?;
     let most = app.engine.limits.checking_bytes_each.min(app.engine.limits.checking_bytes);
-    if memory > most as u64 {
+    let over_limit = move |memory: u64| {
         let detail = format!("checking the material takes {memory} bytes of memory, the limit is {most}");
-        return Err(Problem::new(Kind::OverLimit, detail));
+        Problem::new(Kind::OverLimit, detail)
+    };
+    if memory > most as u64 {
+        return Err(over_limit(memory));
     }
-    let place = app.held.checking.take(peer, (memory as usize).div_ceil(KIB).min(most / KIB))?;
-    let ingested = app.engine.ingest_material(staged, upload).await?;
-    drop(place);
-    Ok(ingested)
+    let mut place = app.held.checking.take(peer, (memory as usize).div_ceil(KIB).min(most / KIB))?;
+    let engine = app.engine.clone();
+    let work = tokio::spawn(peer.on_behalf(async move {
+        let (mut total, mut refused) = (memory, None);
+        let mut more = |bytes: u64| {
+            total = total.saturating_add(bytes);
+            let grown = if total > most as u64 {
+                Err(over_limit(total))
+            } else {
+                place.grow((bytes as usize).div_ceil(KIB)).map_err(Problem::from)
+            };
+            grown.map_err(|problem| refused = Some(problem)).is_ok()
+        };
+        let ingested = engine.ingest_material(staged, upload, &mut more).await;
+        drop(place);
+        match refused {
+            Some(problem) => Err(problem),
+            None => Ok(ingested?),
+        }
+    }));
+    work.await.unwrap_or_else(|error| Err(Problem::internal(&error)))
 }
 
 #[cfg(test)]

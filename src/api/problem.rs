@@ -328,6 +328,7 @@ impl From<MaterialError> for Problem {
         match error {
             MaterialError::Malformed(_) => Self::new(Kind::MalformedMaterial, error.to_string()),
             MaterialError::NotOf(detail) => Self::new(Kind::NotOfMeasurement, detail),
+            MaterialError::NoRoom => Self::new(Kind::Overloaded, error.to_string()),
             MaterialError::Described(_) | MaterialError::NoMeasurement(_) => {
                 Self::new(Kind::InvalidRequest, error.to_string())
             }

@@ -10,10 +10,9 @@ use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, Pri
 use crate::compress::Target;
 use crate::domain::ErrorReport;
 use crate::pipeline::{
-    self, Input, PipelineError, RemeasureError, Remeasured, Report, Request, Stated, StatedOrigin, samples_of,
+    self, Input, PipelineError, Remeasured, Report, Request, Stated, StatedOrigin, samples_of,
 };
 use crate::store::{Digest, Staged};
-use bytes::Bytes;
 use std::sync::Arc;
 
 /// Names that a client gives to an uploaded material, and the measurements that it was made from.
@@ -45,6 +44,9 @@ pub(crate) enum MaterialError {
     /// The material was made from another measurement, or its errors are larger than it states.
     #[error("{0}")]
     NotOf(String),
+    /// There is no room in memory for the bytes of a measurement.
+    #[error("there is no room in memory for the measurement of the material; try again soon")]
+    NoRoom,
     /// Reading a stored measurement, a computation, the store or the catalog failed.
     #[error(transparent)]
     Ingest(#[from] IngestError),
@@ -70,12 +72,29 @@ impl MaterialUpload {
     }
 }
 
-/// A stored measurement with the bytes to read it from.
+/// A stored measurement that an uploaded material may have been made from.
 struct Candidate {
     row: MeasurementRow,
     options: Options,
-    bytes: Bytes,
-    spectrum: Option<Bytes>,
+    /// Size in bytes of the measurement and of its spectrum.
+    size: u64,
+}
+
+/// Memory for the bytes of measurements, which are read one after the other: as much as the largest of them.
+struct Room<'a> {
+    held: u64,
+    more: &'a mut (dyn FnMut(u64) -> bool + Send),
+}
+
+impl Room<'_> {
+    fn hold(&mut self, bytes: u64) -> Result<(), MaterialError> {
+        let lacking = bytes.saturating_sub(self.held);
+        if lacking > 0 && !(self.more)(lacking) {
+            return Err(MaterialError::NoRoom);
+        }
+        self.held += lacking;
+        Ok(())
+    }
 }
 
 impl Engine {
@@ -90,11 +109,13 @@ impl Engine {
     }
 
     /// Stores an uploaded file as a material. Returns its row in the catalog, and true if it is new. A refused upload
-    /// leaves nothing behind.
+    /// leaves nothing behind. `more` is asked for each number of bytes of memory that measurements need beside the
+    /// material, and returns false if there is no room for them.
     pub(crate) async fn ingest_material(
         self: &Arc<Self>,
         staged: Staged,
         upload: MaterialUpload,
+        more: &mut (dyn FnMut(u64) -> bool + Send),
     ) -> Result<(MaterialRow, bool), MaterialError> {
         let looked = self.background_light.run(move || {
             let bytes = staged.read().map_err(IngestError::from)?;
@@ -102,7 +123,7 @@ impl Engine {
             Ok::<_, MaterialError>((staged, bytes, stated))
         });
         let (staged, bytes, Stated { report, origin }) = looked.await.map_err(IngestError::from)??;
-        let compared = self.compare(bytes, &upload.measurements, &report, &origin).await?;
+        let compared = self.compare(bytes, &upload.measurements, (&report, &origin), Room { held: 0, more }).await?;
         let new = material(&staged, upload, report, origin, &compared)?;
         let mut published = Published::new(&self.archive, staged).await.map_err(IngestError::from)?;
         loop {
@@ -122,13 +143,14 @@ impl Engine {
     }
 
     /// Compares an uploaded material with the measurements that the client names, or with the stored ones whose bytes
-    /// have the digest that the file states. Those found by digest are left out if they were read with other options.
+    /// have the digest that the file states. Those found by digest are left out if they were read with other options,
+    /// which larger errors than stated may show, too; a single one that was read without options is then refused.
     async fn compare(
         self: &Arc<Self>,
         bytes: Vec<u8>,
         named: &[Digest],
-        report: &Report,
-        origin: &StatedOrigin,
+        (report, origin): (&Report, &StatedOrigin),
+        mut room: Room<'_>,
     ) -> Result<Vec<(MeasurementRow, Options, Remeasured)>, MaterialError> {
         let content = origin.content_digest.as_deref().and_then(|text| text.parse().ok());
         let ids = match (named, content) {
@@ -139,7 +161,7 @@ impl Engine {
             (named, _) => named.to_vec(),
         };
         let bytes: Arc<[u8]> = bytes.into();
-        let mut compared = Vec::new();
+        let (mut compared, mut tried, mut refusal) = (Vec::new(), 0, None);
         for id in ids {
             let Some(candidate) = self.candidate(id).await? else {
                 if named.is_empty() {
@@ -147,20 +169,36 @@ impl Engine {
                 }
                 return Err(MaterialError::NoMeasurement(id));
             };
-            if named.is_empty() && !is_joined_alike(candidate.spectrum.as_ref(), origin) {
+            if named.is_empty() && !is_joined_alike(&candidate.options, origin) {
                 continue;
             }
+            tried += 1;
+            room.hold(candidate.size)?;
+            let Candidate { row, options, .. } = candidate;
+            let content = self.archive.get(row.content).await.map_err(IngestError::from)?;
+            let spectrum = match options.spectrum {
+                Some(spectrum) => Some(self.spectrum(spectrum).await?),
+                None => None,
+            };
             let request = origin.request.clone().unwrap_or_else(|| Request::to(Target::ErL2(report.errors.er_l2)));
-            let (material, row, options) = (Arc::clone(&bytes), candidate.row.clone(), candidate.options.clone());
-            let measured = self.background_light.run(move || remeasured(&candidate, &material, &request));
+            let (material, interpretation) = (Arc::clone(&bytes), options.interpretation());
+            let measured = self.background_light.run(move || {
+                let spectrum = spectrum.as_deref();
+                let input = Input { bytes: &content, spectrum, interpretation: &interpretation };
+                pipeline::remeasure(&input, &material, &request)
+            });
             match measured.await.map_err(IngestError::from)? {
-                Ok(found) => {
-                    if let Some(excess) = excess(&report.errors, &found.errors) {
+                Ok(found) => match excess(&report.errors, &found.errors) {
+                    None => compared.push((row, options, found)),
+                    Some(excess) => {
                         let detail = format!("against measurement {id} {excess}; the material was not made from it");
-                        return Err(MaterialError::NotOf(detail));
+                        if !named.is_empty() {
+                            return Err(MaterialError::NotOf(detail));
+                        }
+                        tracing::debug!(measurement = %id, excess, "not the measurement of an uploaded material");
+                        refusal = refusal.or(options.is_default().then_some(detail));
                     }
-                    compared.push((row, options, found));
-                }
+                },
                 // Read with other options, the same bytes are another measurement.
                 Err(error) if named.is_empty() => {
                     tracing::debug!(measurement = %id, %error, "not the measurement of an uploaded material");
@@ -168,10 +206,13 @@ impl Engine {
                 Err(error) => return Err(MaterialError::NotOf(format!("measurement {id}: {error}"))),
             }
         }
-        Ok(compared)
+        match refusal {
+            Some(detail) if tried == 1 => Err(MaterialError::NotOf(detail)),
+            _ => Ok(compared),
+        }
     }
 
-    /// Returns a stored measurement with its bytes; `None` if it is not stored.
+    /// Returns a stored measurement with its options and size; `None` if it is not stored.
     async fn candidate(&self, id: Digest) -> Result<Option<Candidate>, MaterialError> {
         let row = self.archive.catalog.measurement(id).await.map_err(IngestError::from)?;
         let Some(row) = row else { return Ok(None) };
@@ -182,26 +223,19 @@ impl Engine {
                 reason: error.to_string(),
             })
         })?;
-        let bytes = self.archive.get(row.content).await.map_err(IngestError::from)?;
         let spectrum = match options.spectrum {
-            Some(spectrum) => Some(self.spectrum(spectrum).await?),
+            Some(spectrum) => self.archive.catalog.measurement(spectrum).await.map_err(IngestError::from)?,
             None => None,
         };
-        Ok(Some(Candidate { row, options, bytes, spectrum }))
+        let size = row.bytes.saturating_add(spectrum.map_or(0, |spectrum| spectrum.bytes));
+        Ok(Some(Candidate { row, options, size }))
     }
 }
 
-/// Returns true if a material states that its measurement was joined with this spectrum, or with none.
-fn is_joined_alike(spectrum: Option<&Bytes>, origin: &StatedOrigin) -> bool {
-    spectrum.map(|bytes| pipeline::digest(bytes)) == origin.spectrum_digest
-}
-
-fn remeasured(candidate: &Candidate, material: &[u8], request: &Request) -> Result<Remeasured, RemeasureError> {
-    let mut interpretation = candidate.options.interpretation();
-    interpretation.wavelengths.clone_from(&request.wavelengths);
-    let input =
-        Input { bytes: &candidate.bytes, spectrum: candidate.spectrum.as_deref(), interpretation: &interpretation };
-    pipeline::remeasure(&pipeline::read(&input)?, material, request)
+/// Returns true if a material states that its measurement was joined with the spectrum of these options, or with none.
+fn is_joined_alike(options: &Options, origin: &StatedOrigin) -> bool {
+    // The id of a spectrum is the digest of its bytes.
+    options.spectrum.map(|id| id.to_string()) == origin.spectrum_digest
 }
 
 /// Describes the first error measure that is larger than the material states; `None` if all are as stated.
@@ -286,6 +320,21 @@ fn material(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn room_is_asked_for_what_the_largest_measurement_needs() {
+        let mut asked = Vec::new();
+        let mut more = |bytes| {
+            asked.push(bytes);
+            bytes < 100
+        };
+        let mut room = Room { held: 0, more: &mut more };
+        for bytes in [10, 5, 10, 30] {
+            room.hold(bytes).unwrap();
+        }
+        assert!(matches!(room.hold(200), Err(MaterialError::NoRoom)));
+        assert_eq!(asked, [10, 20, 170]);
+    }
 
     #[test]
     fn larger_errors_than_stated_are_told_with_both_figures() {

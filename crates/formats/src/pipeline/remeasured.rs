@@ -4,12 +4,12 @@ use super::error::PipelineError;
 use super::fit::at_samples;
 use super::outcome::project;
 use super::request::Request;
-use super::source::Source;
+use super::source::{Input, read};
 use crate::compress::decode;
-use crate::domain::{Axis, ErrorReport, Measurement};
+use crate::domain::{Axis, ErrorReport, Layout, Measurement, WavelengthGrid};
 use crate::evaluate::Material;
 use crate::formats::Samples;
-use crate::projection;
+use crate::projection::{self, DirectionDomain};
 
 /// Largest difference in nm or degrees between a coordinate stored in a material and that of its measurement. Files
 /// round coordinates less than that; raising it accepts materials of neighbouring axes.
@@ -41,13 +41,26 @@ pub enum RemeasureError {
     },
 }
 
-/// Measures the errors of the material file `bytes` against the measurement that it was made from. `request` is the
-/// request of its compression, as far as it is known; subdivision levels are those of the material.
-pub fn remeasure(source: &Source, bytes: &[u8], request: &Request) -> Result<Remeasured, RemeasureError> {
+/// Measures the errors of the material file `bytes` against `input`, the measurement that it was made from. `request`
+/// is the request of its compression, as far as it is known. It may come from the file, which anybody may have written,
+/// so the domain and the subdivision levels of directions are those of the material, and other wavelengths than those
+/// of the material are refused before the measurement is read.
+pub fn remeasure(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<Remeasured, RemeasureError> {
     let decoded = decode(bytes).map_err(|error| PipelineError::Opened(error.into()))?;
-    let acquisition = &source.acquisition;
     let axes = decoded.measurement.tensor.axes();
-    let projected = project(acquisition, &at_levels_of(axes, request))?;
+    if let Some(range) = &request.wavelengths {
+        let wanted = WavelengthGrid::parse_range(range).map_err(PipelineError::from)?.len();
+        let is_same = axes.iter().any(|axis| matches!(axis, Axis::Wavelength(grid) if grid.len() == wanted));
+        if !is_same {
+            let expected = format!("{wanted} wavelengths, {range} nm");
+            return Err(RemeasureError::Other { found: described(&decoded.measurement), expected });
+        }
+    }
+    let mut interpretation = input.interpretation.clone();
+    interpretation.wavelengths.clone_from(&request.wavelengths);
+    let source = read(&Input { interpretation: &interpretation, ..*input })?;
+    let acquisition = &source.acquisition;
+    let projected = project(acquisition, &on_axes_of(&decoded.measurement, request))?;
     let (found, expected) = (&decoded.measurement, &projected.measurement);
     let is_same = (found.quantity, found.unit) == (expected.quantity, expected.unit)
         && axes.len() == expected.tensor.axes().len()
@@ -72,18 +85,26 @@ pub fn remeasure(source: &Source, bytes: &[u8], request: &Request) -> Result<Rem
     Ok(Remeasured { errors, at_samples })
 }
 
-/// Returns `request` with the subdivision levels of the triangles among `axes`.
-fn at_levels_of(axes: &[Axis], request: &Request) -> Request {
-    let mut levels = axes.iter().rev().filter_map(|axis| match axis {
+/// Returns `request` with the domain and the subdivision levels of the directions of `material`.
+fn on_axes_of(material: &Measurement, request: &Request) -> Request {
+    let axes = material.tensor.axes();
+    // The decoder has refused axes that do not fit the quantity.
+    let layout = Layout::of(material.quantity, axes);
+    let (incoming, outgoing) = layout.map_or((None, None), |layout| (layout.incoming, layout.outgoing));
+    let level = |axis: Option<usize>| match &axes[axis?] {
         Axis::Triangles(mesh) => Some(mesh.level()),
         _ => None,
-    });
-    let (outgoing, incoming) = (levels.next(), levels.next());
-    Request {
-        outgoing_level: outgoing.or(request.outgoing_level),
-        incoming_level: incoming.or(request.incoming_level),
-        ..request.clone()
-    }
+    };
+    let (incoming_level, outgoing_level) = (level(incoming), level(outgoing));
+    let on_triangles = incoming_level.is_some() || outgoing_level.is_some();
+    let on_grid = axes.iter().any(|axis| matches!(axis, Axis::Grid(_)));
+    let domain = match (on_grid, on_triangles) {
+        (true, false) => Some(DirectionDomain::Grid),
+        (false, true) => Some(DirectionDomain::Triangles),
+        // Levels name triangles already, and a material without either has no cells to choose.
+        _ => None,
+    };
+    Request { domain, incoming_level, outgoing_level, ..request.clone() }
 }
 
 /// Returns true if two axes have the same entries, up to the rounding of their coordinates in a file. Labels are not
@@ -119,25 +140,34 @@ mod tests {
     use crate::formats::Interpretation;
     use crate::pipeline::{Input, read};
 
-    fn data(name: &str) -> Source {
-        let path = format!("{}/../../data/{name}", env!("CARGO_MANIFEST_DIR"));
-        let (bytes, interpretation) = (std::fs::read(path).unwrap(), Interpretation::default());
-        read(&Input { bytes: &bytes, spectrum: None, interpretation: &interpretation }).unwrap()
+    fn data(name: &str) -> Vec<u8> {
+        std::fs::read(format!("{}/../../data/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
     }
 
     #[test]
     fn errors_are_found_again_and_another_measurement_is_told() {
         let (lamp, light) = (data("aerolamp.ies"), data("illuminant_D65.csv"));
-        for (source, level) in [(&lamp, None), (&lamp, Some(3)), (&light, None)] {
+        let interpretation = Interpretation::default();
+        let [lamp, light] =
+            [&lamp, &light].map(|bytes| Input { bytes, spectrum: None, interpretation: &interpretation });
+        for (input, level) in [(&lamp, None), (&lamp, Some(3)), (&light, None)] {
             let request = Request { outgoing_level: level, ..Request::er_l2(0.02) };
-            let made = source.compress(&request).unwrap();
-            let again = remeasure(source, &made.bytes, &request).unwrap();
+            let made = read(input).unwrap().compress(&request).unwrap();
+            let again = remeasure(input, &made.bytes, &request).unwrap();
             let header = crate::compress::inspect(&made.bytes).unwrap().errors;
             assert!(again.errors.er_l2 <= header.er_l2 && again.errors.er_l2 > 0.99 * header.er_l2, "{again:?}");
             assert_eq!(again.at_samples.map(|errors| errors.er_l2), level.map(|_| made.report.errors.er_l2));
+            // Levels that the request states do not choose the size of the projection.
+            let finest = Request { outgoing_level: Some(8), ..request };
+            assert_eq!(remeasure(input, &made.bytes, &finest).unwrap(), again);
         }
-        let made = lamp.compress(&Request::er_l2(0.02)).unwrap();
+        let made = read(&lamp).unwrap().compress(&Request::er_l2(0.02)).unwrap();
         let error = remeasure(&light, &made.bytes, &Request::er_l2(0.02)).unwrap_err();
         assert!(!error.to_string().is_empty());
+        // Other wavelengths are told before the measurement is read, which could not be read here.
+        let many = Request { wavelengths: Some("400:700:0.1".to_owned()), ..Request::er_l2(0.02) };
+        let unread = Input { bytes: b"", spectrum: None, interpretation: &interpretation };
+        let error = remeasure(&unread, &made.bytes, &many).unwrap_err();
+        assert!(matches!(&error, RemeasureError::Other { expected, .. } if expected.contains("3001 wave")), "{error}");
     }
 }

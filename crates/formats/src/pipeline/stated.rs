@@ -38,7 +38,8 @@ pub struct StatedOrigin {
     pub content_digest: Option<String>,
     /// Digest of the bytes of the spectrum joined with the measurement.
     pub spectrum_digest: Option<String>,
-    /// Request of the compression; `None` if this version does not understand it.
+    /// Request of the compression; `None` if this version does not understand it or an option has a value that is not
+    /// allowed.
     pub request: Option<Request>,
 }
 
@@ -93,11 +94,12 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         notes: notes.collect(),
         levels: compress::levels(bytes).map_err(damaged)?,
     };
+    let request: Option<Request> = serde_json::from_value(metadata["request"].clone()).ok();
     let origin = StatedOrigin {
         generator: text(&metadata["generator"]),
         content_digest: text(&source["content_digest"]),
         spectrum_digest: text(&source["spectrum_digest"]),
-        request: serde_json::from_value(metadata["request"].clone()).ok(),
+        request: request.filter(|request| request.check().is_ok()),
     };
     Ok(Stated { report, origin })
 }
