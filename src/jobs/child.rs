@@ -21,6 +21,10 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 /// before any other process.
 const FIRST: &str = "1000";
 
+/// Size in bytes of the stack of each thread that computes. Raising it computes deeper recursions, and lets a process use
+/// more memory beside that of its job.
+const STACK: usize = 2 << 20;
+
 /// Smallest step of progress that is reported. Raising it sends fewer messages.
 const STEP: f64 = 0.001;
 
@@ -35,8 +39,11 @@ pub(crate) fn compute_job() -> io::Result<()> {
     let _ = fs::write("/proc/self/comm", "wavelume-job");
     let order: Order<Value> = pipe::read(&mut io::stdin().lock())?;
     std::thread::Builder::new().name("parent".to_owned()).spawn(end_with_parent)?;
-    let pool = ThreadPoolBuilder::new().num_threads(order.threads).build().map_err(io::Error::other)?;
-    limit(order.memory)?;
+    let pool = ThreadPoolBuilder::new().num_threads(order.threads).stack_size(STACK).build();
+    let pool = pool.map_err(io::Error::other)?;
+    // The kernel counts the stacks of the threads as data, but the stated memory is for the job.
+    let stacks = (pool.current_num_threads() * STACK) as u64;
+    limit(order.memory.map(|bytes| bytes.saturating_add(stacks)))?;
     let out = Out { sent: Mutex::new((0.0, io::stdout())) };
     let worked = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(order, &out))));
     out.send(&worked.unwrap_or_else(|panic| {

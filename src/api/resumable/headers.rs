@@ -108,7 +108,7 @@ pub(super) fn asked(headers: &HeaderMap) -> Result<Asked, Problem> {
     };
     let checksum = text(headers, &CHECKSUM)?.map(Checksum::read).transpose();
     let checksum = checksum.map_err(|reason| bad(&CHECKSUM, &reason))?;
-    Ok(Asked { offset, length: number(headers, &LENGTH)?, declared: declared_length(headers), checksum })
+    Ok(Asked { offset, length: number(headers, &LENGTH)?, declared: declared_length(headers), checksum, begins: false })
 }
 
 #[cfg(test)]

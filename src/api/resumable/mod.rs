@@ -115,8 +115,8 @@ async fn create_upload(State(app): State<App>, peer: Peer, request: Request) -> 
     let location = HeaderValue::from_str(&format!("/v1/uploads/{}", begun.id)).ok();
     let partial = match first {
         Some(asked) => {
-            let asked = part::Asked { offset: 0, length: None, ..asked };
-            part::append(&app, peer, begun.id, asked, request.into_body()).await?
+            let asked = part::Asked { offset: 0, length: None, begins: true, ..asked };
+            part::begin(&app, peer, begun.id, asked, request.into_body()).await?
         }
         None => begun,
     };

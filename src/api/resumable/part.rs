@@ -29,6 +29,24 @@ pub(super) struct Asked {
     pub(super) declared: Option<u64>,
     /// Checksum of the bytes that the request sends.
     pub(super) checksum: Option<Checksum>,
+    /// True if the request begins the upload: its client does not know the upload before the answer.
+    pub(super) begins: bool,
+}
+
+/// Adds the body of the request that begins an upload. If that fails, or the client leaves before the body has ended,
+/// nobody can continue the upload, so it is deleted.
+pub(super) async fn begin(app: &App, peer: Peer, id: String, asked: Asked, body: Body) -> Result<Partial, Problem> {
+    let app = app.clone();
+    let work = tokio::spawn(async move {
+        let appended = append(&app, peer, id.clone(), asked, body).await;
+        if appended.is_err()
+            && let Err(error) = app.engine.end_partial(&id).await
+        {
+            tracing::warn!(upload = id, %error, "an upload whose beginning failed stays until it expires");
+        }
+        appended
+    });
+    work.await.unwrap_or_else(|error| Err(Problem::internal(&error)))
 }
 
 /// Adds the body of a request to an upload and returns the upload afterwards. The work goes on if the client leaves, so
@@ -128,7 +146,7 @@ async fn received(app: &App, holding: &Holding, asked: Asked, body: Body) -> Res
         }
     };
     let states_length = partial.length.is_none() && asked.length.is_some();
-    let (staged, checksum, problem) = stage(app, body, left, asked.checksum).await?;
+    let (staged, checksum, problem) = stage(app, body, left, &asked).await?;
     if let Some(checksum) = checksum {
         // A body that broke cannot have the checksum of the whole one.
         if let Some(problem) = problem {
@@ -152,9 +170,11 @@ async fn stage(
     app: &App,
     body: Body,
     left: u64,
-    mut checksum: Option<Checksum>,
+    asked: &Asked,
 ) -> Result<(Staged, Option<Checksum>, Option<Problem>), Problem> {
     let limits = &app.engine.limits;
+    let fate = if asked.begins { "begin the upload again" } else { "what arrived was kept" };
+    let mut checksum = asked.checksum.clone();
     let deadline = Instant::now() + limits.upload_time;
     let staging = app.engine.archive.staging.clone();
     let mut writer = blocking(move || staging.begin()).await?;
@@ -166,7 +186,7 @@ async fn stage(
             Ok(Ok(Some(Ok(piece)))) => Some(piece),
             Ok(Ok(None)) => None,
             Ok(Ok(Some(Err(_)))) => {
-                problem = Some(Problem::new(Kind::BadBody, "the body ended early; what arrived was kept"));
+                problem = Some(Problem::new(Kind::BadBody, format!("the body ended early; {fate}")));
                 None
             }
             Ok(Err(slow)) => {
@@ -174,7 +194,7 @@ async fn stage(
                 None
             }
             Err(_) => {
-                let detail = format!("one request may take {:?}; what arrived was kept", limits.upload_time);
+                let detail = format!("one request may take {:?}; {fate}", limits.upload_time);
                 problem = Some(Problem::new(Kind::TooSlow, detail));
                 None
             }

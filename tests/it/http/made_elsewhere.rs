@@ -189,3 +189,39 @@ async fn sizes_are_checked_before_anything_is_decoded() {
     uploaded(&service, "", made(D65, None, &Request::er_l2(0.02)), StatusCode::CREATED).await;
     service.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_measurement_read_with_other_options_does_not_refuse_a_material() {
+    let data = tempfile::tempdir().unwrap();
+    let service = Service::start(config(data.path())).await;
+    let rows = (0..40).map(|i| format!("{},{},{}\n", 400 + 5 * i, 20 + i % 9, 90 - i));
+    let table = "wavelength_nm,first,second\n".to_owned() + &rows.collect::<String>();
+    let interpretation = Interpretation { column: Some("first".to_owned()), ..Interpretation::default() };
+    let input = Input { bytes: table.as_bytes(), spectrum: None, interpretation: &interpretation };
+    let file = read(&input).unwrap().compress(&Request::er_l2(0.01)).unwrap().bytes;
+    let other = service.upload("?column=second", table.clone()).await["id"].clone();
+    let material = uploaded(&service, "", file.clone(), StatusCode::CREATED).await;
+    assert_eq!(material["measurements"], json!([]));
+    let named = service.post(&format!("/v1/materials?measurement={}", other.as_str().unwrap())).body(file.clone());
+    problem(named, 422, "not-of-measurement").await;
+    let right = service.upload("?column=first", table).await["id"].clone();
+    let material = uploaded(&service, "", file, StatusCode::OK).await;
+    assert_eq!(material["measurements"], json!([right]));
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_bytes_of_the_measurement_count_as_memory_for_checking() {
+    let data = tempfile::tempdir().unwrap();
+    let mut config = config(data.path());
+    config.work.limits.checking_bytes_each = 40 << 10;
+    let service = Service::start(config).await;
+    let rows = (0..1000).map(|i| format!("{:.20},{:.20}\n", 400.0 + 0.25 * f64::from(i), 1.0 + 0.001 * f64::from(i)));
+    let table = "wavelength_nm,first\n".to_owned() + &rows.collect::<String>();
+    let file = made(table.as_bytes(), None, &Request::er_l2(0.01));
+    assert!(24 * 1000 + file.len() < 40 << 10 && table.len() > 40 << 10, "{} {}", file.len(), table.len());
+    service.upload("", table).await;
+    let refusal = problem(service.post("/v1/materials").body(file), 422, "over-limit").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("the limit is 40960"), "{refusal}");
+    service.stop().await;
+}

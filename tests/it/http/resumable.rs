@@ -206,6 +206,13 @@ async fn each_refusal_of_the_protocol_has_its_status() {
     let used = service.post(&format!("/v1/measurements?upload={}", id(&late))).send().await.unwrap();
     assert_eq!(used.json::<Value>().await.unwrap()["id"], Digest::of(D65).to_string(), "a refusal leaves the upload");
 
+    // An upload whose first bytes are refused is gone: it does not count for the limits below.
+    for _ in 0..4 {
+        let first = post().header("upload-length", 64 << 10).header(KIND.0, KIND.1);
+        let first = first.header("upload-checksum", "sha1 Kq5sNclPz7QV2+lfQIuc6R7oRu0=").body(D65[..9].to_vec());
+        problem(first, 460, "checksum-mismatch").await;
+    }
+
     // Limits of one address, in bytes and in uploads; an address beside it has its own.
     begin(&service, 64 << 10).await;
     begin(&service, 64 << 10).await;
