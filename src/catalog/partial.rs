@@ -58,7 +58,7 @@ pub(crate) struct PartialLimits {
     pub bytes_each: u64,
     /// Bytes that an upload of unknown size counts for.
     pub largest: u64,
-    /// Time after which an upload expires.
+    /// Time after its first byte at which an upload expires.
     pub keep: Duration,
 }
 
@@ -87,6 +87,10 @@ pub(crate) enum Held {
     /// There is no such upload.
     Absent,
 }
+
+/// Time after which an upload expires that has received no byte, unless it is to be kept for less. Raising it holds the
+/// stated size of uploads that nobody sends for longer.
+const UNSENT: Duration = Duration::from_mins(15);
 
 macro_rules! columns {
     () => {
@@ -133,7 +137,7 @@ impl Catalog {
             if number(1)?.saturating_add(size) > limits.bytes {
                 return Ok(Begun::TooLarge(false));
             }
-            let expires_ms = write.now.saturating_add(limits.keep.as_millis() as i64);
+            let expires_ms = write.now.saturating_add(limits.keep.min(UNSENT).as_millis() as i64);
             // A repetition after an answer that was lost finds the upload that it has begun.
             sqlx::query(
                 "INSERT INTO uploads (id, tenant, key, length, received, parts, metadata, expires_at) \
@@ -205,18 +209,19 @@ impl Catalog {
         .await
     }
 
-    /// Extends the reservation of an upload. Returns false if the request `holder` does not hold it any more.
+    /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if the request `holder` does not hold it any more.
     pub(crate) async fn keep_partial(&self, id: &str, holder: &str, lease: Duration) -> Result<bool, CatalogError> {
         let _turn = self.turn().await;
-        let kept =
-            sqlx::query(self.sql(
-                "UPDATE uploads SET lease_until = {now} + $3 WHERE id = $1 AND lease = $2 AND lease_until > {now}",
-            ))
-            .bind(id.to_owned())
-            .bind(holder.to_owned())
-            .bind(lease.as_millis() as i64)
-            .execute(&self.pool)
-            .await?;
+        let kept = sqlx::query(self.sql(
+            "UPDATE uploads SET lease_until = {now} + $3, \
+                 expires_at = CASE WHEN received = 0 AND expires_at < {now} + $3 THEN {now} + $3 ELSE expires_at END \
+                 WHERE id = $1 AND lease = $2 AND lease_until > {now}",
+        ))
+        .bind(id.to_owned())
+        .bind(holder.to_owned())
+        .bind(lease.as_millis() as i64)
+        .execute(&self.pool)
+        .await?;
         Ok(kept.rows_affected() == 1)
     }
 
@@ -243,13 +248,19 @@ impl Catalog {
         holder: &str,
         (part, bytes): (&Object, u64),
         length: Option<u64>,
+        keep: Duration,
     ) -> Result<Option<Partial>, CatalogError> {
         self.repeat(|again| async move {
             let received = before.received.saturating_add(bytes);
             let mut write = self.write().await?;
+            let expires_ms = match (before.received, bytes) {
+                (0, 1..) => write.now.saturating_add(keep.as_millis() as i64),
+                _ => before.expires_ms,
+            };
             let counted = sqlx::query(
                 "UPDATE uploads SET received = $3, parts = $4, length = COALESCE(length, $5), lease = NULL, \
-                 lease_until = 0 WHERE id = $1 AND lease = $2 AND received = $6 AND parts = $7 AND expires_at > $8",
+                 lease_until = 0, expires_at = $9 \
+                 WHERE id = $1 AND lease = $2 AND received = $6 AND parts = $7 AND expires_at > $8",
             )
             .bind(before.id.clone())
             .bind(holder.to_owned())
@@ -259,6 +270,7 @@ impl Catalog {
             .bind(before.received as i64)
             .bind(i64::from(before.parts))
             .bind(write.now)
+            .bind(expires_ms)
             .execute(&mut *write.transaction)
             .await?;
             if counted.rows_affected() == 1 {
@@ -267,7 +279,7 @@ impl Catalog {
                 )
                 .bind(part.to_string())
                 .bind(part.digest().to_string())
-                .bind(before.expires_ms)
+                .bind(expires_ms)
                 .bind(write.now)
                 .execute(&mut *write.transaction)
                 .await?;
@@ -275,7 +287,7 @@ impl Catalog {
                     write.commit().await?;
                     let length = before.length.or(length);
                     let parts = before.parts + 1;
-                    return Ok(Some(Partial { length, received, parts, is_held: false, ..before.clone() }));
+                    return Ok(Some(Partial { length, received, parts, expires_ms, is_held: false, ..before.clone() }));
                 }
                 return Ok(None);
             }

@@ -214,12 +214,12 @@ limits! {
         partial_bytes_each: u64 = 8 << 30, Bytes >= 0;
         /// Upper bound on the parts (requests with bytes) of one resumable upload.
         partial_parts: u32 = 10_000, Count >= 1;
-        /// Time after its beginning at which a resumable upload expires.
+        /// Time after its first byte at which a resumable upload expires; one without a byte expires after 15 minutes.
         partial_keep: Duration = Duration::from_hours(24), Time >= 1000;
         /// Time after which a resumable upload whose request vanished with its process may be continued.
         partial_lease: Duration = Duration::from_secs(15), Time >= 1000;
         /// Upper bound on the memory for checking uploaded materials at once, over all addresses: 24 bytes for each
-        /// sample of a material.
+        /// sample of a material, and the bytes of its measurement.
         checking_bytes: usize = 2 << 30, Bytes >= 1024;
         /// Upper bound on the memory for checking uploaded materials at once for one address; a material that needs
         /// more is refused. The default admits 22 million samples.

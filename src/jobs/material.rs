@@ -9,9 +9,7 @@ use super::request::{CompressKind, CompressRequest, check_names};
 use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, Priority, Uploaded};
 use crate::compress::Target;
 use crate::domain::ErrorReport;
-use crate::pipeline::{
-    self, Input, PipelineError, Remeasured, Report, Request, Stated, StatedOrigin, samples_of,
-};
+use crate::pipeline::{self, Input, PipelineError, Remeasured, Report, Request, Stated, StatedOrigin, samples_of};
 use crate::store::{Digest, Staged};
 use std::sync::Arc;
 

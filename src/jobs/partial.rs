@@ -113,8 +113,8 @@ impl Holding {
     pub(crate) async fn add(&self, staged: &Staged, length: Option<u64>) -> Result<Option<Partial>, BlobError> {
         let archive = &self.engine.archive;
         let part = publish_part(archive, staged, &self.partial).await?;
-        let part = (&part, staged.bytes());
-        Ok(archive.catalog.add_part(&self.partial, &self.holder, part, length).await?)
+        let (part, keep) = ((&part, staged.bytes()), self.engine.limits.partial_keep);
+        Ok(archive.catalog.add_part(&self.partial, &self.holder, part, length, keep).await?)
     }
 
     /// Ends the reservation, so that the next request need not wait for its lease.
