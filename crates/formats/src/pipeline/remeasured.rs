@@ -60,10 +60,15 @@ pub fn remeasure(input: &Input<'_>, bytes: &[u8], request: &Request) -> Result<R
     interpretation.wavelengths.clone_from(&request.wavelengths);
     let source = read(&Input { interpretation: &interpretation, ..*input })?;
     let acquisition = &source.acquisition;
-    let projected = project(acquisition, &on_axes_of(&decoded.measurement, request))?;
-    let (found, expected) = (&decoded.measurement, &projected.measurement);
-    let is_same = (found.quantity, found.unit) == (expected.quantity, expected.unit)
-        && axes.len() == expected.tensor.axes().len()
+    // A projection keeps both, and needs not be made to find that they differ.
+    let found = &decoded.measurement;
+    if (found.quantity, found.unit) != (acquisition.quantity, acquisition.unit) {
+        let expected = format!("{} in {}", acquisition.quantity, acquisition.unit);
+        return Err(RemeasureError::Other { found: described(found), expected });
+    }
+    let projected = project(acquisition, &on_axes_of(found, request))?;
+    let expected = &projected.measurement;
+    let is_same = axes.len() == expected.tensor.axes().len()
         && axes.iter().zip(expected.tensor.axes()).all(|(found, expected)| are_same(found, expected));
     if !is_same {
         return Err(RemeasureError::Other { found: described(found), expected: described(expected) });
