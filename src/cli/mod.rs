@@ -56,6 +56,7 @@ mod worker;
 pub use failure::{Failure, one_line};
 pub use log::LogFormat;
 
+use crate::catalog::without_password;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use config_file::ConfigFile;
 use std::ffi::OsString;
@@ -157,19 +158,19 @@ impl Cli {
         let line: Vec<OsString> = line.into_iter().collect();
         let mut matches = match Self::command().try_get_matches_from(&line) {
             Ok(matches) => matches,
-            Err(error) => return shown(&error),
+            Err(error) => return shown(error),
         };
         let keys = keys::keys(&Self::command());
         let file = config_file(&matches).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
         if let Some(file) = &file {
             matches = match file.set_defaults(Self::command(), &keys).try_get_matches_from(&line) {
                 Ok(matches) => matches,
-                Err(error) => return shown(&error),
+                Err(error) => return shown(error),
             };
         }
         let mut cli = match Self::from_arg_matches(&matches) {
             Ok(cli) => cli,
-            Err(error) => return shown(&error),
+            Err(error) => return shown(error),
         };
         if let (Command::Config(args), Some((_, matches))) = (&mut cli.command, matches.subcommand()) {
             args.fill_in(matches, &keys, file.as_ref());
@@ -240,9 +241,17 @@ fn config_file(matches: &ArgMatches) -> Option<PathBuf> {
     }
 }
 
-/// Returns the help or version that the parser wants shown, or the failure that it reports.
-fn shown(error: &clap::Error) -> Result<Parsed, Failure> {
-    use clap::error::ErrorKind;
+/// Returns the help or version that the parser wants shown, or the failure that it reports, without passwords.
+fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
+    for kind in [ContextKind::InvalidValue, ContextKind::InvalidArg] {
+        if let Some(ContextValue::String(value)) = error.get(kind) {
+            // A misspelt URL may have lost the mark by which its password is found.
+            let is_cut = kind == ContextKind::InvalidValue && value.contains('@') && !value.contains("://");
+            let value = if is_cut { "…".to_owned() } else { without_password(value) };
+            error.insert(kind, ContextValue::String(value));
+        }
+    }
     let text = error.render().to_string();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(text)),

@@ -142,6 +142,16 @@ fn commands_use_the_file_and_refuse_a_wrong_one() {
     fs::write(&file, "#".repeat(300 << 10)).unwrap();
     let message = told(1, &[], &["config", "--config", &file]);
     assert!(message.contains("bytes are more than the limit of 262144"), "{message}");
+    for url in ["postgers://w:topsecret@db/w", "postgres:/w:topsecret@db/w"] {
+        for (variables, args) in [
+            (&[("WAVELUME_DATABASE", url)][..], &["fsck"][..]),
+            (&[][..], &["fsck", "--database", url][..]),
+            (&[][..], &["fsck", &format!("--database={url}")][..]),
+        ] {
+            let message = told(2, variables, args);
+            assert!(message.contains("expected sqlite:PATH") && !message.contains("topsecret"), "{message}");
+        }
+    }
     fs::write(&file, "database = \"postgers://w:topsecret@db/w\"\n").unwrap();
     let message = told(2, &[], &["fsck", "--config", &file]);
     assert!(message.contains("line 1, column 12: `database`: found") && !message.contains("topsecret"), "{message}");
