@@ -164,7 +164,7 @@ impl Catalog {
     }
 
     /// Returns the number of the last schema migration applied to the database; 0 for an empty database.
-    pub(super) async fn version(&self) -> Result<i64, CatalogError> {
+    pub(crate) async fn version(&self) -> Result<i64, CatalogError> {
         if !self.has_table("_sqlx_migrations").await? {
             return Ok(0);
         }
@@ -207,6 +207,16 @@ impl Catalog {
             )));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+impl Catalog {
+    /// Makes the schema look like that of a newer program.
+    pub(crate) async fn pretend_newer(&self) {
+        let last =
+            "UPDATE _sqlx_migrations SET version = 99 WHERE version = (SELECT MAX(version) FROM _sqlx_migrations)";
+        self.pool.execute(last).await.unwrap();
     }
 }
 

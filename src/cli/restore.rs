@@ -14,14 +14,19 @@ pub(crate) struct Args {
     source: Place,
     #[command(flatten)]
     places: PlaceArgs,
+    /// End the restore although files of the backup are missing or damaged; the next upload of the same bytes replaces
+    /// them
+    #[arg(long)]
+    accept_lost: bool,
     /// Print the report as one line of JSON
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let report =
-        block_on(async { Archive::restore(&args.places.site(), &args.source).await.map_err(Failure::failed) })?;
+    let site = args.places.site();
+    let restored = Archive::restore(&site, &args.source, args.accept_lost);
+    let report = block_on(async { restored.await.map_err(Failure::failed) })?;
     let more = format!("; the new catalog is {}", report.instance);
     show(&report, &report.files, report.rows, &more, args.json)
 }

@@ -4,9 +4,9 @@
 //! service, and the tables of the catalog as compressed files. Later backups to the same place add what is missing.
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
-use super::dump::{Dump, Table};
+use super::dump::{Dump, Table, blocking};
 use super::fetch::{AT_ONCE, Lost, Stored, Tally, UNREADABLE, fetch_or_lose, stored};
-use crate::catalog::{Catalog, SCHEMA};
+use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Place, Staging, Store, StoreExt};
 use futures::{StreamExt, TryStreamExt};
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,10 @@ pub(super) const FORM: u32 = 1;
 /// Time for which a killed backup or move still keeps stored objects from being deleted. Raising it bears longer
 /// standstills of a running one.
 const HOLD: Duration = Duration::from_mins(10);
+
+/// Age above which a temporary file is one that a killed backup or restore has left. Raising it keeps such files for
+/// longer.
+pub(super) const STALE: Duration = Duration::from_hours(24);
 
 /// Description of a backup.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -116,8 +120,13 @@ impl Archive {
             )));
         }
         let before = manifest(&store, to).await?;
+        if let Place::Directory(_) = to {
+            let swept = staging.clone();
+            blocking(move || swept.sweep(STALE)).await?;
+        }
         let hold = Hold::begin(&self.catalog).await?;
         let made_ms = self.catalog.time().await?;
+        let schema = self.catalog.version().await?;
         let dump = Dump::of(&self.catalog, &staging).await?;
         // The tables first: a service that runs here removes old temporary files.
         for (table, staged) in &dump.0 {
@@ -129,11 +138,17 @@ impl Archive {
             form: FORM,
             id: uuid::Uuid::now_v7().to_string(),
             instance: self.catalog.instance().await?,
-            schema: SCHEMA,
+            schema,
             made_ms,
             tables: dump.0.iter().map(|(table, _)| table.clone()).collect(),
             lost: files.lost.iter().map(|lost| lost.digest).collect(),
         };
+        let newest = self::manifest(&store, to).await?;
+        if newest.as_ref().map(|newest| &newest.id) != before.as_ref().map(|before| &before.id) {
+            return Err(ArchiveError::Copy(format!(
+                "another backup was made in {to} meanwhile: make one at a time, and start this one again"
+            )));
+        }
         store.set_note(BACKUP, serde_json::json!(manifest).to_string()).await?;
         // Bytes of the service stay, as an older catalog may name them; the older catalog itself is replaced.
         let tables = |manifest: &Manifest| manifest.tables.iter().map(|table| table.digest).collect::<Vec<_>>();
@@ -179,7 +194,10 @@ impl Archive {
                 match &fetched {
                     Ok(staged) => to.publish(staged, &kept(object.digest())).await?,
                     Err(lost) if lost.kind == UNREADABLE => {}
-                    Err(_) => self.catalog.suspect(&object).await?,
+                    Err(_) => {
+                        self.belongs().await?;
+                        self.catalog.suspect(&object).await?;
+                    }
                 }
                 Ok::<_, ArchiveError>(fetched.map(|staged| staged.bytes()))
             });

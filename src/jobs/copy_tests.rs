@@ -129,13 +129,13 @@ async fn a_backup_under_load_is_restored_to_each_kind_of_service() {
             assert!(load.await.unwrap() > 0);
         }
         for (place, (target, _guard)) in places.iter().zip(sites().await) {
-            let report = Archive::restore(&target, place).await.unwrap();
+            let report = Archive::restore(&target, place, false).await.unwrap();
             assert!(report.files.copied_blobs >= 32 && report.files.lost.is_empty(), "{report:?}");
             let restored = Archive::serve(&target).await.unwrap();
             assert_ne!(report.instance, archive.catalog.instance().await.unwrap());
             assert_eq!(report.instance, restored.catalog.instance().await.unwrap());
             is_whole(&restored, &files, material).await;
-            let error = Archive::restore(&target, place).await.unwrap_err().to_string();
+            let error = Archive::restore(&target, place, false).await.unwrap_err().to_string();
             assert!(error.contains("measurements") && error.contains("expected an empty database"), "{error}");
         }
         // A later backup to the same place copies what is new.
@@ -169,7 +169,7 @@ async fn a_killed_backup_and_a_killed_restore_go_on() {
             let (to, from) = (target.clone(), place.clone());
             let report = killed(move || {
                 let (to, from) = (to.clone(), from.clone());
-                async move { Archive::restore(&to, &from).await }
+                async move { Archive::restore(&to, &from, false).await }
             });
             let report = report.await;
             assert_eq!(report.files.copied_blobs + report.files.there_blobs, 201, "{report:?}");
@@ -211,7 +211,7 @@ async fn damaged_bytes_are_named_and_all_others_are_copied() {
         assert_eq!(lost, BTreeSet::from([("corrupt", digests[0]), ("missing", digests[1])]));
         assert_eq!(report.files.copied_blobs, 1);
 
-        let report = Archive::restore(&target, &places[0]).await.unwrap();
+        let report = Archive::restore(&target, &places[0], false).await.unwrap();
         assert_eq!((report.files.copied_blobs, report.files.lost.len()), (1, 2));
         let restored = Archive::serve(&target).await.unwrap();
         assert_eq!(restored.get(digests[2]).await.unwrap(), good);
@@ -249,16 +249,16 @@ async fn a_place_that_is_used_is_refused() {
 
         let empty = tempfile::tempdir().unwrap();
         let taken = Site { store: Some(store.clone()), ..Site::new(empty.path()) };
-        let error = Archive::restore(&taken, &place).await.unwrap_err().to_string();
+        let error = Archive::restore(&taken, &place, false).await.unwrap_err().to_string();
         let id = archive.catalog.instance().await.unwrap();
         assert!(error.contains(&format!("the bytes of the catalog {id}")) && error.contains("empty one"), "{error}");
         let backup = Site { store: Some(place.clone()), ..Site::new(empty.path()) };
         for refusal in
-            [Archive::restore(&backup, &place).await.unwrap_err(), Archive::serve(&backup).await.unwrap_err()]
+            [Archive::restore(&backup, &place, false).await.unwrap_err(), Archive::serve(&backup).await.unwrap_err()]
         {
             assert!(refusal.to_string().contains("a backup"), "{refusal}");
         }
-        let error = Archive::restore(&Site::new(empty.path()), store).await.unwrap_err().to_string();
+        let error = Archive::restore(&Site::new(empty.path()), store, false).await.unwrap_err().to_string();
         assert!(error.contains("found no wavelume-backup"), "{error}");
 
         // As a killed restore leaves it: nobody serves it, and nothing else is copied into it.
@@ -266,9 +266,88 @@ async fn a_place_that_is_used_is_refused() {
         begun.catalog.close().await;
         let error = Archive::serve(&Site::new(empty.path())).await.unwrap_err().to_string();
         assert!(error.contains("the catalog x") && error.contains("start the same"), "{error}");
-        let error = Archive::restore(&Site::new(empty.path()), &place).await.unwrap_err().to_string();
+        let error = Archive::restore(&Site::new(empty.path()), &place, false).await.unwrap_err().to_string();
         assert!(error.contains("a copy of the catalog x into"), "{error}");
+
+        let served = tempfile::tempdir().unwrap();
+        let _node = Presence::enter(&served.path().join(WORKERS)).unwrap();
+        let error = Archive::restore(&Site::new(served.path()), &place, false).await.unwrap_err().to_string();
+        assert!(error.contains("1 nodes or workers use") && !served.path().join("catalog.sqlite").exists(), "{error}");
     }
+}
+
+#[tokio::test]
+async fn a_faulty_backup_ends_a_restore_that_goes_on_with_a_newer_one() {
+    let (places, _backups) = destinations();
+    for (place, (site, _guard)) in places.iter().zip(sites().await) {
+        let archive = Archive::serve(&site).await.unwrap();
+        let (kept, gone) = (stored(&archive, b"kept").await, stored(&archive, b"gone").await);
+        archive.backup(place, false).await.unwrap();
+        let (backup, _) = place.open(&site.data).unwrap();
+        backup.remove(&[super::backup::kept(Digest::of(b"gone"))]).await;
+        let data = tempfile::tempdir().unwrap();
+        let target = Site::new(data.path());
+        for _ in 0..2 {
+            let error = Archive::restore(&target, place, false).await.unwrap_err().to_string();
+            assert!(error.starts_with("1 files of the backup") && error.contains("--accept-lost"), "{error}");
+            assert!(Archive::serve(&target).await.is_err(), "the restore has not ended");
+        }
+        let other = tempfile::tempdir().unwrap();
+        let report = Archive::restore(&Site::new(other.path()), place, true).await.unwrap();
+        assert_eq!((report.files.copied_blobs, report.files.lost.len()), (1, 1), "{report:?}");
+
+        assert_eq!(archive.backup(place, false).await.unwrap().files.copied_blobs, 1);
+        let report = Archive::restore(&target, place, false).await.unwrap();
+        assert_eq!((report.files.there_blobs, report.files.copied_blobs), (1, 1), "{report:?}");
+        let restored = Archive::serve(&target).await.unwrap();
+        for (id, bytes) in [(kept, b"kept"), (gone, b"gone")] {
+            let row = restored.catalog.measurement(id).await.unwrap().unwrap();
+            assert_eq!(restored.get(row.content).await.unwrap(), bytes.as_slice());
+        }
+    }
+}
+
+#[tokio::test]
+async fn bytes_of_a_store_that_is_away_are_not_lost() {
+    let (places, _backups) = destinations();
+    let data = tempfile::tempdir().unwrap();
+    let site = Site::new(data.path());
+    let archive = Archive::serve(&site).await.unwrap();
+    let digest = stored(&archive, b"bytes").await;
+    let object = archive.catalog.blob(Digest::of(b"bytes")).await.unwrap().unwrap().object;
+    // As below the mount point of a disk that was unmounted.
+    archive.store.remove(&[object]).await;
+    std::fs::remove_file(data.path().join("wavelume-instance")).unwrap();
+    let other = tempfile::tempdir().unwrap();
+    for error in [
+        archive.backup(&places[0], false).await.unwrap_err(),
+        archive.relocate(&Site::new(other.path())).await.unwrap_err(),
+    ] {
+        assert!(error.to_string().contains("check that its disk is mounted"), "{error}");
+    }
+    assert!(!archive.catalog.blob(Digest::of(b"bytes")).await.unwrap().unwrap().suspect, "{digest}");
+}
+
+#[tokio::test]
+async fn one_backup_at_a_time_and_none_of_a_newer_schema() {
+    let (places, _backups) = destinations();
+    let Place::Directory(directory) = &places[0] else { panic!("{places:?}") };
+    let data = tempfile::tempdir().unwrap();
+    let archive = Archive::serve(&Site::new(data.path())).await.unwrap();
+    stored(&archive, b"bytes").await;
+    archive.backup(&places[0], false).await.unwrap();
+    let left = directory.join("staging/left");
+    std::fs::write(&left, b"half").unwrap();
+    let old = std::time::SystemTime::now() - Duration::from_hours(25);
+    std::fs::File::options().write(true).open(&left).unwrap().set_modified(old).unwrap();
+    let (first, second) = tokio::join!(archive.backup(&places[0], false), archive.backup(&places[0], true));
+    let failed: Vec<String> = [first, second].into_iter().filter_map(|made| Some(made.err()?.to_string())).collect();
+    assert!(failed.len() <= 1 && failed.iter().all(|error| error.contains("another backup was made")), "{failed:?}");
+    assert!(!left.exists());
+
+    archive.catalog.pretend_newer().await;
+    let error = archive.backup(&places[0], false).await.unwrap_err().to_string();
+    assert!(error.contains("use a newer program"), "{error}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,7 +1,7 @@
 //! Tables of a catalog as files: one JSON array a row and line, compressed with gzip, in a staging directory.
 
 use super::archive::ArchiveError;
-use crate::catalog::{Catalog, TABLES};
+use crate::catalog::{Catalog, SCHEMA, TABLES};
 use crate::store::{Digest, Staged, StagedWriter, Staging, StoreError};
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
@@ -70,8 +70,15 @@ pub(super) async fn blocking<T: Send + 'static>(
 }
 
 impl Dump {
-    /// Writes all tables of a catalog, as it is now, to temporary files.
+    /// Writes all tables of a catalog, as it is now, to temporary files. Refuses a catalog whose schema a newer program
+    /// has made, as it may have more tables.
     pub(super) async fn of(catalog: &Catalog, staging: &Staging) -> Result<Self, ArchiveError> {
+        let schema = catalog.version().await?;
+        if schema > SCHEMA {
+            return Err(ArchiveError::Copy(format!(
+                "the catalog has the schema {schema}, and this program knows {SCHEMA}: use a newer program"
+            )));
+        }
         let mut snapshot = catalog.snapshot().await?;
         let mut tables = Vec::with_capacity(TABLES.len());
         for table in TABLES {
@@ -110,6 +117,11 @@ impl Dump {
     /// Returns the number of rows of all tables.
     pub(super) fn rows(&self) -> u64 {
         self.0.iter().map(|(table, _)| table.rows).sum()
+    }
+
+    /// Returns true if there is a table with this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|(table, _)| table.name == name)
     }
 
     /// Begins to read the rows of one table.

@@ -1,6 +1,6 @@
 //! Stored bytes copied from one store towards another: read, verified and staged, several at once.
 
-use super::archive::{ArchiveError, INSTANCE};
+use super::archive::{ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Rows, blocking};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
@@ -100,7 +100,7 @@ pub(super) async fn fetch(store: &Arc<dyn Store>, object: &Object, staging: &Sta
 }
 
 /// Like [`fetch`], but looks twice at a faulty object, and for another one that holds the same bytes now in the catalog
-/// of the original, if that is at hand. Returns the fault if both are faulty.
+/// of the original, if that is at hand. Returns the fault if both are faulty. Fails if the store itself is away.
 pub(super) async fn fetch_or_lose(
     store: &Arc<dyn Store>,
     catalog: Option<&Catalog>,
@@ -120,9 +120,21 @@ pub(super) async fn fetch_or_lose(
         Err(StoreError::NotFound(_)) => "missing",
         Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => "corrupt",
         // The disk cannot read this one file, while the store answers.
-        Err(StoreError::Objects(_)) if store.note(INSTANCE).await.is_ok() => UNREADABLE,
+        Err(StoreError::Objects(_)) if is_there(store).await? => UNREADABLE,
         Err(other) => return Err(other.into()),
     };
+    // A directory whose disk was unmounted lacks all files.
+    if kind == "missing" && !is_there(store).await? {
+        return Err(ArchiveError::Copy(format!(
+            "the store to copy from lacks the bytes {digest}, and carries neither {INSTANCE} nor {BACKUP} any more: check \
+             that its disk is mounted, and start again"
+        )));
+    }
     tracing::warn!(%digest, kind, "stored bytes cannot be copied");
     Ok(Err(Lost { digest, kind }))
+}
+
+/// Returns true if a store carries the text that makes it the store of a catalog or the place of a backup.
+async fn is_there(store: &Arc<dyn Store>) -> Result<bool, StoreError> {
+    Ok(store.note(INSTANCE).await?.is_some() || store.note(BACKUP).await?.is_some())
 }

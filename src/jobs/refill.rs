@@ -4,8 +4,9 @@
 //! name them follow in one transaction: the service is empty, or it is the whole copy.
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
-use super::dump::Dump;
+use super::dump::{Dump, blocking};
 use super::fetch::{AT_ONCE, Stored, Tally, fetch_or_lose, stored};
+use super::presence::{WORKERS, living};
 use super::site::Site;
 use crate::catalog::{Catalog, TABLES};
 use crate::store::{Digest, Object, Place, Store};
@@ -13,6 +14,7 @@ use futures::{StreamExt, TryStreamExt};
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::HashSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -20,8 +22,9 @@ use std::time::Duration;
 /// written for longer.
 const INTENT: Duration = Duration::from_hours(1);
 
-/// Number of files that are announced and listed together. Raising it writes to the database less often.
-const BATCH: usize = 64;
+/// Upper bound on the files, and about on their bytes, that are announced and listed together. Raising it writes to the
+/// database less often, but a slow copy may not list them in time.
+const BATCH: (usize, u64) = (64, 1 << 30);
 
 /// Report of a copy into an empty service; the output of `wavelume restore` and `wavelume move`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -50,6 +53,7 @@ impl Archive {
     /// begun to fill. Refuses any other.
     pub(super) async fn to_fill(site: &Site, original: &str) -> Result<Self, ArchiveError> {
         let (root, database) = Self::places_of(site)?;
+        refuse_served(&root).await?;
         let place = site.store(&root);
         let catalog = Catalog::open_to_fill(&database).await?;
         match catalog.copying().await? {
@@ -81,7 +85,10 @@ impl Archive {
             if page.is_empty() {
                 return Ok(tally);
             }
-            for batch in page.chunks(BATCH) {
+            let mut rest = page.as_slice();
+            while !rest.is_empty() {
+                let (batch, after) = rest.split_at(batch_of(rest));
+                rest = after;
                 self.belonged().await?;
                 while !self.fill_batch(batch, origin, &mut tally).await? {
                     tracing::warn!("copied bytes were listed too late, and are copied again");
@@ -138,7 +145,7 @@ impl Archive {
             filling.insert_lost(&Object::fresh(digest)).await?;
         }
         let mut joined = Vec::new();
-        for (name, _) in TABLES.iter().filter(|(name, _)| *name != "blobs") {
+        for (name, _) in TABLES.iter().filter(|(name, _)| *name != "blobs" && dump.has(name)) {
             let mut rows = dump.read(name)?;
             let columns = rows.columns().to_vec();
             loop {
@@ -160,6 +167,17 @@ impl Archive {
     }
 }
 
+/// Returns the number of files, one at least, that are announced together.
+fn batch_of(files: &[Stored]) -> usize {
+    let mut bytes: u64 = 0;
+    let fits = |file: &&Stored| {
+        let is_open = bytes < BATCH.1;
+        bytes = bytes.saturating_add(file.bytes.unwrap_or(0));
+        is_open
+    };
+    files.iter().take(BATCH.0).take_while(fits).count()
+}
+
 /// Takes the spectra out of rows of measurements: a row may come before that of its spectrum.
 fn take_spectra(
     rows: &super::dump::Rows,
@@ -174,6 +192,19 @@ fn take_spectra(
         }
     }
     Ok(())
+}
+
+/// Refuses a data directory that nodes or workers of this machine use.
+pub(super) async fn refuse_served(data: &Path) -> Result<(), ArchiveError> {
+    let workers = data.join(WORKERS);
+    let living = blocking(move || Ok(living(&workers)?)).await?;
+    if living == 0 {
+        return Ok(());
+    }
+    Err(ArchiveError::Copy(format!(
+        "{living} nodes or workers use the data directory {}: stop them, and start this again",
+        data.display()
+    )))
 }
 
 /// Refuses a store that belongs to another catalog or holds objects.
@@ -200,4 +231,23 @@ async fn refuse_used(place: &Place, catalog: &Catalog) -> Result<(), ArchiveErro
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_batch_ends_by_its_number_and_by_its_bytes() {
+        let files = |bytes: Option<u64>| {
+            let object = Object::fresh(Digest::of(b"any"));
+            vec![Stored { object, bytes, created_at: 0 }; 100]
+        };
+        for (bytes, expected) in
+            [(Some(1), 64), (None, 64), (Some(1 << 28), 4), (Some(300 << 20), 4), (Some(2 << 30), 1)]
+        {
+            assert_eq!(batch_of(&files(bytes)), expected, "{bytes:?}");
+        }
+        assert_eq!(batch_of(&files(Some(1))[..7]), 7);
+    }
 }

@@ -2,10 +2,9 @@
 
 use super::archive::{Archive, ArchiveError};
 use super::backup::Hold;
-use super::dump::{Dump, blocking};
+use super::dump::Dump;
 use super::fetch::Tally;
-use super::presence::{WORKERS, living};
-use super::refill::{CopyReport, Origin};
+use super::refill::{CopyReport, Origin, refuse_served};
 use super::site::Site;
 
 /// Number of times that the original is copied before a move gives up because it is still written to. Raising it waits
@@ -17,14 +16,7 @@ impl Archive {
     /// be written to meanwhile: if it is, the copy is brought up to date, and given up in the end.
     pub(crate) async fn relocate(&self, site: &Site) -> Result<CopyReport, ArchiveError> {
         let original = format!("the catalog {}", self.catalog.instance().await?);
-        let workers = self.data.join(WORKERS);
-        let living = blocking(move || Ok(living(&workers)?)).await?;
-        if living > 0 {
-            return Err(ArchiveError::Copy(format!(
-                "{living} nodes or workers use the data directory {}: stop them, and start the move again",
-                self.data.display()
-            )));
-        }
+        refuse_served(&self.data).await?;
         let archive = Self::to_fill(site, &original).await?;
         let hold = Hold::begin(&self.catalog).await?;
         let origin = Origin { store: &self.store, catalog: Some(&self.catalog), object: Clone::clone };

@@ -1,18 +1,19 @@
 //! Restoring of a backup into an empty service.
 
 use super::archive::{Archive, ArchiveError, BACKUP};
-use super::backup::{kept, manifest};
-use super::dump::Dump;
+use super::backup::{STALE, kept, manifest};
+use super::dump::{Dump, blocking};
 use super::fetch::fetch;
 use super::refill::{CopyReport, Origin};
 use super::site::Site;
-use crate::catalog::SCHEMA;
-use crate::store::{Place, StoreError};
+use crate::catalog::{SCHEMA, TABLES};
+use crate::store::{Place, Staging, StoreError};
 
 impl Archive {
     /// Fills an empty service with the newest backup in `from`, which is only read. A killed restore is started again
-    /// with the same places, and goes on.
-    pub(crate) async fn restore(site: &Site, from: &Place) -> Result<CopyReport, ArchiveError> {
+    /// with the same places, and goes on, also with a newer backup of the same catalog. Files that were whole when the
+    /// backup was made and are faulty now end the restore, unless `accept_lost`.
+    pub(crate) async fn restore(site: &Site, from: &Place, accept_lost: bool) -> Result<CopyReport, ArchiveError> {
         let absent = || ArchiveError::Copy(format!("found no {BACKUP} in {from}, expected the place of a backup"));
         let store = from.open_to_read()?.ok_or_else(absent)?;
         let manifest = manifest(&store, from).await?.ok_or_else(absent)?;
@@ -22,10 +23,16 @@ impl Archive {
                 manifest.schema, SCHEMA
             )));
         }
-        let archive = Self::to_fill(site, &format!("the backup {}", manifest.id)).await?;
+        // An older schema may have had fewer tables.
+        let lacks = |name: &str| manifest.tables.iter().all(|table| table.name != name);
+        if let Some((name, _)) = TABLES.iter().find(|(name, _)| manifest.schema == SCHEMA && lacks(name)) {
+            return Err(ArchiveError::Copy(format!("the backup in {from} is unusable: it has no table {name}")));
+        }
+        // Nothing is begun with a backup whose tables are damaged.
+        let staging = scratch(site).await?;
         let mut tables = Vec::with_capacity(manifest.tables.len());
         for table in manifest.tables {
-            let staged = fetch(&store, &kept(table.digest), &archive.staging).await;
+            let staged = fetch(&store, &kept(table.digest), &staging).await;
             let damaged = |error: StoreError| {
                 ArchiveError::Copy(format!("the table {} of the backup in {from} is unusable: {error}", table.name))
             };
@@ -33,10 +40,33 @@ impl Archive {
             tables.push((table, staged));
         }
         let dump = Dump(tables);
+        let archive = Self::to_fill(site, &format!("a backup of the catalog {}", manifest.instance)).await?;
         let origin = Origin { store: &store, catalog: None, object: |object| kept(object.digest()) };
         let files = archive.fill_blobs(&dump, &origin).await?;
         let lost: Vec<_> = files.lost.iter().map(|lost| lost.digest).collect();
+        let new = files.lost.iter().filter(|lost| !manifest.lost.contains(&lost.digest)).count();
+        if let Some(first) = files.lost.iter().find(|lost| !manifest.lost.contains(&lost.digest))
+            && !accept_lost
+        {
+            return Err(ArchiveError::Copy(format!(
+                "{new} files of the backup in {from} are faulty, and were whole when it was made; the first is {}, which \
+                 is {}: mend the backup and start the restore again, which goes on, or go on without them with \
+                 --accept-lost",
+                first.digest, first.kind
+            )));
+        }
         archive.fill_rows(&dump, &lost).await?;
         Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files })
     }
+}
+
+/// Returns a directory for temporary files in the data directory of a site, without what a killed restore has left.
+async fn scratch(site: &Site) -> Result<Staging, ArchiveError> {
+    let (root, _) = Archive::places_of(site)?;
+    let directory = root.join("staging");
+    std::fs::create_dir_all(&directory).map_err(|source| ArchiveError::Directory { directory: root, source })?;
+    let staging = Staging::new(directory);
+    let swept = staging.clone();
+    blocking(move || swept.sweep(STALE)).await?;
+    Ok(staging)
 }

@@ -170,6 +170,8 @@ impl Archive {
         if self.catalog.blob(digest).await?.is_none_or(|now| now.object != blob.object) {
             return Ok(None);
         }
+        // A directory whose disk was unmounted lacks all files.
+        self.belongs().await?;
         self.catalog.suspect(&blob.object).await?;
         let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
         tracing::warn!(
@@ -297,6 +299,20 @@ mod tests {
             assert_eq!(healed, ScrubReport { blobs: 4, bytes: 15, faults: 0 });
             assert!(!blob(digests[0]).await.suspect && !blob(digests[1]).await.suspect);
         }
+    }
+
+    #[tokio::test]
+    async fn a_store_that_is_away_marks_no_file() {
+        let data = tempfile::tempdir().unwrap();
+        let archive = Archive::open(data.path()).await.unwrap();
+        let digest = stored(&archive, b"bytes").await;
+        let digest = archive.catalog.measurement(digest).await.unwrap().unwrap().content;
+        archive.store.remove(&[archive.catalog.blob(digest).await.unwrap().unwrap().object]).await;
+        std::fs::remove_file(data.path().join("wavelume-instance")).unwrap();
+        archive.catalog.forget_checks().await;
+        let error = archive.scrub(&limits(1 << 20), &stepped(999)).await.unwrap_err();
+        assert!(matches!(error, ArchiveError::Belongs(_)), "{error}");
+        assert!(!archive.catalog.blob(digest).await.unwrap().unwrap().suspect);
     }
 
     #[tokio::test]
