@@ -4,6 +4,7 @@ use super::database::{Catalog, reach};
 use super::dialect::Dialect;
 use super::error::CatalogError;
 use super::file::{unusable, url_of_existing};
+use super::filling::COPYING;
 use super::lock::is_free;
 use super::place::Database;
 use sqlx::{AnyConnection, Connection, Executor, Row};
@@ -27,6 +28,8 @@ pub(crate) struct Examined {
     pub is_copy: bool,
     /// True if the id of the catalog was ever written to a store.
     pub has_claimed_store: bool,
+    /// Name of the original whose copy into this catalog was begun and has not ended.
+    pub copying: Option<String>,
     /// Facts that only one kind of database has.
     pub engine: Engine,
 }
@@ -132,6 +135,7 @@ impl Catalog {
             instance: fact("instance").await?,
             is_copy: has_facts && self.is_copy().await?,
             has_claimed_store: has_facts && self.has_claimed_store().await?,
+            copying: fact(COPYING).await?,
             engine: match self.place.file() {
                 Some(file) => self.file_facts(file).await?,
                 None => Engine::Server(self.server_facts().await?),

@@ -10,7 +10,7 @@ use sqlx::{AssertSqlSafe, Executor, Row};
 use std::time::Duration;
 
 /// Name of the fact that a copy into this catalog was begun and has not ended; its value names the original.
-const COPYING: &str = "copying";
+pub(super) const COPYING: &str = "copying";
 
 /// Rows on their way into a catalog, which become visible all at once.
 pub(crate) struct Filling(Write);

@@ -11,7 +11,12 @@ const PAUSE: Duration = Duration::from_millis(200);
 pub(super) async fn wait_for_turn(connection: &mut AnyConnection) -> Result<(), CatalogError> {
     // A statement that waited here would itself delay an index, which waits for every statement that began before it.
     let taken = "SELECT pg_try_advisory_lock(hashtext('wavelume indexes of ' || current_schema()))";
+    let mut said = false;
     while !sqlx::query(taken).fetch_one(&mut *connection).await?.try_get::<bool, _>(0)? {
+        if !said {
+            tracing::warn!("waiting for another process that changes the schema of the same database");
+            said = true;
+        }
         tokio::time::sleep(PAUSE).await;
     }
     Ok(())
@@ -56,11 +61,25 @@ pub(super) async fn build_search(connection: &mut AnyConnection, online: bool) -
 /// Creates an index, unless it exists; `online` lets writers go on meanwhile.
 async fn create(connection: &mut AnyConnection, index: &str, online: bool) -> Result<(), CatalogError> {
     let how = if online { "CONCURRENTLY " } else { "" };
+    if online && !is_there(connection, index).await? {
+        let name = name_of(index);
+        tracing::info!("building the index {name}: writers go on, and the build waits for older transactions to end");
+    }
     // A build that lets writers go on blocks nobody while it waits for earlier transactions.
     connection.execute(if online { "SET lock_timeout = 0" } else { "SET lock_timeout = '10s'" }).await?;
     connection.execute(AssertSqlSafe(format!("CREATE INDEX {how}IF NOT EXISTS {index}"))).await?;
     connection.execute("SET lock_timeout = '10s'").await?;
     Ok(())
+}
+
+/// Returns the name of an index, with which its text begins.
+fn name_of(index: &str) -> &str {
+    index.split(' ').next().unwrap_or_default()
+}
+
+async fn is_there(connection: &mut AnyConnection, index: &str) -> Result<bool, CatalogError> {
+    let known = sqlx::query("SELECT to_regclass(CAST($1 AS TEXT)) IS NOT NULL").bind(name_of(index).to_owned());
+    Ok(known.fetch_one(connection).await?.try_get(0)?)
 }
 
 /// Removes indexes whose build was broken off: PostgreSQL keeps them, and never uses them.

@@ -60,6 +60,13 @@ pub(super) fn judge(place: &Database, asked: &Asked, processes: u32) -> Vec<Find
     }
     findings.push(clock(examined));
     findings.push(schema(examined));
+    if let Some(original) = &examined.copying {
+        findings.push(Finding::fault(
+            "database copy",
+            format!("a copy of {original} into {place} was begun and has not ended"),
+            "start the same `wavelume restore` or `wavelume move` again, which goes on",
+        ));
+    }
     if let EngineFacts::Server(server) = &examined.engine {
         findings.push(connections(server, processes));
     }
@@ -203,6 +210,7 @@ mod tests {
             instance: None,
             is_copy: false,
             has_claimed_store: false,
+            copying: None,
             engine: EngineFacts::Server(server.clone()),
         };
         change(&mut examined, &mut server);
@@ -221,7 +229,7 @@ mod tests {
     #[test]
     fn each_fault_of_a_database_is_told_alone() {
         type Change = fn(&mut Examined, &mut ServerFacts);
-        let cases: [(Change, &str, Verdict); 13] = [
+        let cases: [(Change, &str, Verdict); 14] = [
             (|_, server| server.version = 120_004, "version", Verdict::Fault),
             (|_, server| server.encoding = "LATIN1".to_owned(), "encoding", Verdict::Fault),
             (|_, server| server.order = "de_DE.UTF-8".to_owned(), "encoding", Verdict::Fault),
@@ -231,6 +239,7 @@ mod tests {
             (|examined, _| examined.ahead = -6000, "clock", Verdict::Warning),
             (|examined, _| examined.schema = SCHEMA - 1, "schema", Verdict::Fault),
             (|examined, _| examined.oldest_reader = SCHEMA + 1, "schema", Verdict::Fault),
+            (|examined, _| examined.copying = Some("the catalog x".to_owned()), "copy", Verdict::Fault),
             (|_, server| server.connections = 35, "connections", Verdict::Fault),
             (|_, server| server.in_use = 90, "connections", Verdict::Warning),
             (

@@ -1,6 +1,6 @@
 //! Verdicts on the store: reachable, of this catalog, and with every call that the service makes of it.
 
-use super::super::archive::INSTANCE;
+use super::super::archive::{BACKUP, INSTANCE};
 use super::asked::Asked;
 use super::finding::Finding;
 use crate::catalog::{Database, Examined};
@@ -32,8 +32,15 @@ pub(super) enum Stored {
     Missing,
     /// The store cannot be used at all.
     Failed(String),
-    /// The store has answered: the id that it carries, and the steps of the probe.
-    Answered(Option<String>, Vec<Step>),
+    /// The store has answered.
+    Answered {
+        /// Id that the store carries.
+        id: Option<String>,
+        /// True if the store is the place of a backup.
+        is_backup: bool,
+        /// Steps of the probe.
+        steps: Vec<Step>,
+    },
 }
 
 impl Stored {
@@ -42,16 +49,16 @@ impl Stored {
         match found {
             Found::Missing => Self::Missing,
             Found::Failed(reason) => Self::Failed(reason),
-            Found::Open(probe) => match probe.note(INSTANCE).await {
-                Ok(id) => Self::Answered(id, probe.run().await),
-                Err(reason) => Self::Failed(reason),
+            Found::Open(probe) => match (probe.note(INSTANCE).await, probe.note(BACKUP).await) {
+                (Ok(id), Ok(backup)) => Self::Answered { id, is_backup: backup.is_some(), steps: probe.run().await },
+                (Err(reason), _) | (_, Err(reason)) => Self::Failed(reason),
             },
         }
     }
 
     /// Returns the verdicts on the store at `place`, used with the catalog in the database `database`.
     pub(super) fn judge(&self, place: &Place, database: &Database, asked: &Asked) -> Vec<Finding> {
-        let (id, steps) = match self {
+        let (bond, steps) = match self {
             Self::Missing => {
                 return vec![Finding::warning(
                     "store",
@@ -68,9 +75,10 @@ impl Stored {
                 };
                 return vec![Finding::fault("store", format!("{place}: {reason}"), remedy)];
             }
-            Self::Answered(id, steps) => (id.as_deref(), steps),
+            Self::Answered { is_backup: true, steps, .. } => (backup(place), steps),
+            Self::Answered { id, steps, .. } => (bond(id.as_deref(), database, asked), steps),
         };
-        let mut findings = vec![Finding::ok("store", format!("{place} answered")), bond(id, database, asked)];
+        let mut findings = vec![Finding::ok("store", format!("{place} answered")), bond];
         findings.extend(steps.iter().map(|step| {
             let check = format!("store {}", step.name);
             match &step.outcome {
@@ -94,9 +102,20 @@ fn right(step: &str) -> &'static str {
     }
 }
 
+/// Name of the check that the store belongs to the catalog.
+const CHECK: &str = "store instance";
+
+/// Returns the verdict on a store that is the place of a backup.
+fn backup(place: &Place) -> Finding {
+    Finding::fault(
+        CHECK,
+        format!("{place} holds a backup"),
+        format!("give another --store, and fill it with `wavelume restore {place}`"),
+    )
+}
+
 /// Compares the id in the store with that of the catalog.
 fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
-    const CHECK: &str = "store instance";
     let carried = id.map_or_else(|| format!("the store carries no {INSTANCE}"), |id| format!("the store carries {id}"));
     let ours = match asked {
         Asked::Silent | Asked::Failed(_) => {

@@ -123,6 +123,11 @@ fn faults_of_a_data_directory_are_told() {
     assert!(text(&faults[0]).contains("carries no wavelume-instance"), "{faults:?}");
     assert!(!instance.exists());
     fs::write(&instance, ours).unwrap();
+    let backup = dir.path().join("data/wavelume-backup");
+    fs::write(&backup, "{}").unwrap();
+    let (faults, _) = judged(1, &[], &["--data", &data]);
+    assert!(faults.len() == 1 && text(&faults[0]).contains("holds a backup"), "{faults:?}");
+    fs::remove_file(&backup).unwrap();
 
     fs::write(dir.path().join("data/catalog.sqlite"), "notes of last week\n".repeat(300)).unwrap();
     let (wrong, _) = judged(1, &[], &["--data", &data]);
