@@ -44,15 +44,17 @@ impl Archive {
         let origin = Origin { store: &store, catalog: None, object: |object| kept(object.digest()) };
         let files = archive.fill_blobs(&dump, &origin).await?;
         let lost: Vec<_> = files.lost.iter().map(|lost| lost.digest).collect();
-        let new = files.lost.iter().filter(|lost| !manifest.lost.contains(&lost.digest)).count();
-        if let Some(first) = files.lost.iter().find(|lost| !manifest.lost.contains(&lost.digest))
+        let new: Vec<_> = files.lost.iter().filter(|lost| !manifest.lost.contains(&lost.digest)).collect();
+        if let Some(first) = new.first()
             && !accept_lost
         {
             return Err(ArchiveError::Copy(format!(
-                "{new} files of the backup in {from} are faulty, and were whole when it was made; the first is {}, which \
+                "{} files of the backup in {from} are faulty, and were whole when it was made; the first is {}, which \
                  is {}: mend the backup and start the restore again, which goes on, or go on without them with \
                  --accept-lost",
-                first.digest, first.kind
+                new.len(),
+                first.digest,
+                first.kind
             )));
         }
         archive.fill_rows(&dump, &lost).await?;
