@@ -209,7 +209,8 @@ impl Catalog {
         .await
     }
 
-    /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if the request `holder` does not hold it any more.
+    /// Extends the reservation of an upload, which does not expire while its first bytes arrive. Returns false if the
+    /// request `holder` does not hold it any more.
     pub(crate) async fn keep_partial(&self, id: &str, holder: &str, lease: Duration) -> Result<bool, CatalogError> {
         let _turn = self.turn().await;
         let kept = sqlx::query(self.sql(

@@ -21,8 +21,8 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 /// before any other process.
 const FIRST: &str = "1000";
 
-/// Size in bytes of the stack of each thread that computes. Raising it computes deeper recursions, and lets a process use
-/// more memory beside that of its job.
+/// Size in bytes of the stack of each thread that computes. Raising it computes deeper recursions, and lets a process
+/// use more memory beside that of its job.
 const STACK: usize = 2 << 20;
 
 /// Smallest step of progress that is reported. Raising it sends fewer messages.
