@@ -1,8 +1,8 @@
 //! Bytes by their digest: looked up in the catalog, read from the store, verified.
 
-use super::archive::Archive;
+use super::archive::{Archive, ArchiveError};
 use crate::catalog::{Blob, CatalogError};
-use crate::store::{Digest, StoreError, StoreExt};
+use crate::store::{Digest, Object, StoreError, StoreExt};
 use bytes::Bytes;
 use futures::stream::{BoxStream, StreamExt};
 use std::ops::Range;
@@ -45,7 +45,7 @@ impl Archive {
         let digest = blob.object.digest();
         let error = match self.store.get(&blob.object, blob.bytes).await {
             Ok(bytes) => return Ok(bytes),
-            Err(error @ (StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. })) => error,
+            Err(error) if error.damage().is_some() => error,
             Err(error) => return Err(error.into()),
         };
         // The object may have been replaced since it was looked up.
@@ -70,9 +70,7 @@ impl Archive {
             let (archive, blob) = (archive.clone(), blob.clone());
             async move {
                 match piece {
-                    Err(error @ (StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. })) => {
-                        Err(archive.suspected(&blob, error).await)
-                    }
+                    Err(error) if error.damage().is_some() => Err(archive.suspected(&blob, error).await),
                     piece => piece,
                 }
             }
@@ -85,9 +83,16 @@ impl Archive {
     async fn suspected(&self, blob: &Blob, error: StoreError) -> StoreError {
         tracing::error!(object = %blob.object, %error, "stored bytes are missing or damaged");
         metrics::counter!("wavelume_damaged_blobs_total").increment(1);
-        if let Err(error) = self.catalog.suspect(&blob.object).await {
+        if let Err(error) = self.mark_damaged(&blob.object).await {
             tracing::error!(object = %blob.object, %error, "the damage was not noted");
         }
         error
+    }
+
+    /// Marks a stored object in the catalog as missing or damaged. Fails if the store does not carry the id of this
+    /// catalog: a directory whose disk was unmounted lacks all files.
+    pub(super) async fn mark_damaged(&self, object: &Object) -> Result<(), ArchiveError> {
+        self.belongs().await?;
+        Ok(self.catalog.suspect(object).await?)
     }
 }

@@ -117,11 +117,12 @@ pub(super) async fn fetch_or_lose(
     };
     let kind = match fetch(store, now.as_ref().unwrap_or(object), staging).await {
         Ok(staged) => return Ok(Ok(staged)),
-        Err(StoreError::NotFound(_)) => "missing",
-        Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => "corrupt",
         // The disk cannot read this one file, while the store answers.
         Err(StoreError::Objects(_)) if is_there(store).await? => UNREADABLE,
-        Err(other) => return Err(other.into()),
+        Err(fault) => match fault.damage() {
+            Some(kind) => kind,
+            None => return Err(fault.into()),
+        },
     };
     // A directory whose disk was unmounted lacks all files.
     if kind == "missing" && !is_there(store).await? {

@@ -166,13 +166,13 @@ impl Archive {
             }
             Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
                 report.checked_blobs += 1;
-                self.catalog.suspect(&blob.object).await?;
+                self.mark_damaged(&blob.object).await?;
                 report.faults.push(Fault::Corrupt { digest: digest.to_string() });
             }
             Err(StoreError::NotFound(_)) => {
                 // Told only if the row still refers to this object: it may have been swept or replaced meanwhile.
                 if self.catalog.blob(digest).await?.is_some_and(|now| now.object == blob.object) {
-                    self.catalog.suspect(&blob.object).await?;
+                    self.mark_damaged(&blob.object).await?;
                     let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
                     report.faults.push(Fault::Missing { digest: digest.to_string(), named_by });
                 }

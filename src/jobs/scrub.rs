@@ -148,31 +148,23 @@ impl Archive {
     /// Looks a second time at a file in which a fault was found. If the fault is still there, marks the file, so that
     /// the next upload of the same bytes replaces it, and returns the kind of the fault.
     async fn confirmed(&self, blob: &Blob, first: StoreError) -> Result<Option<&'static str>, ArchiveError> {
-        let fault = match first {
-            StoreError::NotFound(_) | StoreError::Corrupt { .. } | StoreError::Range { .. } => {
-                match Arc::clone(&self.store).verify(&blob.object).await {
-                    Ok(bytes) => {
-                        self.catalog.checked(&blob.object, bytes).await?;
-                        return Ok(None);
-                    }
-                    Err(fault) => fault,
-                }
+        if first.damage().is_none() {
+            return Err(first.into());
+        }
+        let fault = match Arc::clone(&self.store).verify(&blob.object).await {
+            Ok(bytes) => {
+                self.catalog.checked(&blob.object, bytes).await?;
+                return Ok(None);
             }
-            other => return Err(other.into()),
+            Err(fault) => fault,
         };
-        let kind = match fault {
-            StoreError::NotFound(_) => "missing",
-            StoreError::Corrupt { .. } | StoreError::Range { .. } => "corrupt",
-            other => return Err(other.into()),
-        };
+        let Some(kind) = fault.damage() else { return Err(fault.into()) };
         let digest = blob.object.digest();
         // It may have been swept, or replaced by an upload.
         if self.catalog.blob(digest).await?.is_none_or(|now| now.object != blob.object) {
             return Ok(None);
         }
-        // A directory whose disk was unmounted lacks all files.
-        self.belongs().await?;
-        self.catalog.suspect(&blob.object).await?;
+        self.mark_damaged(&blob.object).await?;
         let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
         tracing::warn!(
             %digest,

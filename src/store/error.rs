@@ -32,3 +32,15 @@ pub enum StoreError {
     #[error("the object store failed: {0}")]
     Objects(#[from] object_store::Error),
 }
+
+impl StoreError {
+    /// Returns the kind of damage of a stored file that this error reveals, `missing` or `corrupt`; `None` if the store
+    /// itself failed.
+    pub(crate) fn damage(&self) -> Option<&'static str> {
+        match self {
+            Self::NotFound(_) => Some("missing"),
+            Self::Corrupt { .. } | Self::Range { .. } => Some("corrupt"),
+            Self::Io(_) | Self::Objects(_) => None,
+        }
+    }
+}
