@@ -7,7 +7,7 @@ use std::task::{Context, Poll, ready};
 
 /// Bytes of a response body handed to the connection at a time. HTTP/2 takes a whole piece even if the client reads
 /// little. A smaller value bounds the unsent bytes but costs more calls.
-const PIECE: usize = 64 << 10;
+const PIECE: usize = 128 << 10;
 
 /// Observer that is told how the connection consumes a response body.
 pub(crate) trait Passed {

@@ -7,6 +7,7 @@ use crate::store::{Digest, WHOLE};
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::Response;
+use std::fmt::Write;
 use std::ops::Range;
 
 /// Media type of a material file.
@@ -211,15 +212,15 @@ fn disposition(file_name: Option<&str>) -> HeaderValue {
     let plain = HeaderValue::from_static("attachment");
     let Some(name) = file_name else { return plain };
     // RFC 8187: anything but unreserved ASCII is percent-encoded.
-    let encoded: String = name
-        .bytes()
-        .map(|b| match b {
-            b'.' | b'-' | b'_' => char::from(b).to_string(),
-            b if b.is_ascii_alphanumeric() => char::from(b).to_string(),
-            b => format!("%{b:02X}"),
-        })
-        .collect();
-    HeaderValue::from_str(&format!("attachment; filename*=UTF-8''{encoded}")).unwrap_or(plain)
+    let mut text = String::from("attachment; filename*=UTF-8''");
+    for b in name.bytes() {
+        if b.is_ascii_alphanumeric() || b".-_".contains(&b) {
+            text.push(char::from(b));
+        } else {
+            let _ = write!(text, "%{b:02X}");
+        }
+    }
+    HeaderValue::from_str(&text).unwrap_or(plain)
 }
 
 #[cfg(test)]

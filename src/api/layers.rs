@@ -24,9 +24,9 @@ const LOGGED_PATH: usize = 300;
 /// Upper bound in characters on a logged HTTP method.
 const LOGGED_METHOD: usize = 20;
 
-/// Middleware that refuses requests for other hosts and writes by web pages of other origins, and lets pages of allowed
-/// origins read the answers.
-pub(crate) async fn hosts_and_origins(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+/// Refuses requests for other hosts and writes by web pages of other origins, and lets pages of allowed origins read
+/// the answers.
+async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
         Err(problem) => return refuse(request, problem).await,
@@ -91,19 +91,25 @@ async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Middleware that assigns an id to each request, logs the request once, and records its duration by route.
-pub(crate) async fn observe(request: Request, next: Next) -> Response {
+/// Middleware around all others: checks the host and the origin of a request, adds security headers to its answer,
+/// assigns an id to it, logs it once, and records its duration by route.
+pub(crate) async fn outermost(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
     let path = shown(request.uri().path(), LOGGED_PATH);
     let route = request.extensions().get::<MatchedPath>().map_or("none".to_owned(), |path| path.as_str().to_owned());
     let request_id = request_id(request.headers());
-    let mut response = next.run(request).await;
+    let mut response = hosts_and_origins(&access, request, next).await;
+    harden(response.headers_mut());
     let status = response.status().as_u16();
     let seconds = start.elapsed().as_secs_f64();
     let duration_ms = start.elapsed().as_millis() as u64;
     let known = method_name(&method);
-    let labels = [("method", known.to_owned()), ("route", route), ("status", status.to_string())];
+    let labels = [
+        ("method", known.into()),
+        ("route", route.into()),
+        ("status", metrics::SharedString::from(status.to_string())),
+    ];
     metrics::histogram!("wavelume_http_request_duration_seconds", &labels).record(seconds);
     let method = shown(method.as_str(), LOGGED_METHOD);
     tracing::info!(method, path, status, duration_ms, request_id, "request answered");
@@ -135,10 +141,8 @@ fn method_name(method: &Method) -> &'static str {
     }
 }
 
-/// Middleware that adds the security headers common to all answers.
-pub(crate) async fn harden(request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
-    let headers = response.headers_mut();
+/// Adds the security headers common to all answers.
+fn harden(headers: &mut HeaderMap) {
     headers.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     // No answer is a page with scripts or a part of another page.
     let nothing = HeaderValue::from_static("default-src 'none'; frame-ancestors 'none'");
@@ -146,7 +150,6 @@ pub(crate) async fn harden(request: Request, next: Next) -> Response {
     headers.insert(header::REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     let own = HeaderValue::from_static("same-origin");
     headers.insert(HeaderName::from_static("cross-origin-resource-policy"), own);
-    response
 }
 
 /// Answers a request whose handler panicked, which is a bug of the service.

@@ -147,7 +147,10 @@ async fn get_material_content(
     headers: HeaderMap,
     Id(id): Id,
 ) -> Result<Response, Problem> {
-    let name = known(&app, id).await?;
+    let Some(name) = app.remembered.name(id, app.engine.archive.catalog.material_name(id)).await? else {
+        forget(&app, id).await;
+        return Err(Problem::new(Kind::NotFound, absent(id)));
+    };
     let name = format!("{}.wlm", name.as_deref().unwrap_or(&id.to_string()[..15]));
     if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
         return content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers);
@@ -191,7 +194,8 @@ async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
 }
 
 /// Returns the name, if any, of the material `id`; fails if the catalog does not list the material. Every answer about
-/// a material asks the catalog first, even if the material is in memory: another process may have deleted it.
+/// a material but its file asks the catalog first, even if the material is in memory: another process may have deleted
+/// it.
 pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Problem> {
     if let Some(name) = app.engine.archive.catalog.material_name(id).await? {
         return Ok(name);
@@ -200,8 +204,9 @@ pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Probl
     Err(Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Frees the memory that an opened material occupies after it was deleted.
+/// Forgets a deleted material, and frees the memory that it occupies.
 async fn forget(app: &App, id: Digest) {
+    app.remembered.forget(id);
     app.engine.close_material(id).await;
     app.contents.forget(id).await;
 }

@@ -28,6 +28,7 @@ mod places;
 mod preview;
 mod problem;
 mod query;
+mod remembered;
 mod resumable;
 #[cfg(test)]
 mod rolling_tests;

@@ -35,9 +35,7 @@ pub(super) fn router(app: App) -> Router {
         .layer(axum::middleware::from_fn_with_state(app, admit::admit))
         .layer(axum::extract::DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(layers::panicked))
-        .layer(axum::middleware::from_fn_with_state(access, layers::hosts_and_origins))
-        .layer(axum::middleware::from_fn(layers::harden))
-        .layer(axum::middleware::from_fn(layers::observe))
+        .layer(axum::middleware::from_fn_with_state(access, layers::outermost))
 }
 
 /// Returns the OpenAPI description of every route, generated from the router.

@@ -6,8 +6,9 @@ use super::content_cache::Contents;
 use super::descriptors;
 use super::figures::{keep_up, recorder};
 use super::places::Peer;
+use super::remembered::Remembered;
 use super::router::{openapi, router};
-use super::state::{App, Held};
+use super::state::{App, Held, Shared};
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers, watch_jobs};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -120,16 +121,17 @@ impl Server {
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
         let json = openapi().to_json().unwrap_or_default();
         let limits = &engine.limits;
-        let app = App {
+        let app = App::new(Shared {
             held: Held::new(limits),
             contents: Contents::new(limits.content_bytes),
+            remembered: Remembered::new(),
             engine: Arc::clone(&engine),
             access,
             stopping: stopping.clone(),
             stop: stop.clone(),
             metrics: recorder(),
             openapi: json.into(),
-        };
+        });
         let (database, store) = engine.archive.places();
         tracing::info!(%address, %database, %store, workers, "serving");
         let working = tokio::spawn({

@@ -3,14 +3,19 @@
 use super::access::Access;
 use super::content_cache::Contents;
 use super::places::{KIB, Places};
+use super::remembered::Remembered;
 use crate::jobs::{Engine, Limits};
 use metrics_exporter_prometheus::PrometheusHandle;
+use std::ops::Deref;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// State that every HTTP handler shares; cheap to clone.
+/// State that every HTTP handler shares. Each layer around a handler clones it for each request.
 #[derive(Clone)]
-pub(crate) struct App {
+pub(crate) struct App(Arc<Shared>);
+
+/// Parts of the state that every HTTP handler shares.
+pub(crate) struct Shared {
     pub(crate) engine: Arc<Engine>,
     /// Rules for the request hosts and page origins that are accepted.
     pub(crate) access: Arc<Access>,
@@ -18,6 +23,8 @@ pub(crate) struct App {
     pub(crate) held: Held,
     /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,
+    /// Memory of the materials that exist.
+    pub(crate) remembered: Remembered,
     /// Token that the stop signal cancels: `/readyz` reports it while the listener still answers.
     pub(crate) stopping: CancellationToken,
     /// Token that is cancelled when the listener is closed: event streams and waiting requests end.
@@ -26,6 +33,20 @@ pub(crate) struct App {
     pub(crate) metrics: Option<PrometheusHandle>,
     /// OpenAPI description of the interface in JSON, rendered once.
     pub(crate) openapi: Arc<str>,
+}
+
+impl App {
+    pub(crate) fn new(shared: Shared) -> Self {
+        Self(Arc::new(shared))
+    }
+}
+
+impl Deref for App {
+    type Target = Shared;
+
+    fn deref(&self) -> &Shared {
+        &self.0
+    }
 }
 
 /// Counters of everything that requests occupy, each limited in total and per client.

@@ -5,24 +5,29 @@
 pub(crate) fn shown(text: &str, most: usize) -> String {
     // One character has at most four bytes, so that short texts are not counted.
     if text.len() <= most || text.chars().count() <= most {
-        return text.chars().map(escaped).collect();
+        return escaped(text.chars());
     }
     let tail = most / 3;
     let head = most - tail;
     let rest: Vec<char> = text.chars().rev().take(tail).collect();
-    let mut out: String = text.chars().take(head).map(escaped).collect();
+    let mut out = escaped(text.chars().take(head));
     out.push_str(" … ");
-    out.extend(rest.into_iter().rev().map(escaped));
+    out.push_str(&escaped(rest.into_iter().rev()));
     out
 }
 
-fn escaped(c: char) -> String {
-    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    if c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}') {
-        c.escape_default().to_string()
-    } else {
-        c.to_string()
+/// Collects characters into a text in which those that disturb a line or a terminal are escaped.
+fn escaped(text: impl Iterator<Item = char>) -> String {
+    let mut out = String::with_capacity(text.size_hint().1.unwrap_or_default());
+    for c in text {
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        if c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}') {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
     }
+    out
 }
 
 #[cfg(test)]

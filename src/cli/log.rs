@@ -1,6 +1,9 @@
 //! Log on stderr: an event is one line of bounded length, in colour only on a terminal.
 
+use std::fs::File;
 use std::io::{self, IsTerminal, Write};
+use std::os::fd::AsFd;
+use std::sync::Arc;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -27,12 +30,42 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let log = registry().with(asked.unwrap_or_else(|| Targets::new().with_default(level)));
     let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
     let events = fmt::layer().with_ansi(colours);
+    let to = Output::stderr();
     match format {
         LogFormat::Human => {
-            log.with(events.with_target(false).with_writer(move || Line { to: io::stderr(), colours })).init();
+            log.with(events.with_target(false).with_writer(move || Line { to: to.clone(), colours })).init();
         }
         // JSON escapes control characters itself, and half an object would be invalid.
-        LogFormat::Json => log.with(events.json().with_writer(io::stderr)).init(),
+        LogFormat::Json => log.with(events.json().with_writer(move || to.clone())).init(),
+    }
+}
+
+/// Destination of the log: stderr as a file, without the lock of [`io::stderr`], for which threads that answer requests
+/// would wait. An event is one write, which the system does not mix with others.
+#[derive(Clone)]
+enum Output {
+    Unlocked(Arc<File>),
+    /// Destination if the system has no second descriptor to give.
+    Locked,
+}
+
+impl Output {
+    fn stderr() -> Self {
+        let file = io::stderr().as_fd().try_clone_to_owned().map(File::from);
+        file.map_or(Self::Locked, |file| Self::Unlocked(Arc::new(file)))
+    }
+}
+
+impl Write for Output {
+    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Unlocked(file) => file.write(event),
+            Self::Locked => io::stderr().write(event),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 
@@ -55,6 +88,12 @@ struct Line<W> {
 impl<W: Write> Write for Line<W> {
     /// Writes one event of the log; `event` is its whole text.
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
+        let plain =
+            event.strip_suffix(b"\n").is_some_and(|line| !line.iter().any(|b| b.is_ascii_control() || *b > 0x7e));
+        if plain && event.len() <= LONGEST_LINE {
+            self.to.write_all(event)?;
+            return Ok(event.len());
+        }
         let text = String::from_utf8_lossy(event);
         let mut line = String::with_capacity(text.len() + 1);
         for c in text.strip_suffix('\n').unwrap_or(&text).chars() {

@@ -36,6 +36,9 @@ async fn what_another_process_deleted_is_answered_by_nobody() {
     let body = json!({ "wi": [[30, 0]], "wo": [[1, 1]] });
     let gone = another.request(Method::DELETE, &this).send().await.unwrap();
     assert_eq!(gone.status(), StatusCode::NO_CONTENT);
+    // A decision about a download is remembered for a moment; everything else is asked each time.
+    let content = format!("{this}/content");
+    within_5_s(async || service.get(&content).send().await.unwrap().status() == StatusCode::NOT_FOUND).await;
     for (path, tag) in paths.iter().zip(tags) {
         problem(service.get(path), 404, "not-found").await;
         problem(service.get(path).header("range", "bytes=0-3"), 404, "not-found").await;
@@ -46,6 +49,15 @@ async fn what_another_process_deleted_is_answered_by_nobody() {
     problem(service.post(&format!("{this}/evaluate")).json(&body), 404, "not-found").await;
     service.stop().await;
     another.stop().await;
+}
+
+/// Waits until a condition holds, for five seconds at most.
+async fn within_5_s(holds: impl AsyncFn() -> bool) {
+    let begun = std::time::Instant::now();
+    while !holds().await {
+        assert!(begun.elapsed().as_secs() < 5);
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -93,7 +105,7 @@ async fn a_second_job_with_equal_bytes_is_found_by_its_own_words() {
         let page = json_of(&service, &format!("/v1/materials?{query}")).await;
         assert_eq!(page["items"][0]["id"], json!(id), "{query}");
     }
-    assert!(name(service.get(&content).send().await.unwrap()).contains("Exhibit%207.wlm"));
+    within_5_s(async || name(service.get(&content).send().await.unwrap()).contains("Exhibit%207.wlm")).await;
     service.stop().await;
 }
 
