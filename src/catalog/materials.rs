@@ -98,11 +98,13 @@ impl Catalog {
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
+        // The page is found in an index; only its own rows, which are wide, are read from the table.
         let statement = filtered(
             concat!(
                 "SELECT ",
                 columns!(),
-                " FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
+                " FROM materials WHERE tenant = 'default' AND id IN \
+                 (SELECT id FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
             ),
             &[
                 (filter.quantity.is_some(), "quantity = $3"),
@@ -118,7 +120,7 @@ impl Catalog {
                 ),
                 (filter.q.is_some(), "search LIKE $6 ESCAPE '\\'"),
             ],
-            " ORDER BY created_at DESC, id DESC LIMIT $7",
+            " ORDER BY created_at DESC, id DESC LIMIT $7) ORDER BY created_at DESC, id DESC",
         );
         let mut list = self.list().await?;
         let rows = sqlx::query(statement)
