@@ -9,7 +9,7 @@ FROM debian:stable-slim
 RUN useradd --system --uid 10001 --no-create-home wavelume && install -d -o wavelume -g wavelume /data
 COPY --from=build /wavelume /usr/local/bin/wavelume
 COPY LICENSE-MIT LICENSE-APACHE /usr/share/doc/wavelume/
-COPY data/SOURCES.md /usr/share/doc/wavelume/
+COPY data/SOURCES.md docs/sbom.cdx.json /usr/share/doc/wavelume/
 USER wavelume
 VOLUME /data
 EXPOSE 8080

@@ -17,6 +17,7 @@ fn pages() -> Vec<PathBuf> {
         "README.md",
         "CHANGELOG.md",
         "CONTRIBUTING.md",
+        "SECURITY.md",
         "data/SOURCES.md",
         "examples/batch/README.md",
         "fuzz/README.md",
