@@ -3,11 +3,11 @@
 
 Usage: batch.py BINARY [--files N]
 
-N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own. The
-script is killed three times, between any two requests or within one. Then every file has its material, and the log and the
-lists of the service show N uploads and N jobs, none of them twice. Lost notes, a changed request, a file that is no
-measurement, a service that refuses for a while and an upload that is left running are tried afterwards. WAVELUME_SEED
-repeats a run.
+N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own. Among
+them is a file that is no measurement. The script is killed three times, between any two requests or within one. Then every
+spectrum has its material, and the log and the lists of the service show N uploads and N jobs, none of them twice. Lost notes,
+a changed file, a changed request, a service that refuses for a while and an upload that is left running are tried afterwards.
+WAVELUME_SEED repeats a run.
 """
 import argparse
 import collections
@@ -230,9 +230,22 @@ def batch(binary, count, chance, directory, service):
     with open(manifest, "w") as file:
         file.writelines(f"{name}\t{OPTIONS}\t{REQUEST}\n" for name in names if name in special)
 
+    # In the middle of the list: the files behind it go on. Each start sends it once more.
+    broken = os.path.join(scans, "no measurement.txt")
+    with open(broken, "w") as file:
+        file.write("nothing to see\n")
+
     points = kill(service, words, chance, count)
+    lines = finish(start(*words), 1)
+    check(len(lines) == 1 and lines[0].startswith("no measurement.txt: "), f"lines of a failure: {lines}")
+    refused = service.done()[2]
+    check(1 <= refused <= KILLS + 1, f"refused {refused} times")
+    check(service.done() == (count, 0, refused, count), f"uploaded, again, refused, queued: {service.done()}; killed at {points}")
+    os.remove(broken)
+    time.sleep(0.2)  # The last line in the log.
+    asked = service.answered()
     check(finish(start(*words), 0) == [], "lines on stderr of a start that succeeds")
-    check(service.done() == (count, 0, 0, count), f"uploaded, again, refused, queued: {service.done()}; killed at {points}")
+    check(service.answered() <= asked + 1, f"a start with nothing to do made {service.answered() - asked} requests")
     measurements, jobs = service.listed("measurements"), service.listed("jobs")
     check({item["file_name"] for item in measurements} == set(names) and len(measurements) == count, "measurements listed")
     check(len(jobs) == count and {job["state"] for job in jobs} == {"succeeded"}, f"{len(jobs)} jobs listed")
@@ -241,10 +254,10 @@ def batch(binary, count, chance, directory, service):
     # A kill between an answer and its note loses the note: the service is asked instead of being sent the file again.
     lost = names[: min(4, count)]
     for name in lost:
-        os.remove(os.path.join(materials, ".batch", "notes", name))
+        os.remove(os.path.join(materials, ".batch", f"{name}.job"))
         os.remove(os.path.join(materials, f"{name}.wlm"))
     finish(start(*words), 0)
-    check(service.done() == (count, 0, 0, count), f"after notes were lost: {service.done()}")
+    check(service.done() == (count, 0, refused, count), f"after notes were lost: {service.done()}")
     check_materials(binary, scans, materials, names, special)
 
     # Another request for one file is a job, and no upload.
@@ -254,16 +267,15 @@ def batch(binary, count, chance, directory, service):
         file.seek(0)
         file.writelines([lines[0].replace(REQUEST, text), *lines[1:]])
     finish(start(*words), 0)
-    check(service.done() == (count, 0, 0, count + 1), f"after a request was changed: {service.done()}")
+    check(service.done() == (count, 0, refused, count + 1), f"after a request was changed: {service.done()}")
     check(inspect(binary, os.path.join(materials, f"{names[0]}.wlm"))["er_l2"] <= 0.02, "the material of the changed request")
 
-    # A file that is no measurement is one line, and sent once.
-    with open(os.path.join(scans, "no measurement.txt"), "w") as file:
-        file.write("nothing to see\n")
-    for _ in range(2):
-        lines = finish(start(*words), 1)
-        check(len(lines) == 1 and lines[0].startswith("no measurement.txt: "), f"lines of a failure: {lines}")
-        check(service.done() == (count, 0, 1, count + 1), f"after a refusal: {service.done()}")
+    # A changed file is an upload and a job.
+    with open(os.path.join(scans, names[1]), "a") as file:
+        file.write("720,0.5\n")
+    finish(start(*words), 0)
+    check(service.done() == (count + 1, 0, refused, count + 2), f"after a file was changed: {service.done()}")
+    check_materials(binary, scans, materials, names, special)
 
     # A service that is busy for a while is waited for; two files with the same bytes are one upload and one job.
     few, again = os.path.join(directory, "few"), os.path.join(directory, "again")
@@ -271,11 +283,11 @@ def batch(binary, count, chance, directory, service):
     for name in names:
         os.remove(os.path.join(few, name))
     shutil.copy(os.path.join(few, os.listdir(few)[0]), os.path.join(few, "zz copy.csv"))
-    with proxy(service.address) as (address, refused):
+    with proxy(service.address) as (address, kinds):
         check(finish(start(address, few, again), 0) == [], "lines on stderr of a start through the proxy")
-    check(len(refused) == 5, f"refused through the proxy: {refused}")
+    check(len(kinds) == 5, f"refused through the proxy: {kinds}")
     check(len(os.listdir(again)) == 3 + 1, "materials through the proxy")
-    check(service.done() == (count + 2, 0, 1, count + 3), f"after a service was busy: {service.done()}")
+    check(service.done() == (count + 3, 0, refused, count + 4), f"after a service was busy: {service.done()}")
 
     # An upload that a script has left running, as it was killed and its curl was not, is waited for.
     one, held = os.path.join(directory, "one"), Held()
@@ -294,7 +306,7 @@ def batch(binary, count, chance, directory, service):
         finish(second, 0)
         check(held.ended.wait(60), "the upload that was held did not end")
         time.sleep(0.1)  # Its line in the log.
-    check(service.done() == (count + 3, 0, 1, count + 4), f"after an upload was left running: {service.done()}")
+    check(service.done() == (count + 4, 0, refused, count + 5), f"after an upload was left running: {service.done()}")
     return points
 
 
