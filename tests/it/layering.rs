@@ -112,7 +112,8 @@ const NOT_FOR_RENDERERS: &[&str] = &[
 ];
 const SERVICE_PATHS: &[&str] = &["std::time", "std::net", "std::process", "rand::rng(", "rand::random"];
 
-fn sources(directory: &Path) -> Vec<PathBuf> {
+/// Returns the files of Rust in a folder and in the folders below it.
+pub(crate) fn sources(directory: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
@@ -136,7 +137,8 @@ fn code(path: &Path) -> String {
 const FOLDERS: &[(&str, Option<&str>)] =
     &[("src", None), ("crates/core/src", None), ("crates/formats/src", None), ("crates/paper/src", Some("paper"))];
 
-fn folder(name: &str) -> PathBuf {
+/// Returns a folder or file of the repository.
+pub(crate) fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
@@ -282,51 +284,6 @@ fn every_file_begins_with_its_charter() {
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("//! "), "{}: no charter on its first line", path.display());
     }
-}
-
-/// Words that an item comment must not open with: they refer to something that a reader has not seen.
-const NO_OPENING: &[&str] = &["What", "Whether", "How", "Its", "Their", "Those", "Of", "So", "Where", "By", "The same"];
-/// Columns within which comment lines wrap.
-const COLUMNS: usize = 120;
-
-/// Returns the words that a comment on an item or a file opens with, if they are among [`NO_OPENING`].
-fn wrong_opening(comment: &str) -> Option<&'static str> {
-    let is_word = |word: &str| {
-        let rest = comment.strip_prefix(word);
-        rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
-    };
-    NO_OPENING.iter().copied().find(|word| is_word(word))
-}
-
-#[test]
-fn item_comments_open_with_a_noun_or_a_verb_and_wrap() {
-    let mut wrong = Vec::new();
-    for folder in ["crates", "src", "tests", "fuzz/src", "fuzz/fuzz_targets", "fuzz/examples"].map(folder) {
-        for path in sources(&folder) {
-            let text = fs::read_to_string(&path).unwrap();
-            let mut is_first = true;
-            for (line, number) in text.lines().zip(1..) {
-                let comment = line.trim_start();
-                let item = ["///", "//!"].into_iter().find_map(|mark| comment.strip_prefix(mark));
-                if let Some(word) = item.filter(|_| is_first).and_then(|item| wrong_opening(item.trim_start())) {
-                    wrong.push(format!("{}:{number}: a comment opens with `{word}`", path.display()));
-                }
-                if comment.starts_with("//") && line.chars().count() > COLUMNS {
-                    wrong.push(format!("{}:{number}: a comment is longer than {COLUMNS} columns", path.display()));
-                }
-                is_first = item.is_none();
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-#[test]
-fn wrong_openings_are_found() {
-    assert_eq!(wrong_opening("Where it lies."), Some("Where"));
-    assert_eq!(wrong_opening("The same, but larger."), Some("The same"));
-    assert_eq!(wrong_opening("Offset of the sample."), None);
-    assert_eq!(wrong_opening("Bytes of the file."), None);
 }
 
 #[test]
