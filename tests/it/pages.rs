@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 /// Upper bound on the lines of the README; whatever is beyond it belongs on a page of `docs/`.
 const README_LINES: usize = 250;
+/// Upper bound on the lines of CONTRIBUTING.md, one printed page; whatever is beyond it belongs on a page of `docs/`.
+const CONTRIBUTING_LINES: usize = 55;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -77,9 +79,11 @@ fn links(text: &str) -> Vec<(usize, String)> {
 }
 
 #[test]
-fn the_readme_stays_short() {
-    let lines = fs::read_to_string(root().join("README.md")).unwrap().lines().count();
-    assert!(lines <= README_LINES, "README.md has {lines} lines, at most {README_LINES}: move something to docs/");
+fn pages_at_the_root_stay_short() {
+    for (page, most) in [("README.md", README_LINES), ("CONTRIBUTING.md", CONTRIBUTING_LINES)] {
+        let lines = fs::read_to_string(root().join(page)).unwrap().lines().count();
+        assert!(lines <= most, "{page} has {lines} lines, at most {most}: move something to docs/");
+    }
 }
 
 #[test]
