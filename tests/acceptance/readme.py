@@ -156,6 +156,31 @@ def between(text, mark, new=None):
     return old if new is None else f"{before}{begin}\n{new}\n{end}{after}"
 
 
+def section(text, anchor):
+    """A section of a page, by the anchor that GitHub makes of its heading, up to the next heading of its level or above."""
+    lines = text.splitlines(keepends=True)
+    for start, line in enumerate(lines):
+        marks, _, heading = line.partition(" ")
+        if set(marks) == {"#"} and re.sub(r"[^\w -]", "", heading.strip().lower()).replace(" ", "-") == anchor:
+            ends = (i for i in range(start + 1, len(lines)) if re.match(rf"#{{1,{len(marks)}}} ", lines[i]))
+            return "".join(lines[start : next(ends, len(lines))])
+    return ""
+
+
+def unfounded(texts):
+    """The numbers of the README's first table that stand, as whole numbers, neither in the section to which their row links
+    nor, without a link, in one of the pages that they come from."""
+    numbers = between(texts["README.md"], "numbers")
+    everywhere = "".join(texts[page] for page in NUMBERS_FROM).replace(numbers, "")
+    missing = []
+    for row in numbers.splitlines():
+        link = re.search(r"\]\(([^)#]+)#([^)]+)\)", row)
+        source = section(texts[link[1]], link[2]) if link else everywhere
+        found = re.findall(r"\*\*(.*?)\*\*", row)
+        missing += [one for one in found if not re.search(rf"(?<![\d.,]){re.escape(one)}(?![\d]|[.,]\d)", source)]
+    return missing
+
+
 def pixels(path):
     """Width, height and rows of an RGB picture of 8 bits a channel."""
     with open(path, "rb") as file:
@@ -238,9 +263,7 @@ def main():
     is_new = not os.path.exists(picture) or list(pixels(picture)) != drawn
     if is_new:
         stale.append(f"{PICTURE}: not what the commands of {DRAWN_IN} draw")
-    numbers = between(texts["README.md"], "numbers")
-    sources = "".join(texts[page] for page in NUMBERS_FROM).replace(numbers, "")
-    missing = [found for found in re.findall(r"\*\*(.*?)\*\*", numbers) if found not in sources]
+    missing = unfounded(texts)
     if is_check:
         stale += [f"README.md: {found} stands in none of {', '.join(NUMBERS_FROM)}" for found in missing]
         if stale:

@@ -13,21 +13,23 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Returns the pages whose links are checked, relative to the repository.
+/// Returns the pages whose links are checked, relative to the repository: each Markdown file that is not built.
 fn pages() -> Vec<PathBuf> {
-    let at_the_root = [
-        "README.md",
-        "CHANGELOG.md",
-        "CONTRIBUTING.md",
-        "data/SOURCES.md",
-        "examples/batch/README.md",
-        "fuzz/README.md",
-    ]
-    .map(PathBuf::from);
-    let in_docs =
-        fs::read_dir(root().join("docs")).unwrap().map(|entry| Path::new("docs").join(entry.unwrap().file_name()));
-    let mut found: Vec<_> =
-        at_the_root.into_iter().chain(in_docs.filter(|path| path.extension() == Some("md".as_ref()))).collect();
+    let mut found = Vec::new();
+    let mut folders = vec![PathBuf::new()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(root().join(&folder)).unwrap() {
+            let entry = entry.unwrap();
+            let name = entry.file_name();
+            let path = folder.join(&name);
+            let is_ours = name != "target" && name != "shared" && !name.to_string_lossy().starts_with('.');
+            if is_ours && entry.file_type().unwrap().is_dir() {
+                folders.push(path);
+            } else if path.extension() == Some("md".as_ref()) {
+                found.push(path);
+            }
+        }
+    }
     found.sort();
     found
 }
