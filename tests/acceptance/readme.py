@@ -5,9 +5,11 @@ Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, an
        readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is out of date
 
 Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds the
-bundled data and the examples. What is below it, up to the next command, is its output. `wavelume serve` and `wavelume demo`
-listen on a free port, which the pages call 127.0.0.1:8080. `cargo run … --example NAME -- ARGUMENTS` runs the example that was
-built beside the program or by the tests. Times, identifiers of jobs and dates may differ; nothing else may.
+bundled data, the examples, and what the page writes: the block after `<!-- file NAME -->`, and the output of each block
+of Python that opens with `# writes NAME`, if a command reads it. What is below a command, up to the next one, is its
+output. `wavelume serve` and `wavelume demo` listen on a free port, which the pages call 127.0.0.1:8080. `cargo run …
+--example NAME -- ARGUMENTS` runs the example that was built beside the program or by the tests. Times, identifiers of
+jobs and dates may differ; nothing else may.
 """
 import os
 import re
@@ -22,7 +24,10 @@ import zlib
 from concurrent.futures import ThreadPoolExecutor
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PAGES = ["README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/library.md", "examples/batch/README.md"]
+PAGES = [
+    "README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/labs.md", "docs/library.md", "docs/settings.md",
+    "examples/batch/README.md",
+]
 FIGURES_PAGE = "docs/performance.md"
 PICTURE = "docs/previews.png"
 # The page whose commands draw the parts of the picture, and the files that they write, from left to right.
@@ -30,6 +35,7 @@ DRAWN_IN, DRAWN = "docs/cli.md", ["paint.png", "lantern.png", "checker.png"]
 # Where the numbers between the marks `numbers` of the README come from.
 NUMBERS_FROM = ["README.md", "docs/performance.md"]
 SHOWN = "127.0.0.1:8080"
+CONSOLE = r"```console\n(.*?)```"
 LIMIT = 60
 VARYING = [
     (r"(?m)^( *seconds) +[\d.]+$", r"\1 #"),
@@ -133,6 +139,19 @@ def commands(block):
     return found
 
 
+def prepare(page, text, directory):
+    """Writes the files that the page shows, and those that its Python writes and its commands read."""
+    for name, block in re.findall(r"<!-- file (\S+) -->\n```\w*\n(.*?)```", text, flags=re.DOTALL):
+        with open(os.path.join(directory, name), "w") as file:
+            file.write(block)
+    asked = "".join(command for block in re.findall(CONSOLE, text, flags=re.DOTALL) for command, _ in commands(block))
+    for script, name in re.findall(r"```python\n(# writes (\S+)\n.*?)```", text, flags=re.DOTALL):
+        if re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", asked):
+            done = subprocess.run([sys.executable, "-c", script], cwd=directory, capture_output=True, text=True)
+            if done.returncode != 0:
+                raise RuntimeError(f"{page}: the block that writes {name}: {done.stderr}")
+
+
 def remade(page, text, session, stale):
     """The page with the outputs of now; those that differ are named in `stale`."""
 
@@ -145,7 +164,7 @@ def remade(page, text, session, stale):
             lines.append(f"$ {command}{new}")
         return "```console\n" + "".join(lines) + "```"
 
-    return re.sub(r"```console\n(.*?)```", block, text, flags=re.DOTALL)
+    return re.sub(CONSOLE, block, text, flags=re.DOTALL)
 
 
 def between(text, mark, new=None):
@@ -248,6 +267,7 @@ def main():
 
     def remake(page):
         directory = tempfile.mkdtemp()
+        prepare(page, texts[page], directory)
         session = Session(page, binary, directory)
         try:
             texts[page] = remade(page, texts[page], session, stale)
