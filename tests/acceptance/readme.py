@@ -11,6 +11,7 @@ output. `wavelume serve` and `wavelume demo` listen on a free port, which the pa
 --example NAME -- ARGUMENTS` runs the example that was built beside the program or by the tests. Times, identifiers of
 jobs and dates may differ; nothing else may.
 """
+import contextlib
 import os
 import re
 import shutil
@@ -25,9 +26,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PAGES = [
-    "README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/labs.md", "docs/library.md", "docs/settings.md",
-    "examples/batch/README.md",
+    "README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/labs.md", "docs/library.md", "docs/operations.md",
+    "docs/settings.md", "examples/batch/README.md",
 ]
+# The page that starts a database, a store, two nodes and two workers. Its lease of 30 s and the pause for it are cut short.
+SITE, LEASE, PAUSES = "docs/operations.md", "4s", ("sleep 35", "sleep 9")
 FIGURES_PAGE = "docs/performance.md"
 PICTURE = "docs/previews.png"
 # The page whose commands draw the parts of the picture, and the files that they write, from left to right.
@@ -35,13 +38,23 @@ DRAWN_IN, DRAWN = "docs/cli.md", ["paint.png", "lantern.png", "checker.png"]
 # Where the numbers between the marks `numbers` of the README come from.
 NUMBERS_FROM = ["README.md", "docs/performance.md"]
 SHOWN = "127.0.0.1:8080"
+SHOWN_NODES, SHOWN_DIRECTORY = ("127.0.0.1:8081", "127.0.0.1:8082"), "/srv"
 CONSOLE = r"```console\n(.*?)```"
-LIMIT = 60
+LIMIT = 120
 VARYING = [
     (r"(?m)^( *seconds) +[\d.]+$", r"\1 #"),
     (r"(?m)( %) +\d+\.\d+$", r"\1 #"),
     (r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[0-9a-f]{4}-[0-9a-f]{12}", "#"),
     (r'("\w+_ms"):\d+', r"\1:#"),
+    (r"\d{4}-\d\d-\d\dT[\d:.]+Z", "#"),
+    (r"(?m)^([\w-]+ +running +)process \d+", r"\1process #"),
+    (r"(postgres://wavelume@127\.0\.0\.1):\d+", r"\1:#"),
+    (r"(running +\w+) +\d+ %", r"\1 #"),
+    (r"\b\d+ ms\b", "# ms"),
+    # Findings of `doctor` that depend on the installation, and its verdicts on the machine.
+    (r"(?m)^(ok +database (?:version|clock)) .*$", r"\1"),
+    (r"\b\d+ in use\b", "# in use"),
+    (r"(?m)^\w+ +(local \w+( \w+)?) .*$", r"\1"),
 ]
 
 
@@ -51,20 +64,40 @@ def comparable(text):
     return text
 
 
+def free_ports(count):
+    """The first of some free ports in a row."""
+    while True:
+        with contextlib.ExitStack() as taken:
+            first = taken.enter_context(socket.socket())
+            first.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            try:
+                for i in range(1, count):
+                    taken.enter_context(socket.socket()).bind(("127.0.0.1", port + i))
+            except (OSError, OverflowError):
+                continue
+            return port
+
+
 class Session:
     """A bash that runs the commands of one page in a directory of its own."""
 
     def __init__(self, page, binary, directory):
         self.page, self.binary, self.directory = page, binary, directory
-        for name in ("data", "examples"):
+        for name in ("data", "examples", "ops"):
             os.symlink(os.path.join(ROOT, name), os.path.join(directory, name))
         programs = tempfile.mkdtemp(dir=directory, prefix=".programs")
         os.symlink(binary, os.path.join(programs, "wavelume"))
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.address = f"127.0.0.1:{free.getsockname()[1]}"
+        self.address = f"127.0.0.1:{free_ports(1)}"
+        self.places = {SHOWN: self.address}
         kept = {name: value for name, value in os.environ.items() if not name.startswith("WAVELUME_")}
         self.environment = {**kept, "PATH": f"{programs}:{os.environ['PATH']}", "LC_ALL": "C.UTF-8", "NO_COLOR": "1"}
+        if page == SITE:
+            node = free_ports(2)
+            self.places |= {SHOWN_DIRECTORY: directory, **{shown: f"127.0.0.1:{node + i}" for i, shown in enumerate(SHOWN_NODES)}}
+            self.environment |= {"WAVELUME_PYTHON": sys.executable, "WAVELUME_LEASE": LEASE, "NODE_PORT": str(node)}
+            # PostgreSQL runs as another user where this one is root.
+            os.chmod(directory, 0o755)
         self.errors = os.path.join(programs, "errors")
         self.shell = self.start(["bash", "--noprofile", "--norc"], stdin=subprocess.PIPE)
         self.service = None
@@ -76,6 +109,8 @@ class Session:
         )
 
     def close(self):
+        if self.page == SITE:
+            subprocess.run(["ops/local.sh", "site", "stop"], cwd=self.directory, env=self.environment, capture_output=True)
         for process in [self.service, self.shell]:
             if process and process.poll() is None:
                 os.killpg(process.pid, signal.SIGTERM)
@@ -102,7 +137,11 @@ class Session:
                 raise RuntimeError(f"the example {example[1]} is missing: cargo test --workspace --no-run")
             command = f"(cd {ROOT} && {program} {example[2] or ''})"
         end = "end of the command: "
-        self.shell.stdin.write(f"{{\n{command.replace(SHOWN, self.address)}\n}} 2>{self.errors}\nprintf '%s%s\\n' '{end}' $?\n")
+        for shown, place in self.places.items():
+            command = command.replace(shown, place)
+        if self.page == SITE:
+            command = command.replace(*PAUSES)
+        self.shell.stdin.write(f"{{\n{command}\n}} 2>{self.errors}\nprintf '%s%s\\n' '{end}' $?\n")
         self.shell.stdin.flush()
         timer = threading.Timer(LIMIT, lambda: os.killpg(self.shell.pid, signal.SIGKILL))
         timer.start()
@@ -123,7 +162,9 @@ class Session:
         return self.shown(text if text.endswith("\n") or not text else text + "\n")
 
     def shown(self, text):
-        return text.replace(self.address, SHOWN)
+        for shown, place in self.places.items():
+            text = text.replace(place, shown)
+        return text
 
 
 def commands(block):
@@ -277,7 +318,7 @@ def main():
             session.close()
             shutil.rmtree(directory)
 
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(3) as pool:
         list(pool.map(remake, PAGES))
     picture = os.path.join(ROOT, PICTURE)
     is_new = not os.path.exists(picture) or list(pixels(picture)) != drawn
