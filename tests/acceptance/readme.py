@@ -4,8 +4,8 @@
 Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, and the figures that run.py left in FIGURES.md
        readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is out of date
 
-Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds the
-bundled data, the examples, and what the page writes: the block after `<!-- file NAME -->`, and the output of each block
+Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds data,
+examples, ops and tests of the repository, and what the page writes: the block after `<!-- file NAME -->`, and the output of each block
 of Python that opens with `# writes NAME`, if a command reads it. What is below a command, up to the next one, is its
 output. `wavelume serve` and `wavelume demo` listen on a free port, which the pages call 127.0.0.1:8080. `cargo run …
 --example NAME -- ARGUMENTS` runs the example that was built beside the program or by the tests. Times, identifiers of
@@ -84,14 +84,15 @@ class Session:
 
     def __init__(self, page, binary, directory):
         self.page, self.binary, self.directory = page, binary, directory
-        for name in ("data", "examples", "ops"):
+        for name in ("data", "examples", "ops", "tests"):
             os.symlink(os.path.join(ROOT, name), os.path.join(directory, name))
         programs = tempfile.mkdtemp(dir=directory, prefix=".programs")
         os.symlink(binary, os.path.join(programs, "wavelume"))
         self.address = f"127.0.0.1:{free_ports(1)}"
         self.places = {SHOWN: self.address}
         kept = {name: value for name, value in os.environ.items() if not name.startswith("WAVELUME_")}
-        self.environment = {**kept, "PATH": f"{programs}:{os.environ['PATH']}", "LC_ALL": "C.UTF-8", "NO_COLOR": "1"}
+        path = ":".join([programs, os.path.dirname(sys.executable), os.environ["PATH"]])
+        self.environment = {**kept, "PATH": path, "LC_ALL": "C.UTF-8", "NO_COLOR": "1"}
         if page == SITE:
             node = free_ports(2)
             self.places |= {SHOWN_DIRECTORY: directory, **{shown: f"127.0.0.1:{node + i}" for i, shown in enumerate(SHOWN_NODES)}}
