@@ -3,8 +3,8 @@
 
 Usage: plot_paper.py PAPER.json [PAPER.txt]
 
-PAPER.json is the output of `wavelume paper --json`, PAPER.txt that of `wavelume paper`; with the latter the text blocks of
-paper.md, which begin with `Table N.`, are replaced.
+PAPER.json is the output of `wavelume paper --json`, PAPER.txt that of `wavelume paper`; with the latter the text blocks
+of paper.md, which begin with `Table N.`, are replaced.
 """
 import json
 import math

@@ -3,32 +3,36 @@
 #
 #   upload-and-compress.sh http://127.0.0.1:8080 scans materials [manifest.tsv]
 #
-# uploads each file of scans/, queues a job for it, waits, and writes materials/NAME.wlm. Kill it at any point and start it
-# again: it uploads no file twice, queues no job twice, and keeps what is there. A file or a line of the manifest that has
-# changed is done anew. Each service needs an output directory of its own.
+# uploads each file of scans/, queues a job for it, waits, and writes materials/NAME.wlm. Kill it at any point and start
+# it again: it uploads no file twice, queues no job twice, and keeps what is there. A file or a line of the manifest
+# that has changed is done anew. Each service needs an output directory of its own.
 #
 # A line of the manifest has up to three columns with tabs between them: the name of a file, how to read it (the query
 # string of POST /v1/measurements, percent-encoded), and the request (the JSON of POST /v1/jobs without "measurement"):
 #
 #   scan 1.csv	quantity=reflectance&column=2	{"target": {"er_l2": 0.005}, "name": "Red tile"}
 #
-# A file without a line, or an empty column, gets no options and the request in $REQUEST, {"target": {"er_l2": 0.01}, "priority": 1}.
+# A file without a line, or an empty column, gets no options and the request in $REQUEST, {"target": {"er_l2": 0.01},
+# "priority": 1}.
 #
-# Exit code 0: every file has its material. 1: some have none, each with one line on stderr. 2: the work could not begin.
+# Exit code 0: every file has its material. 1: some have none, each with one line on stderr. 2: the work could not
+# begin.
 #
 # It needs curl 7.66 or newer, awk, and sha256sum or shasum. Answers of 429 and 503 are repeated after the time in their
-# Retry-After, and a service that restarts is waited for. Where flock is installed, a second start waits for the first one,
-# and for an upload that a killed one has left running.
+# Retry-After, and a service that restarts is waited for. Where flock is installed, a second start waits for the first
+# one, and for an upload that a killed one has left running.
 #
-# materials/.batch/notes/NAME is one line for each file: a key (the digest of its bytes, options and request), the job, and,
-# once materials/NAME.wlm is in place, the material. Notes and materials appear by renaming, whole or not at all. A kill
-# between an answer and its note loses the note, so the service is asked: an upload is named batch-DIGEST, and a file is sent
-# only if no measurement has that name; a job has the key as its Idempotency-Key, to which the service answers with the same
-# job for a day. A file that is refused for what it is (400, 413, 415, 422) is not sent again until its note is deleted.
-# Not covered: bytes that the service had before under another name keep that name, and may be sent again after such a kill.
+# materials/.batch/notes/NAME is one line for each file: a key (the digest of its bytes, options and request), the job,
+# and, once materials/NAME.wlm is in place, the material. Notes and materials appear by renaming, whole or not at all. A
+# kill between an answer and its note loses the note, so the service is asked: an upload is named batch-DIGEST, and a
+# file is sent only if no measurement has that name; a job has the key as its Idempotency-Key, to which the service
+# answers with the same job for a day. A file that is refused for what it is (400, 413, 415, 422) is not sent again
+# until its note is deleted. Not covered: bytes that the service had before under another name keep that name, and may
+# be sent again after such a kill.
 #
-# Without a JSON parser, grep finds "id":"…" in an answer. That is safe: the service writes no white space between tokens,
-# and a quote inside a JSON string has a backslash before it, so these characters are always a key and its value.
+# Without a JSON parser, grep finds "id":"…" in an answer. That is safe: the service writes no white space between
+# tokens, and a quote inside a JSON string has a backslash before it, so these characters are always a key and its
+# value.
 set -u
 [ $# -ge 3 ] || { sed -n '2,/^set/{/^set/!s/^# \{0,1\}//p}' "$0" >&2; exit 2; }
 service=${1%/} from=$2 to=$3 manifest=${4:-/dev/null} standard=${REQUEST:-'{"target": {"er_l2": 0.01}, "priority": 1}'}

@@ -3,11 +3,11 @@
 
 Usage: batch.py BINARY [--files N]
 
-N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own. The
-script is killed three times, between any two requests or within one. Then every file has its material, and the log and the
-lists of the service show N uploads and N jobs, none of them twice. Lost notes, a changed request, a file that is no
-measurement, a service that refuses for a while and an upload that is left running are tried afterwards. WAVELUME_SEED
-repeats a run.
+N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own.
+The script is killed three times, between any two requests or within one. Then every file has its material, and the log
+and the lists of the service show N uploads and N jobs, none of them twice. Lost notes, a changed request, a file that
+is no measurement, a service that refuses for a while and an upload that is left running are tried afterwards.
+WAVELUME_SEED repeats a run.
 """
 import argparse
 import collections
@@ -34,7 +34,7 @@ KILLS = 3
 # Characters that mean something to a shell, a query string, JSON, awk or curl.
 AWKWARD = ["with space.csv", "quote's.csv", 'two "quotes".csv', "Übergröße ½.csv", "100%&=#?+.csv", "[1]{2}.csv", "-dash.csv",
            "$HOME `x` $(y).csv", "back\\slash.csv", "semi;colon,comma.csv", "@at.csv", " blanks around ", "1e3", "1000"]
-# What a third of the files is asked with; the others get what the script takes by itself.
+# Options and request of a third of the files; the others get the defaults of the script.
 OPTIONS, REQUEST, LOOSE, STANDARD = "quantity=reflectance", '{"target": {"er_l2": 0.03}, "tags": ["tile"]}', 0.03, 0.01
 
 
@@ -103,7 +103,7 @@ class Service:
         return items
 
     def done(self):
-        """How often a file was uploaded, an upload was repeated and refused, and a job was queued."""
+        """Counts of uploads, of repeated and refused ones, and of queued jobs."""
         count = collections.Counter()
         for event in self.events():
             if event["message"] == "request answered" and (event["method"], event["path"]) == ("POST", "/v1/measurements"):
@@ -128,8 +128,8 @@ def finish(process, code):
 
 def kill(service, words, chance, count):
     """Kills the script at random points of its work; returns the numbers of requests that had been answered by then."""
-    # A file takes at least five requests: a list, an upload, a job, its state and the material. The last few are left out,
-    # so that the script does not end before it is killed.
+    # A file takes at least five requests: a list, an upload, a job, its state and the material. The last few are left
+    # out, so that the script does not end before it is killed.
     points = sorted(chance.sample(range(1, 5 * count - max(10, count // 4)), KILLS))
     for number, point in enumerate(points):
         process = start(*words)

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Compresses surfaces of known truth that were measured at a few incidences, and compares what is evaluated between them.
+"""Compresses surfaces of known truth that were measured at a few incidences, and compares what is evaluated between
+them.
 
     between.py BINARY [--all] [--measured] [--before OTHER] [--draw]
 
 Each surface is averaged over the 16,384 triangles of level 6, at eight incidences as in the RGL database or at steps of
 10 degrees, compressed to er(L2) 0.2 %, and evaluated between these incidences: near the mirror direction (within 20
 degrees, no further than 80 degrees from the normal) and over all directions to 80 degrees. The picture docs/between.svg
-is compared with what comes out. --all takes all surfaces, not four; --measured puts Mitsuba's `measured` beside them, on
-a file with the values of the surface itself at the same incidences; OTHER is a program of another version, whose errors
-are stated, too, and over all directions are not to be exceeded by a tenth; --draw draws the picture again and does
-nothing else. Needs numpy and mitsuba. Exit code 0 if everything is within its bound and the picture is up to date, 1 if
-not.
+is compared with what comes out. --all takes all surfaces, not four; --measured puts Mitsuba's `measured` beside them,
+on a file with the values of the surface itself at the same incidences; OTHER is a program of another version, whose
+errors are stated, too, and over all directions are not to be exceeded by a tenth; --draw draws the picture again and
+does nothing else. Needs numpy and mitsuba. Exit code 0 if everything is within its bound and the picture is up to date,
+1 if not.
 """
 import json
 import os
@@ -108,8 +109,9 @@ ASKED = {
     "RGL": (RGL, [float(np.degrees(np.arccos(1 - 0.83 * (k + 0.5) / 24))) for k in range(24)]),
     "10 degrees": (TENS, [t + 5 for t in TENS[:-1]]),
 }
-# Bounds in % near the mirror direction. From 70 degrees on the cells of level 6 are wider than a lobe of roughness 0.05: under a
-# measured incidence of 80 degrees it is 5 % off near the mirror direction already, and 13 % of its light (docs/accuracy.md).
+# Bounds in % near the mirror direction. From 70 degrees on the cells of level 6 are wider than a lobe of roughness
+# 0.05: under a measured incidence of 80 degrees it is 5 % off near the mirror direction already, and 13 % of its light
+# (docs/accuracy.md).
 BOUNDS = {
     ("RGL", "metal 0.05"): 2.6, ("RGL", "metal 0.15"): 1.5, ("RGL", "metal 0.3"): 1.5,
     ("RGL", "dielectric 0.05"): 3.0, ("RGL", "dielectric 0.15"): 3.0, ("RGL", "dielectric 0.3"): 3.0,
@@ -120,7 +122,8 @@ BOUNDS = {
 }
 # Over all directions, as a multiple of the error before.
 OVER_ALL = 1.1
-# Of the light of an incidence half way between others at steps of 10 degrees, in %; more where cells are too wide.
+# Largest error of an incidence's light, half way between others at steps of 10 degrees, in %; more where cells are too
+# wide.
 LIGHT = 0.3
 WIDE = {"metal 0.05": 10.0, "dielectric 0.05": 5.0, "Ward 0.15": 1.2, "Phong 60": 1.0, "two lobes": 1.9}
 # The picture's surface and incidences, which are among the quick ones.
@@ -163,7 +166,8 @@ def questions(elevation):
 
 
 def rows(wi, wo):
-    """Rows of angles in degrees, turned about the normal: isotropic surfaces look alike from everywhere, cells do not."""
+    """Rows of angles in degrees, turned about the normal: isotropic surfaces look alike from everywhere, cells do
+    not."""
     turn = 17.0
     angles = lambda d: (np.degrees(np.arccos(np.clip(d[..., 2], -1, 1))), np.degrees(np.arctan2(d[..., 1], d[..., 0])) + turn)
     (ti, pi), (to, po) = angles(wi), angles(wo)
@@ -250,7 +254,8 @@ class Measured:
 
 
 def er_l2(material, surface, elevations):
-    """er(L2) in % near the mirror direction and over all directions, and the largest error of an incidence's light in %."""
+    """er(L2) in % near the mirror direction and over all directions, and the largest error of an incidence's light in
+    %."""
     sums, light = [[], []], 0.0
     for elevation in elevations:
         wi, near, everywhere = questions(elevation)
@@ -267,7 +272,8 @@ def er_l2(material, surface, elevations):
 
 
 def picture(material, scratch):
-    """The SVG of the lobe of PICTURED half way between the last incidences: truth, material, and Mitsuba's `measured`."""
+    """The SVG of the lobe of PICTURED half way between the last incidences: truth, material, and Mitsuba's
+    `measured`."""
     _, name = PICTURED
     surface, elevation = SURFACES[name], 70.0
     angles = np.arange(40.0, 85.01, 0.5)

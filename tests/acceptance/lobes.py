@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
-"""Measures surfaces with a narrow lobe at scattered directions, compresses the scan, and compares what comes back with the truth.
+"""Measures surfaces with a narrow lobe at scattered directions, compresses the scan, and compares what comes back with
+the truth.
 
     lobes.py BINARY [--all] [--before OTHER] [--seed N] [--draw]
 
-A scan has 4,000 directions on a spiral (2.3 degrees apart) at each of eight elevations, 1 % noise, a base of albedo 0.3,
-and a lobe of albedo 0.3: a Gaussian about the mirror direction, whose light falls with the cosine of the incidence, or
-GGX. The light that BINARY returns of the file that it made, at each elevation, is put beside that of the surface itself,
-which this script integrates. The picture docs/narrow-lobe.svg is compared with what comes out. --all takes lobes of 0.5
-to 8 degrees, not three; OTHER is a program of another version, whose errors are stated, too; --seed draws other noise and
-other spirals; --draw draws the picture again and does nothing else. Needs numpy. Exit code 0 if everything is within its
-bound and the picture is up to date, 1 if not.
+A scan has 4,000 directions on a spiral (2.3 degrees apart) at each of eight elevations, 1 % noise, a base of albedo
+0.3, and a lobe of albedo 0.3: a Gaussian about the mirror direction, whose light falls with the cosine of the
+incidence, or GGX. The light that BINARY returns of the file that it made, at each elevation, is put beside that of the
+surface itself, which this script integrates. The picture docs/narrow-lobe.svg is compared with what comes out. --all
+takes lobes of 0.5 to 8 degrees, not three; OTHER is a program of another version, whose errors are stated, too; --seed
+draws other noise and other spirals; --draw draws the picture again and does nothing else. Needs numpy. Exit code 0 if
+everything is within its bound and the picture is up to date, 1 if not.
 """
 import json
 import math
@@ -69,7 +70,8 @@ KINDS = {"gauss": gauss, "ggx": ggx}
 
 
 def rings(wi, radii, turns):
-    """Directions on rings about the mirror direction of `wi`, and the cosine times the solid angle of each; 0 below the horizon."""
+    """Directions on rings about the mirror direction of `wi`, and the cosine times the solid angle of each; 0 below the
+    horizon."""
     centre = wi * [-1, -1, 1]
     u = np.cross(centre, [0, 1.0, 0])
     u /= np.linalg.norm(u)

@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
 """Runs the commands that the README and other pages show, and writes or compares what they print.
 
-Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, and the figures that run.py left in FIGURES.md
-       readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is out of date
+Usage: readme.py BINARY [FIGURES.md]   writes the outputs, docs/previews.png, and the figures of run.py in FIGURES.md
+       readme.py --check BINARY        changes nothing; exit code 1 where an output, the picture or a number is outdated
 
-Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds data,
-examples, ops and tests of the repository, and what the page writes: the block after `<!-- file NAME -->`, and the output of each block
-of Python that opens with `# writes NAME`, if a command reads it. What is below a command, up to the next one, is its
-output. `wavelume serve` and `wavelume demo` listen on a free port, which the pages call 127.0.0.1:8080. `cargo run …
---example NAME -- ARGUMENTS` runs the example that was built beside the program or by the tests. Times, identifiers of
-jobs and dates may differ; nothing else may.
+Every line `$ COMMAND` in a block of ```console is run by bash, in order, in a directory of the page's own that holds
+data, examples, ops and tests of the repository, and what the page writes: the block after `<!-- file NAME -->`, and the
+output of each block of Python that opens with `# writes NAME`, if a command reads it. What is below a command, up to
+the next one, is its output. `wavelume serve` and `wavelume demo` listen on a free port, which the pages call
+127.0.0.1:8080. `cargo run … --example NAME -- ARGUMENTS` runs the example that was built beside the program or by the
+tests. Times, identifiers of jobs and dates may differ; nothing else may.
 """
 import contextlib
 import os
@@ -29,13 +29,14 @@ PAGES = [
     "README.md", "docs/cli.md", "docs/formats.md", "docs/http.md", "docs/labs.md", "docs/library.md", "docs/operations.md",
     "docs/settings.md", "examples/batch/README.md",
 ]
-# The page that starts a database, a store, two nodes and two workers. Its lease of 30 s and the pause for it are cut short.
+# The page that starts a database, a store, two nodes and two workers. Its lease of 30 s and the pause for it are cut
+# short.
 SITE, LEASE, PAUSES = "docs/operations.md", "4s", ("sleep 35", "sleep 9")
 FIGURES_PAGE = "docs/performance.md"
 PICTURE = "docs/previews.png"
 # The page whose commands draw the parts of the picture, and the files that they write, from left to right.
 DRAWN_IN, DRAWN = "docs/cli.md", ["paint.png", "lantern.png", "checker.png"]
-# Where the numbers between the marks `numbers` of the README come from.
+# Pages that have the numbers between the marks `numbers` of the README.
 NUMBERS_FROM = ["README.md", "docs/performance.md"]
 SHOWN = "127.0.0.1:8080"
 SHOWN_NODES, SHOWN_DIRECTORY = ("127.0.0.1:8081", "127.0.0.1:8082"), "/srv"
@@ -118,7 +119,7 @@ class Session:
                 process.wait()
 
     def run(self, command):
-        """What a terminal shows: standard output, and after a failure the error."""
+        """Returns what a terminal shows: standard output, and after a failure the error."""
         words = command.split()
         if words[:2] == ["wavelume", "serve"]:
             self.service = self.start([*words, "--listen", self.address])
@@ -210,7 +211,7 @@ def remade(page, text, session, stale):
 
 
 def between(text, mark, new=None):
-    """What stands between the marks, or the text with `new` there."""
+    """Returns the text between the marks, or the whole text with `new` there."""
     begin, end = f"<!-- {mark} -->\n", f"<!-- end of {mark} -->"
     before, rest = text.split(begin)
     old, after = rest.split(end)
@@ -218,7 +219,8 @@ def between(text, mark, new=None):
 
 
 def section(text, anchor):
-    """A section of a page, by the anchor that GitHub makes of its heading, up to the next heading of its level or above."""
+    """A section of a page, by the anchor that GitHub makes of its heading, up to the next heading of its level or
+    above."""
     lines = text.splitlines(keepends=True)
     for start, line in enumerate(lines):
         marks, _, heading = line.partition(" ")
@@ -229,8 +231,8 @@ def section(text, anchor):
 
 
 def unfounded(texts):
-    """The numbers of the README's first table that stand, as whole numbers, neither in the section to which their row links
-    nor, without a link, in one of the pages that they come from."""
+    """The numbers of the README's first table that stand, as whole numbers, neither in the section to which their row
+    links nor, without a link, in one of the pages that they come from."""
     numbers = between(texts["README.md"], "numbers")
     everywhere = "".join(texts[page] for page in NUMBERS_FROM).replace(numbers, "")
     missing = []

@@ -113,7 +113,7 @@ const NOT_FOR_RENDERERS: &[&str] = &[
 const SERVICE_PATHS: &[&str] = &["std::time", "std::net", "std::process", "rand::rng(", "rand::random"];
 
 /// Returns the files of Rust in a folder and in the folders below it.
-pub(crate) fn sources(directory: &Path) -> Vec<PathBuf> {
+fn sources(directory: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory).unwrap() {
         let path = entry.unwrap().path();
@@ -215,8 +215,8 @@ fn allowed(room: &str) -> BTreeSet<&'static str> {
     listed.iter().chain(&SERVICE[..place]).copied().collect()
 }
 
-/// Returns the rooms that a cell of the table in docs/architecture.md allows. They are in backticks; `and what it names`
-/// adds those of the room before, and `all above but` takes all rows above without those that follow.
+/// Returns the rooms that a cell of the table in docs/architecture.md allows. Rooms are in backticks. After a room,
+/// "and what it names" adds the rooms that it may name; "all above but" takes all rows above without those that follow.
 fn allowed_by(cell: &str, above: &[(&str, BTreeSet<String>)]) -> BTreeSet<String> {
     let pieces: Vec<&str> = cell.split('`').collect();
     let names: BTreeSet<String> = pieces.iter().skip(1).step_by(2).map(|name| (*name).to_owned()).collect();

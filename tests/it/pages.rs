@@ -13,25 +13,32 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Returns the pages whose links are checked, relative to the repository: each Markdown file that is not built.
-fn pages() -> Vec<PathBuf> {
+/// Returns the files of the repository, relative to it, without what is built, fetched or hidden.
+pub(crate) fn files() -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut folders = vec![PathBuf::new()];
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(root().join(&folder)).unwrap() {
             let entry = entry.unwrap();
-            let name = entry.file_name();
-            let path = folder.join(&name);
-            let is_ours = name != "target" && name != "shared" && !name.to_string_lossy().starts_with('.');
-            if is_ours && entry.file_type().unwrap().is_dir() {
-                folders.push(path);
-            } else if path.extension() == Some("md".as_ref()) {
-                found.push(path);
+            let name = entry.file_name().into_string().unwrap();
+            if name.starts_with('.') || ["__pycache__", "corpus", "shared", "target"].contains(&name.as_str()) {
+                continue;
+            }
+            let kind = entry.file_type().unwrap();
+            if kind.is_dir() {
+                folders.push(folder.join(name));
+            } else if kind.is_file() {
+                found.push(folder.join(name));
             }
         }
     }
     found.sort();
     found
+}
+
+/// Returns the pages whose links are checked, relative to the repository.
+fn pages() -> Vec<PathBuf> {
+    files().into_iter().filter(|path| path.extension() == Some("md".as_ref())).collect()
 }
 
 /// Returns the lines of a page outside its blocks of code, numbered from 1.

@@ -3,8 +3,9 @@
 
 Usage: sentences.py SEED [COMMENTS MESSAGES HELP]        (60, 20 and 10 without numbers)
 
-Each line is the number, the kind and the text; with --where the file and line stand behind it. The same seed draws the same
-sentences from the same code. A message that only passes on another one, as "{0}", has no words of its own and is not drawn.
+Each line is the number, the kind and the text; with --where the file and line stand behind it. The same seed draws the
+same sentences from the same code. A message that only passes on another one, as "{0}", has no words of its own and is
+not drawn.
 """
 import os
 import random
