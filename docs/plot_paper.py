@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Draws the plots of docs/paper.md, and writes its tables, from what `wavelume paper` prints.
 
-Usage: plot_paper.py PAPER.json [PAPER.txt]
+Usage: plot_paper.py [--check] PAPER.json [PAPER.txt]
 
-PAPER.json is the output of `wavelume paper --json`, PAPER.txt that of `wavelume paper`; with the latter the text blocks of
-paper.md, which begin with `Table N.`, are replaced.
+PAPER.json is the output of `wavelume paper --json`, PAPER.txt that of `wavelume paper`; with the latter the text blocks
+of paper.md, which begin with `Table N.`, are replaced. --check changes nothing; exit code 1 if a plot or a table is out
+of date.
 """
 import json
 import math
@@ -13,6 +14,9 @@ import re
 import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(os.path.dirname(HERE), "tests", "acceptance"))
+from pictures import is_same  # noqa: E402
+
 INK, GREY, GRID = "#222222", "#666666", "#dddddd"
 OURS, PAPER = "#0b62a8", "#c2410c"
 BY_COUNT = {16: "#0b62a8", 8: "#0f8a5f", 4: "#c2410c"}
@@ -54,9 +58,8 @@ class Drawing:
             f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size}" text-anchor="{anchor}" fill="{colour}"{weight}{turn}>{words}</text>'
         )
 
-    def save(self, name):
-        with open(os.path.join(HERE, name), "w") as file:
-            file.write("\n".join([*self.parts, "</svg>", ""]))
+    def svg(self):
+        return "\n".join([*self.parts, "</svg>", ""])
 
 
 def scale(low, high, start, end):
@@ -117,7 +120,7 @@ def table1(table):
     draw.text(x(1.0) + 4, top - 4, "1: the paper’s", 10)
     draw.frame(left, top, width, bottom - top)
     draw.text(left + width / 2, bottom + 44, "our er(L2) / the paper’s er(L2), logarithmic; right of the line is worse", anchor="middle")
-    draw.save("paper-table1.svg")
+    return draw.svg()
 
 
 def table3(table):
@@ -155,32 +158,42 @@ def table3(table):
         draw.text(x0 + 60, y + 4, words, 13)
     draw.text(left + width + gap / 2, top + 2 * height + 80, "samples : coefficients, logarithmic", anchor="middle")
     draw.text(20, top + height + 20, "er(L2), %, logarithmic", anchor="middle", turned=True)
-    draw.save("paper-table3.svg")
+    return draw.svg()
 
 
-def write_tables(path):
-    """Puts the tables of the file at `path` into the text blocks of paper.md."""
+def with_tables(path, page):
+    """The text of paper.md with the tables of the file at `path` in its blocks of text."""
     with open(path) as file:
         tables = re.split(r"\n\n(?=Table \d\.)", file.read().strip())
-    page = os.path.join(HERE, "paper.md")
-    with open(page) as file:
-        text = file.read()
     for table in tables:
         head = re.escape(table.split(".")[0] + ".")
-        text = re.sub(rf"```text\n{head}.*?```", lambda _, table=table: f"```text\n{table}\n```", text, flags=re.DOTALL)
-    with open(page, "w") as file:
-        file.write(text)
+        page = re.sub(rf"```text\n{head}.*?```", lambda _, table=table: f"```text\n{table}\n```", page, flags=re.DOTALL)
+    return page
 
 
 def main():
-    if len(sys.argv) not in (2, 3):
+    is_check = sys.argv[1:2] == ["--check"]
+    files = sys.argv[1 + is_check :]
+    if len(files) not in (1, 2):
         sys.exit(__doc__.splitlines()[2])
-    with open(sys.argv[1]) as file:
+    with open(files[0]) as file:
         tables = {table["number"]: table for table in json.load(file)}
-    table1(tables[1])
-    table3(tables[3])
-    if len(sys.argv) == 3:
-        write_tables(sys.argv[2])
+    made = {"paper-table1.svg": table1(tables[1]), "paper-table3.svg": table3(tables[3])}
+    if len(files) == 2:
+        with open(os.path.join(HERE, "paper.md")) as file:
+            made["paper.md"] = with_tables(files[1], file.read())
+    outdated = []
+    for name, text in made.items():
+        path = os.path.join(HERE, name)
+        with open(path) as file:
+            kept = file.read()
+        if not is_check:
+            with open(path, "w") as file:
+                file.write(text)
+        elif not (is_same(kept, text) if name.endswith(".svg") else kept == text):
+            outdated.append(f"docs/{name} is out of date: python3 docs/plot_paper.py {' '.join(files)}")
+    if outdated:
+        sys.exit("\n".join(outdated))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Database, store, two API nodes and two workers on this machine without a container engine: what ops/compose.yaml starts.
+# Database, store, two API nodes and two workers on this machine without a container engine, as in ops/compose.yaml.
 #   ops/local.sh DIR start     starts what does not run yet, and prints the addresses
 #   ops/local.sh DIR status    one line for each process; exit code 1 if one of them is missing
 #   ops/local.sh DIR stop      stops everything; running jobs get WAVELUME_DRAIN (10s) to end, then go back to the queue

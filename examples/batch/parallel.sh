@@ -4,13 +4,14 @@
 #   find scans -type f >list.txt
 #   parallel.sh list.txt materials [OPTION of wavelume compress]…
 #
-# writes materials/NAME.wlm for each file. Start it again after a kill or a failure: it leaves out the files whose material is
-# there, and a material appears whole or not at all. To do one anew, delete its material. Files are known by their last
-# name, so no two paths of the list may end alike. JOBS is the number of files at a time (default: one on each core).
+# writes materials/NAME.wlm for each file. Start it again after a kill or a failure: it leaves out the files whose
+# material is there, and a material appears whole or not at all. To do one anew, delete its material. Files are known by
+# their last name, so no two paths of the list may end alike. JOBS is the number of files at a time (default: one on
+# each core).
 #
-# Exit code 0: every file has its material. 1: some have none; stderr has the reason behind the path. 2: nothing was begun.
-# materials/log.tsv has a line with times and exit code for each file of the last start. It needs GNU parallel (Debian:
-# apt install parallel) and wavelume, or the program that WAVELUME names.
+# Exit code 0: every file has its material. 1: some have none; stderr has the reason behind the path. 2: nothing was
+# begun. materials/log.tsv has a line with times and exit code for each file of the last start. It needs GNU parallel
+# (Debian: apt install parallel) and wavelume, or the program that WAVELUME names.
 set -u
 [ $# -ge 2 ] || { sed -n '2,/^set/{/^set/!s/^# \{0,1\}//p}' "$0" >&2; exit 2; }
 list=$1 out=$2

@@ -110,7 +110,7 @@ struct Color {
 /// Compute the colour of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/color", tag = "evaluation",
-    params(("id" = Digest, Path, description = "The material"), ColorQuery),
+    params(("id" = Digest, Path, description = "Id of the material"), ColorQuery),
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
 async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {

@@ -131,7 +131,8 @@ pub(super) fn info() -> Info {
         .description(Some(
             "Acquired radiometric measurements, compressed with generic wavelet transforms to a promised error. \
              Angles are degrees, wavelengths nm, digests `b3-<64 hex>` (BLAKE3); errors are RFC 9457 problems. \
-             Every request names a host that is served (`Host`, `:authority`), else 421; every answer has a `Request-Id`.",
+             A request for a host that the service does not serve (`Host`, `:authority`) gets 421; every response has a \
+             `Request-Id`.",
         ))
         .build()
 }
@@ -185,8 +186,8 @@ fn answer(status: u16, kinds: &[Kind]) -> Response {
         answer = before.header(name, header);
     };
     match status {
-        429 | 503 => header("Retry-After", "Seconds to wait before the request is made again", Type::Integer),
-        416 => header("Content-Range", "`bytes */SIZE`", Type::String),
+        429 | 503 => header("Retry-After", "Seconds to wait before repeating the request", Type::Integer),
+        416 => header("Content-Range", "Size of the whole content, as `bytes */SIZE`", Type::String),
         _ => {}
     }
     answer.build()

@@ -34,7 +34,7 @@ struct Told {
 /// Follow a job through server-sent events: `state` events hold the job, `progress` events its progress. The stream
 /// ends with the final state.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
+    get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 200, description = "Server-sent events", body = EventText, content_type = "text/event-stream"))
 )]
 pub(super) async fn get_job_events(

@@ -51,7 +51,7 @@ struct ExportQuery {
 /// Export a material to another file format.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/export", tag = "materials",
-    params(("id" = Digest, Path, description = "The material"), ExportParams),
+    params(("id" = Digest, Path, description = "Id of the material"), ExportParams),
     responses(ExportedFile)
 )]
 async fn export(

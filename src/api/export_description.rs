@@ -50,15 +50,15 @@ pub(super) struct ExportedFile;
 
 /// Text on the response header `Wavelume-Export-Error` in the OpenAPI description. The header states the error that an
 /// export adds to a material.
-const ERROR: &str = "What the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
-                     relative_rmse, pairs (of directions), of (what was compared), and of luminaires peak, flux (both relative), \
-                     rms_of_peak and er_l2_bright (of intensities above 1 % of the peak)";
+const ERROR: &str = "Error that the file adds to the error of the material, measured on its bytes: er_l2, er_l1, max (relative errors), \
+                     relative_rmse, pairs (number of compared pairs of directions), of (kind of the compared values), and for \
+                     luminaires peak, flux (both relative), rms_of_peak and er_l2_bright (over intensities above 1 % of the peak)";
 
 impl IntoResponses for ExportedFile {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         let text = || RefOr::T(Schema::from(ObjectBuilder::new().schema_type(Type::String).build()));
         let error = HeaderBuilder::new().schema(Some(text())).description(Some(ERROR)).build();
-        let mut file = ResponseBuilder::new().description("The file").header("Wavelume-Export-Error", error);
+        let mut file = ResponseBuilder::new().description("The exported file").header("Wavelume-Export-Error", error);
         for format in ExportFormat::ALL {
             let media_type = format.media_type();
             let is_text = media_type.starts_with("text/");
@@ -67,7 +67,8 @@ impl IntoResponses for ExportedFile {
         }
         let manifest = ContentBuilder::new().schema(Some(Ref::from_schema_name(ArrayManifest::name()))).build();
         let file = file.content("application/json", manifest).build();
-        let known = ResponseBuilder::new().description("The file of If-None-Match is this one").build();
+        let known =
+            ResponseBuilder::new().description("The content still has the entity tag of `If-None-Match`").build();
         BTreeMap::from([("200".to_owned(), file.into()), ("304".to_owned(), known.into())])
     }
 }

@@ -49,13 +49,13 @@ impl Source for JsonBytes {
     post, path = "/v1/jobs", tag = "jobs", request_body = JobRequest,
     params(
         ("Idempotency-Key" = inline(Option<String>), Header, nullable = false, min_length = 1, max_length = 255,
-            pattern = "^[!-~]([ -~]*[!-~])?$", description = "The same key and body are the same job for a day"),
+            pattern = "^[!-~]([ -~]*[!-~])?$", description = "Key of the request: for a day, a request with the same key and body gives the same job"),
         ("Prefer" = inline(Option<String>), Header, nullable = false, pattern = "^wait=[0-9]{1,4}$",
-            description = "`wait=N`: wait up to N (at most 60) seconds for the end"),
+            description = "`wait=N`: answer when the job has ended, or after N (at most 60) seconds"),
     ),
     responses(
-        (status = 202, description = "It waits or runs", body = Job, headers(("Location" = String, description = "The job"))),
-        (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
+        (status = 202, description = "The job is queued or running", body = Job, headers(("Location" = String, description = "URL of the job"))),
+        (status = 200, description = "The job has ended", body = Job, headers(("Location" = String, description = "URL of the job"))),
     )
 )]
 async fn post_job(
@@ -149,7 +149,7 @@ struct JobPage {
 /// List jobs, newest first.
 #[utoipa::path(
     get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
-    responses((status = 200, description = "A page", body = JobPage))
+    responses((status = 200, description = "One page of the list", body = JobPage))
 )]
 async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
@@ -169,8 +169,8 @@ async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Re
 
 /// Put a job that has failed, died or was cancelled back to the queue.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
-    responses((status = 202, description = "It waits again", body = Job))
+    post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
+    responses((status = 202, description = "The job is queued again", body = Job))
 )]
 async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
     match app.engine.retry(&id).await? {
@@ -188,7 +188,7 @@ async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response,
 
 /// Get the state of a job.
 #[utoipa::path(
-    get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
+    get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 200, description = "The job", body = Job))
 )]
 async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
@@ -197,10 +197,10 @@ async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, 
 
 /// Ask a job to stop.
 #[utoipa::path(
-    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
+    post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses(
-        (status = 200, description = "It is cancelled", body = Job),
-        (status = 202, description = "Its worker was asked", body = Job),
+        (status = 200, description = "The job is cancelled", body = Job),
+        (status = 202, description = "The worker of the job was asked to stop", body = Job),
     )
 )]
 async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {

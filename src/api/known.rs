@@ -50,8 +50,8 @@ async fn list_formats() -> Json<Vec<Format>> {
 /// format selects its first template.
 #[utoipa::path(
     get, path = "/v1/formats/{name}/template", tag = "known",
-    params(("name" = String, Path, description = "The template or its format")),
-    responses((status = 200, description = "The file", content(
+    params(("name" = String, Path, description = "Name of a template or of a format")),
+    responses((status = 200, description = "The template", content(
         (String = "text/csv"), (ArrayManifest = "application/json"), (String = "text/x-python"), (String = "text/plain")
     )))
 )]

@@ -98,16 +98,16 @@ fn read(pairs: Vec<(String, String)>) -> Result<(MaterialUpload, Option<String>)
 
 /// Upload a material that was made elsewhere, for example by `wavelume compress`.
 ///
-/// The file is decoded wholly. If its measurement is stored, its errors are measured again: a material that is worse
-/// than it states is refused.
+/// The file is decoded completely. If its measurement is stored, the errors are measured again, and a material with
+/// larger errors than it states is refused.
 #[utoipa::path(
     post, path = "/v1/materials", tag = "materials", params(Types),
     request_body(content = Binary, content_type = "application/vnd.wavelume.material",
         description = "The bytes of the file (.wlm); `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored"),
     responses(
-        (status = 201, description = "New", body = Material, headers(("Location" = String, description = "The material"))),
-        (status = 200, description = "Known already: the names, tags and measurements of this upload are added", body = Material,
-            headers(("Location" = String, description = "The material"))),
+        (status = 201, description = "New material", body = Material, headers(("Location" = String, description = "URL of the material"))),
+        (status = 200, description = "The material was stored before; the names, tags and measurements of this upload are added to it", body = Material,
+            headers(("Location" = String, description = "URL of the material"))),
     )
 )]
 async fn post_material(State(app): State<App>, peer: Peer, request: Request) -> Result<Response, Problem> {

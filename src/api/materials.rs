@@ -101,7 +101,7 @@ struct MaterialPage {
 /// List materials, newest first.
 #[utoipa::path(
     get, path = "/v1/materials", tag = "materials", params(ListQuery),
-    responses((status = 200, description = "A page", body = MaterialPage))
+    responses((status = 200, description = "One page of the list", body = MaterialPage))
 )]
 async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
@@ -114,8 +114,8 @@ async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) 
 
 /// Get the manifest of a material: content, errors and provenance.
 #[utoipa::path(
-    get, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
-    responses((status = 200, description = "The manifest", body = Material))
+    get, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Id of the material")),
+    responses((status = 200, description = "Manifest of the material", body = Material))
 )]
 async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
     Material::of(row(&app, id).await?).map(Json)
@@ -123,8 +123,8 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
 
 /// Delete a material. The next clean-up of the store removes its bytes.
 #[utoipa::path(
-    delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
-    responses((status = 204, description = "Gone"))
+    delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Id of the material")),
+    responses((status = 204, description = "The material is deleted"))
 )]
 async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     let outcome = app.engine.archive.catalog.delete_material(id).await?;
@@ -134,11 +134,11 @@ async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCod
 
 /// Get the file of a material.
 #[utoipa::path(
-    get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
+    get, path = "/v1/materials/{id}/content", tag = "materials", params(("id" = Digest, Path, description = "Id of the material")),
     responses(
-        (status = 200, description = "The file", body = Binary, content_type = "application/vnd.wavelume.material"),
-        (status = 206, description = "A range of it", body = Binary, content_type = "application/vnd.wavelume.material"),
-        (status = 304, description = "Unchanged"),
+        (status = 200, description = "The file of the material", body = Binary, content_type = "application/vnd.wavelume.material"),
+        (status = 206, description = "The requested range of the file", body = Binary, content_type = "application/vnd.wavelume.material"),
+        (status = 304, description = "The content still has the entity tag of `If-None-Match`"),
     )
 )]
 async fn get_material_content(
@@ -161,15 +161,15 @@ async fn get_material_content(
 /// Get stored bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes
 /// to which no material, measurement or report refers any more are not found.
 #[utoipa::path(
-    get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = Digest, Path, description = "Their digest")),
+    get, path = "/v1/blobs/{digest}", tag = "materials", params(("digest" = Digest, Path, description = "Digest of the bytes")),
     responses(
         (status = 200, description = "The bytes", content(
             (Binary = "application/octet-stream"), (Binary = "application/vnd.wavelume.material"), (Vec<Table> = "application/json"),
         )),
-        (status = 206, description = "A range of them", content(
+        (status = 206, description = "The requested range of the bytes", content(
             (Binary = "application/octet-stream"), (Binary = "application/vnd.wavelume.material"), (Binary = "application/json"),
         )),
-        (status = 304, description = "Unchanged"),
+        (status = 304, description = "The content still has the entity tag of `If-None-Match`"),
     )
 )]
 async fn get_blob(

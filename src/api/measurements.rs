@@ -119,11 +119,11 @@ enum Uploaded {
     post, path = "/v1/measurements", tag = "measurements", params(UploadQuery),
     request_body(content = Binary, content_type = "application/octet-stream",
         description = "The bytes of the file; `Content-Encoding: gzip` and `zstd` are decoded, `Content-Type` is ignored. \
-                       Each file of a zip archive becomes a measurement, read with the options given. Bytes that are there already keep the \
-                       name and file name of their first upload"),
+                       Each file of a zip archive becomes a measurement, read with the options given. Bytes that were uploaded before keep \
+                       the name and file name of their first upload"),
     responses(
-        (status = 201, description = "New, of an archive at least one", body = Uploaded, headers(("Location" = String, description = "The measurement"))),
-        (status = 200, description = "Known already", body = Uploaded),
+        (status = 201, description = "New measurement; for an archive, at least one is new", body = Uploaded, headers(("Location" = String, description = "URL of the measurement"))),
+        (status = 200, description = "The measurement was stored before; for an archive, all its measurements", body = Uploaded),
     )
 )]
 async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
@@ -174,7 +174,7 @@ async fn post_measurement(State(app): State<App>, request: Request) -> Result<Re
 /// List measurements, newest first.
 #[utoipa::path(
     get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
-    responses((status = 200, description = "A page", body = MeasurementPage))
+    responses((status = 200, description = "One page of the list", body = MeasurementPage))
 )]
 async fn list_measurements(
     State(app): State<App>,
@@ -189,8 +189,8 @@ async fn list_measurements(
 
 /// Get the description of a measurement.
 #[utoipa::path(
-    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Its id")),
-    responses((status = 200, description = "The measurement", body = Measurement))
+    get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Id of the measurement")),
+    responses((status = 200, description = "Description of the measurement", body = Measurement))
 )]
 async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
     Measurement::of(row(&app, id).await?).map(Json)
@@ -198,8 +198,8 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
 
 /// Delete a measurement. The next clean-up of the store removes its bytes.
 #[utoipa::path(
-    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Its id")),
-    responses((status = 204, description = "Gone"))
+    delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Id of the measurement")),
+    responses((status = 204, description = "The measurement is deleted"))
 )]
 async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
@@ -208,11 +208,11 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
 /// Get the uploaded bytes of a measurement, with the content coding of the upload removed.
 #[utoipa::path(
     get, path = "/v1/measurements/{id}/content", tag = "measurements",
-    params(("id" = Digest, Path, description = "Its id")),
+    params(("id" = Digest, Path, description = "Id of the measurement")),
     responses(
-        (status = 200, description = "The bytes", body = Binary, content_type = "application/octet-stream"),
-        (status = 206, description = "A range of them", body = Binary, content_type = "application/octet-stream"),
-        (status = 304, description = "Unchanged"),
+        (status = 200, description = "The uploaded bytes", body = Binary, content_type = "application/octet-stream"),
+        (status = 206, description = "The requested range of the bytes", body = Binary, content_type = "application/octet-stream"),
+        (status = 304, description = "The content still has the entity tag of `If-None-Match`"),
     )
 )]
 async fn get_measurement_content(

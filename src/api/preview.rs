@@ -51,10 +51,10 @@ struct PreviewQuery {
 /// spectra.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/preview.png", tag = "materials",
-    params(("id" = Digest, Path, description = "The material"), PreviewQuery),
+    params(("id" = Digest, Path, description = "Id of the material"), PreviewQuery),
     responses(
         (status = 200, description = "The picture", content_type = "image/png", body = Binary),
-        (status = 304, description = "The picture of If-None-Match is this one"),
+        (status = 304, description = "The content still has the entity tag of `If-None-Match`"),
     )
 )]
 async fn preview(

@@ -24,7 +24,7 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
 /// Show an introduction with the first commands to try.
 #[utoipa::path(
     get, path = "/", tag = "root",
-    responses((status = 200, description = "A page for people", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "Introduction as plain text", body = String, content_type = "text/plain"))
 )]
 async fn index(headers: HeaderMap) -> String {
     // The host is the client's own word and goes back to it as plain text only.
@@ -47,19 +47,20 @@ async fn index(headers: HeaderMap) -> String {
 /// Check that the process answers requests.
 #[utoipa::path(
     get, path = "/healthz", tag = "root",
-    responses((status = 200, description = "It does", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "The process answers", body = String, content_type = "text/plain"))
 )]
 async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// Check that the service is ready: the catalog answers and can be written, and so can the data directory. Never waits
-/// for a writer; takes at most about three seconds.
+/// Check that the service is ready: the catalog answers, and both the catalog and the data directory can be written.
+/// Never waits for another writer; takes at most about three seconds.
 ///
-/// While the store is away the answer stays 200, because another node would reach it no better, and says *degraded*.
+/// If the store does not answer, the status is still 200 and the text begins with `degraded`, because another node
+/// would not reach the store either.
 #[utoipa::path(
     get, path = "/readyz", tag = "root",
-    responses((status = 200, description = "It is: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "The service is ready: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
 )]
 async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     if app.stopping.is_cancelled() {
@@ -79,7 +80,7 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
 /// Get the metrics of the service in the text format of Prometheus.
 #[utoipa::path(
     get, path = "/metrics", tag = "root",
-    responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
+    responses((status = 200, description = "The metrics", body = String, content_type = "text/plain"))
 )]
 async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     let jobs = app.engine.archive.catalog.job_counts().await?;
@@ -100,7 +101,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
 /// Get the OpenAPI description of this HTTP interface.
 #[utoipa::path(
     get, path = "/openapi.json", tag = "root",
-    responses((status = 200, description = "OpenAPI 3.1", body = Described))
+    responses((status = 200, description = "OpenAPI 3.1 document", body = Described))
 )]
 async fn openapi_json(State(app): State<App>) -> Response {
     let json = HeaderValue::from_static("application/json");

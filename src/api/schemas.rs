@@ -45,20 +45,20 @@ macro_rules! described {
 
 described! {
     /// Schema of the id of a job.
-    JobIdText = "JobId", text("A UUID.")
+    JobIdText = "JobId", text("UUID of a job.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
     /// Schema of the version of the protocol of resumable uploads.
     TusVersion = "TusVersion", one_of("Version of the protocol of resumable uploads.", ["1.0.0"]);
     /// Schema of the id of a resumable upload.
-    UploadIdText = "UploadId", text("32 lower-case hexadecimal digits.").pattern(Some("^[0-9a-f]{32}$"));
+    UploadIdText = "UploadId", text("Id of an upload: 32 lower-case hexadecimal digits.").pattern(Some("^[0-9a-f]{32}$"));
     /// Schema of a cursor, the value `next` of a page of a list.
-    CursorText = "Cursor", text("`next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
+    CursorText = "Cursor", text("Value `next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
     /// Schema of a text by which a list is filtered.
-    Word = "Word", text("A text to compare with; U+0000 is refused.")
+    Word = "Word", text("Text to filter a list by; U+0000 is refused.")
         .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));
     /// Schema of the name of an export's file format, or `manifest` for the description of an exported array.
     ExportName = "ExportFormat", one_of(
-        "A format that is written, or `manifest`.",
+        "Name of a format that can be written, or `manifest`.",
         ExportFormat::ALL.iter().map(|known| known.name()).chain(["manifest"]),
     );
     /// Schema of the illuminant of a query: a standard name or the id of a stored spectrum.
@@ -97,21 +97,21 @@ described! {
     Binary = "Bytes", ObjectBuilder::new()
         .schema_type(Type::String)
         .format(Some(SchemaFormat::KnownFormat(KnownFormat::Binary)))
-        .description(Some("Bytes."));
+        .description(Some("Bytes of a file."));
     /// Schema of a server-sent event.
     EventText = "Event", ObjectBuilder::new()
         .description(Some("A server-sent event: `state` with a job, or `progress` with `{\"progress\": 0.5}`."))
-        .property("event", one_of("The kind of the event.", ["state", "progress"]))
-        .property("data", text("JSON."))
+        .property("event", one_of("Type of the event.", ["state", "progress"]))
+        .property("data", text("JSON text of the job or of the progress."))
         .required("event")
         .required("data");
     /// Schema of the answer that contains the OpenAPI document of this HTTP interface.
     Described = "OpenApi", ObjectBuilder::new()
-        .description(Some("A description in the form of OpenAPI 3.1."))
-        .property("openapi", text("The version of the form."))
+        .description(Some("OpenAPI 3.1 document."))
+        .property("openapi", text("Version of OpenAPI."))
         .required("openapi");
     /// Schema of a body with one JSON object per line.
-    Lines = "Lines", text("JSON objects, one a line.");
+    Lines = "Lines", text("JSON objects, one on each line.");
 }
 
 fn text(description: &str) -> ObjectBuilder {

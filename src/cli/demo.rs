@@ -189,7 +189,7 @@ impl Visitor {
         }
         let measurement = self.upload(exhibit.file, exhibit.bytes, &options).await?;
         let start = Instant::now();
-        // The same key finds the job of an earlier start, unless its material was deleted since.
+        // An equal key finds the job of an earlier start, unless its material was deleted since.
         let key = format!("demo-{measurement}-{}", exhibit.er_l2);
         let (job, known) = self.job(&measurement, exhibit.er_l2, Some(&key)).await?;
         if let Some(material) = self.material(&job).await? {

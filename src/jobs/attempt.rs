@@ -50,7 +50,7 @@ impl From<MathsError> for Failure {
     fn from(error: MathsError) -> Self {
         match error {
             MathsError::Busy => Self::Passing(error.to_string()),
-            // The same input would panic again. Its message is for the log.
+            // A second attempt would panic, too. The message of the panic is for the log.
             MathsError::Panicked(message) => {
                 tracing::error!(message, "a computation panicked");
                 last(Code::Internal, "the computation failed; this is a bug of the service, not of the request")

@@ -34,7 +34,7 @@ pub(crate) fn compute_job() -> io::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let _context = runtime.enter();
     let _ignored = ignore_signals()?;
-    // Where the kernel has no such file, nothing is lost but the preference and the name.
+    // A kernel without these files ignores the preference and the name only.
     let _ = fs::write("/proc/self/oom_score_adj", FIRST);
     let _ = fs::write("/proc/self/comm", "wavelume-job");
     let order: Order<Value> = pipe::read(&mut io::stdin().lock())?;

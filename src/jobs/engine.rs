@@ -146,7 +146,7 @@ impl Engine {
         let row = self.archive.catalog.cancel(id).await?;
         self.hub.stop(id);
         if row.as_ref().is_some_and(|row| row.state == JobState::Running && self.hub.progress(id).is_none()) {
-            // Its worker finds the request by itself, only later.
+            // The worker of the job finds the request by itself, only later.
             if let Err(error) = self.archive.catalog.tell_stop(id).await {
                 tracing::warn!(job = id, %error, "the job's worker was not told to stop");
             }

@@ -100,7 +100,7 @@ async fn keep(engine: Arc<Engine>, id: String, holder: String) {
         beats.tick().await;
         match engine.archive.catalog.keep_partial(&id, &holder, engine.limits.partial_lease).await {
             Ok(true) => {}
-            // What the request writes will be refused.
+            // The lease is lost: later writes of the request will be refused.
             Ok(false) => return,
             Err(error) => tracing::warn!(upload = id, %error, "the lease of an upload was not extended"),
         }

@@ -67,7 +67,7 @@ pub(super) async fn compute(
     };
     let Some(ended) = ended else {
         group.kill();
-        // Its files are removed when it is gone.
+        // The files of the process are removed after its end.
         drop(talk.await);
         return Err(Failure::Stopped);
     };
@@ -161,7 +161,7 @@ fn talk(mut child: Child, group: &Group, order: &[u8], control: &Control) -> io:
 /// Reads what the process of a job writes to the log: its beginning, within a limit.
 fn read_log(mut from: ChildStderr) -> String {
     let mut text = Vec::new();
-    // What was read until an error is the log.
+    // On a read error the log is the text read so far.
     let _ = (&mut from).take(LOG).read_to_end(&mut text);
     let _ = io::copy(&mut from, &mut io::sink());
     String::from_utf8_lossy(&text).into_owned()

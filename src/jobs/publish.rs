@@ -71,7 +71,7 @@ async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError>
     if let Some(known) = archive.catalog.blob(digest).await?
         && !known.suspect
     {
-        // What an upload repeats is looked after: bytes that are missing or cut short are replaced.
+        // A repeated upload replaces stored bytes that are missing or cut short.
         if archive.store.size(&known.object).await? == Some(bytes) {
             return Ok(Claim::Known(digest));
         }
@@ -113,7 +113,7 @@ async fn write(archive: &Archive, staged: &Staged, object: &Object) -> Result<()
     loop {
         tokio::select! {
             written = &mut writing => return Ok(written?),
-            // Whether the announcement has run out shows when the row is written.
+            // An announcement that has run out is noticed when the row is written.
             _ = ticks.tick() => drop(archive.catalog.prolong(object, INTENT).await?),
         }
     }

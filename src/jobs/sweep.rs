@@ -157,7 +157,7 @@ mod tests {
             let swept = archive.sweep().await.unwrap();
             assert_eq!((swept.removed_blobs, swept.waiting_blobs, swept.waiting_bytes, swept.kept_blobs), (0, 1, 7, 1));
             assert!(archive.get(deleted).await.is_err(), "nobody may read them");
-            // The same bytes come back while the old object waits for its deletion.
+            // Equal bytes are stored again while the old object waits for its deletion.
             stored(&archive, b"deleted").await;
             let swept = archive.sweep_now().await.unwrap();
             assert_eq!((swept.removed_blobs, swept.removed_bytes, swept.kept_blobs), (1, 7, 2));

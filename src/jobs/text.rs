@@ -16,7 +16,7 @@ pub(crate) struct Text;
 impl PartialSchema for Text {
     fn schema() -> RefOr<Schema> {
         let text = ObjectBuilder::new().schema_type(Type::String).min_length(Some(1)).max_length(Some(MAX_TEXT));
-        text.pattern(Some(PATTERN)).description(Some("A text of the user without control characters.")).into()
+        text.pattern(Some(PATTERN)).description(Some("Text without control characters.")).into()
     }
 }
 

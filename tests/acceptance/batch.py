@@ -3,10 +3,11 @@
 
 Usage: batch.py BINARY [--files N]
 
-N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own. Among
-them is a file that is no measurement. The script is killed three times, between any two requests or within one. Then every
-spectrum has its material, and the log and the lists of the service show N uploads and N jobs, none of them twice. Lost notes,
-a changed file, a changed request, a service that refuses for a while and an upload that is left running are tried afterwards.
+N small spectra (default: 100), some with awkward names, are compressed by a service with a data directory of its own.
+Among them is a file that is no measurement. The script is killed three times, between any two requests or within one.
+Then every spectrum has its material, and the log and the lists of the service show N uploads and N jobs, none of them
+twice. Lost notes, a changed file, a changed request, a service that refuses for a while and an upload that is left
+running are tried afterwards.
 WAVELUME_SEED repeats a run.
 """
 import argparse

@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
-"""Compresses surfaces of known truth that were measured at a few incidences, and compares what is evaluated between them.
+"""Compresses surfaces of known truth that were measured at a few incidences, and compares what is evaluated between
+them.
 
-    between.py BINARY [--all] [--measured] [--before OTHER] [--plot SVG]
+    between.py BINARY [--all] [--measured] [--before OTHER] [--draw]
 
-Each surface is averaged over the 16,384 triangles of level 6, at eight incidences as in the RGL database or at steps of 10
-degrees, compressed to er(L2) 0.2 %, and evaluated between these incidences: near the mirror direction (within 20 degrees, no
-further than 80 degrees from the normal) and over all directions to 80 degrees. --all takes all surfaces, not four;
---measured puts Mitsuba's `measured` beside them, on a file with the values of the surface itself at the same incidences; OTHER is
-a program of another version, whose errors are stated, too, and over all directions are not to be exceeded by a tenth; --plot
-draws a lobe between two incidences: truth, OTHER, BINARY and `measured`. Needs numpy; --measured and --plot need mitsuba. Exit
-code 0 if everything is within its bound, 1 if not.
+Each surface is averaged over the 16,384 triangles of level 6, at eight incidences as in the RGL database or at steps of
+10 degrees, compressed to er(L2) 0.2 %, and evaluated between these incidences: near the mirror direction (within 20
+degrees, no further than 80 degrees from the normal) and over all directions to 80 degrees. The picture docs/between.svg
+is compared with what comes out. --all takes all surfaces, not four; --measured puts Mitsuba's `measured` beside them,
+on a file with the values of the surface itself at the same incidences; OTHER is a program of another version, whose
+errors are stated, too, and over all directions are not to be exceeded by a tenth; --draw draws the picture again and
+does nothing else. Needs numpy and mitsuba. Exit code 0 if everything is within its bound and the picture is up to date,
+1 if not.
 """
 import json
 import os
@@ -21,6 +23,7 @@ import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path += [os.path.join(ROOT, "tests", "container"), os.path.join(ROOT, "tests", "formats")]
+from pictures import keep  # noqa: E402
 from reader import HEMISPHERE, on_sphere  # noqa: E402
 
 LEVEL = 6
@@ -106,8 +109,9 @@ ASKED = {
     "RGL": (RGL, [float(np.degrees(np.arccos(1 - 0.83 * (k + 0.5) / 24))) for k in range(24)]),
     "10 degrees": (TENS, [t + 5 for t in TENS[:-1]]),
 }
-# Bounds in % near the mirror direction. From 70 degrees on the cells of level 6 are wider than a lobe of roughness 0.05: under a
-# measured incidence of 80 degrees it is 5 % off near the mirror direction already, and 13 % of its light (docs/accuracy.md).
+# Bounds in % near the mirror direction. From 70 degrees on the cells of level 6 are wider than a lobe of roughness
+# 0.05: under a measured incidence of 80 degrees it is 5 % off near the mirror direction already, and 13 % of its light
+# (docs/accuracy.md).
 BOUNDS = {
     ("RGL", "metal 0.05"): 2.6, ("RGL", "metal 0.15"): 1.5, ("RGL", "metal 0.3"): 1.5,
     ("RGL", "dielectric 0.05"): 3.0, ("RGL", "dielectric 0.15"): 3.0, ("RGL", "dielectric 0.3"): 3.0,
@@ -118,9 +122,12 @@ BOUNDS = {
 }
 # Over all directions, as a multiple of the error before.
 OVER_ALL = 1.1
-# Of the light of an incidence half way between others at steps of 10 degrees, in %; more where cells are too wide.
+# Largest error of an incidence's light, half way between others at steps of 10 degrees, in %; more where cells are too
+# wide.
 LIGHT = 0.3
 WIDE = {"metal 0.05": 10.0, "dielectric 0.05": 5.0, "Ward 0.15": 1.2, "Phong 60": 1.0, "two lobes": 1.9}
+# The picture's surface and incidences, which are among the quick ones.
+PICTURE, PICTURED = "between.svg", ("RGL", "metal 0.15")
 QUICK = ["metal 0.15", "dielectric 0.05", "Ward 0.15", "retro-reflector"]
 
 
@@ -159,7 +166,8 @@ def questions(elevation):
 
 
 def rows(wi, wo):
-    """Rows of angles in degrees, turned about the normal: isotropic surfaces look alike from everywhere, cells do not."""
+    """Rows of angles in degrees, turned about the normal: isotropic surfaces look alike from everywhere, cells do
+    not."""
     turn = 17.0
     angles = lambda d: (np.degrees(np.arccos(np.clip(d[..., 2], -1, 1))), np.degrees(np.arctan2(d[..., 1], d[..., 0])) + turn)
     (ti, pi), (to, po) = angles(wi), angles(wo)
@@ -246,7 +254,8 @@ class Measured:
 
 
 def er_l2(material, surface, elevations):
-    """er(L2) in % near the mirror direction and over all directions, and the largest error of an incidence's light in %."""
+    """er(L2) in % near the mirror direction and over all directions, and the largest error of an incidence's light in
+    %."""
     sums, light = [[], []], 0.0
     for elevation in elevations:
         wi, near, everywhere = questions(elevation)
@@ -262,16 +271,16 @@ def er_l2(material, surface, elevations):
     return [100 * np.sqrt(np.mean(np.concatenate(errors) ** 2)) for errors in sums] + [light]
 
 
-def plot(path, binary, other, scratch):
-    """A lobe half way between the last incidences of RGL."""
-    surface, elevation = SURFACES["metal 0.15"], 70.0
-    now = Material(binary, scratch, "now", RGL, surface)
-    before = Material(other, scratch, "before", RGL, surface)
-    beside = Measured(scratch, RGL, surface, 0.15)
+def picture(material, scratch):
+    """The SVG of the lobe of PICTURED half way between the last incidences: truth, material, and Mitsuba's
+    `measured`."""
+    _, name = PICTURED
+    surface, elevation = SURFACES[name], 70.0
     angles = np.arange(40.0, 85.01, 0.5)
     wi, wo = towards(elevation), np.array([towards(-angle) for angle in angles])
-    curves = [("truth", "#000", surface(wi, wo)), ("before", "#c33", before.values(wi, wo)), ("now", "#06c", now.values(wi, wo)),
-              ("measured", "#2a2", beside.values(wi, wo))]
+    beside = Measured(scratch, RGL, surface, roughness(name))
+    curves = [("the surface", "#000", surface(wi, wo)), ("the material", "#06c", material.values(wi, wo)),
+              ("Mitsuba's measured", "#2a2", beside.values(wi, wo))]
     top = 1.05 * max(np.max(values) for _, _, values in curves)
     place = lambda x, y: f"{60 + (x - 40) * 12:.1f},{310 - 290 * y / top:.1f}"
     lines = ['<svg xmlns="http://www.w3.org/2000/svg" width="640" height="360" font-family="sans-serif" font-size="13">',
@@ -280,18 +289,17 @@ def plot(path, binary, other, scratch):
         lines.append(f'<text x="{60 + (angle - 40) * 12}" y="328" text-anchor="middle">{angle}</text>')
     lines.append('<text x="340" y="350" text-anchor="middle">outgoing angle in the plane of incidence, degrees</text>')
     lines.append('<text x="18" y="170" transform="rotate(-90 18 170)" text-anchor="middle">BRDF, 1/sr</text>')
-    for row, (name, colour, values) in enumerate(curves):
+    for row, (label, colour, values) in enumerate(curves):
         points = " ".join(place(x, y) for x, y in zip(angles, values))
-        dashes = ' stroke-dasharray="6 4"' if name in ("now", "measured") else ""
+        dashes = ' stroke-dasharray="6 4"' if row else ""
         lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"{dashes}/>')
         lines.append(f'<path d="M80 {40 + 20 * row}h30" stroke="{colour}" stroke-width="2"{dashes}/>')
-        lines.append(f'<text x="116" y="{44 + 20 * row}">{name}</text>')
-    with open(path, "w") as file:
-        file.write("\n".join(lines + ["</svg>"]) + "\n")
+        lines.append(f'<text x="116" y="{44 + 20 * row}">{label}</text>')
+    return "\n".join(lines + ["</svg>"]) + "\n"
 
 
 def after(arguments, option):
-    """What follows an option; None without it."""
+    """The argument after an option; None without it."""
     return arguments[arguments.index(option) + 1] if option in arguments else None
 
 
@@ -306,12 +314,14 @@ def main():
     if not arguments:
         sys.exit(__doc__)
     binary, failed = os.path.abspath(arguments[0]), []
-    other, picture = after(arguments, "--before"), after(arguments, "--plot")
+    other = after(arguments, "--before")
     other = other and os.path.abspath(other)
     has_measured = "--measured" in arguments
     with tempfile.TemporaryDirectory() as scratch:
-        if picture:
-            return plot(picture, binary, other or binary, scratch)
+        if "--draw" in arguments:
+            material = Material(binary, scratch, "now", RGL, SURFACES[PICTURED[1]])
+            keep(PICTURE, picture(material, scratch), True, "")
+            return 0
         names = ["near the mirror", *["before"] * bool(other), *["`measured`"] * has_measured]
         names += ["all directions", *["before"] * bool(other), "light", "left out", "estimated"]
         print(f"| incidences | surface | {' | '.join(names)} | how |\n|---|---|{'--:|' * len(names)}---|")
@@ -320,6 +330,9 @@ def main():
                 if name not in QUICK and "--all" not in arguments:
                     continue
                 now = Material(binary, scratch, "now", incidences, surface)
+                if (kind, name) == PICTURED:
+                    command = f"python tests/acceptance/between.py {arguments[0]} --draw"
+                    failed += filter(None, [keep(PICTURE, picture(now, scratch), False, command)])
                 near, everywhere, light = er_l2(now, surface, asked)
                 before = er_l2(Material(other, scratch, "before", incidences, surface), surface, asked) if other else None
                 report = now.report.get("incidences") or {"left_out_er_l2": np.nan, "estimated_er_l2": np.nan, "interpolation": None}

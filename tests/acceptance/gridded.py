@@ -1,13 +1,14 @@
 """Readers of files that state a grid of directions, written from their standards alone: LM-63, EULUMDAT, mbsdf,
-radiometric-csv, npy with a manifest of angles. They share no code with the program, so that what it evaluates at the file's
-own directions can be compared with what the file states there.
+radiometric-csv, npy with a manifest of angles. They share no code with the program, so that what it evaluates at the
+file's own directions can be compared with what the file states there.
 
     samples = read("data/aerolamp.ies")
     found = evaluate("http://127.0.0.1:8080", material, samples)
     print(er_l2(samples, found))
 
-Directions are (theta, phi) in degrees of the surface frame: theta from +z, phi from +x towards +y. A luminaire's nadir is -z:
-theta = 180 - gamma, phi = C. Where light comes in isotropically, phi of `wi` is 0 and phi of `wo` relative to it.
+Directions are (theta, phi) in degrees of the surface frame: theta from +z, phi from +x towards +y. A luminaire's nadir
+is -z: theta = 180 - gamma, phi = C. Where light comes in isotropically, phi of `wi` is 0 and phi of `wo` relative to
+it.
 """
 import json
 import math
@@ -23,7 +24,7 @@ import numpy as np
 
 
 class Samples:
-    """What a file states: one row for each time that it states a direction (or a pair of them).
+    """The values of a file: one row for each time that it states a direction (or a pair of them).
 
     `wi`, `wo`: angles in degrees, [rows, 2], or None; `values`: float64, [rows, channels], NaN = missing; `spectral`:
     wavelengths in nm, "rgb", or None; `places`: rows of the same place are the same direction, stated several times.
@@ -77,8 +78,8 @@ def place(*sides):
 
 
 def er_l2(samples, found, floor=0.0):
-    """The root mean square of (found - stated) / stated over stated samples > 0 and not below `floor`, each counted as often
-    as it is stated; stated = the mean where a direction is stated several times."""
+    """The root mean square of (found - stated) / stated over stated samples > 0 and not below `floor`, each counted as
+    often as it is stated; stated = the mean where a direction is stated several times."""
     expected = samples.expected()
     scored = (expected > 0) & (expected >= floor)
     if not scored.any():
@@ -122,8 +123,8 @@ def text_of(data):
 
 
 def lm63(data):
-    """ANSI/IES LM-63: [horizontal][vertical] numbers behind the TILT line, times multiplier and ballast factor (up to 1991
-    also times the ballast-lamp photometric factor)."""
+    """ANSI/IES LM-63: [horizontal][vertical] numbers behind the TILT line, times multiplier and ballast factor (up to
+    1991 also times the ballast-lamp photometric factor)."""
     lines = text_of(data).splitlines()
     at = next(i for i, line in enumerate(lines) if re.match(r"\s*TILT\s*=", line, re.IGNORECASE))
     first = next(line for line in lines if line.strip()).replace(" ", "").upper()
@@ -182,8 +183,8 @@ def angles(direction):
 
 
 def eulumdat(data):
-    """EULUMDAT: one value a line; intensities in cd/klm of the planes that the symmetry stores, times the conversion factor
-    and the lumens of the first set of lamps."""
+    """EULUMDAT: one value a line; intensities in cd/klm of the planes that the symmetry stores, times the conversion
+    factor and the lumens of the first set of lamps."""
     lines = [line.strip() for line in text_of(data).splitlines()]
     number = lambda text: float(text.replace(",", "."))
     symmetry, planes, gammas = int(number(lines[2])), int(number(lines[3])), int(number(lines[5]))
@@ -222,8 +223,8 @@ def eulumdat(data):
 
 
 def mbsdf(data, quantity=None):
-    """MDL measured BSDF: f32 values [theta_in][theta_out][phi][channel] in 1/sr, polar angles i·90/n, azimuths j·180/(m-1)
-    (`ibsdf_isotropic_data.h`); the reflection, the transmission, or both."""
+    """MDL measured BSDF: f32 values [theta_in][theta_out][phi][channel] in 1/sr, polar angles i·90/n, azimuths
+    j·180/(m-1) (`ibsdf_isotropic_data.h`); the reflection, the transmission, or both."""
     lead = b"NVIDIA ARC MBSDF V1\n"
     if not data.startswith(lead):
         raise ValueError("no NVIDIA ARC MBSDF V1")
@@ -386,8 +387,8 @@ def call(url, body=None, headers=None):
 
 
 def compress(base, path, target, **options):
-    """Uploads a file, compresses it to er(L2) `target`, or to "lossless", with other fields of a job in `options`, and returns
-    the job's answer."""
+    """Uploads a file, compresses it to er(L2) `target`, or to "lossless", with other fields of a job in `options`, and
+    returns the job's answer."""
     with open(path, "rb") as file:
         name = urllib.parse.quote(os.path.basename(path))
         measurement = json.loads(call(f"{base}/v1/measurements?filename={name}", file.read()))["id"]
@@ -404,7 +405,7 @@ def compress(base, path, target, **options):
 
 
 def evaluate(base, material, samples):
-    """What the service evaluates at every row, as f32: [rows, channels]."""
+    """The values that the service evaluates at every row, as f32: [rows, channels]."""
     sides = [s for s in (samples.wi, samples.wo) if s is not None]
     places = np.concatenate(sides, axis=1).astype("<f4")
     answers = []
@@ -416,8 +417,8 @@ def evaluate(base, material, samples):
 
 
 def promise(base, path, target, manifest=None, **options):
-    """The error at the file's own samples, through the service, and the target with the slack that float32 needs: (found,
-    allowed)."""
+    """The error at the file's own samples, through the service, and the target with the slack that float32 needs:
+    (found, allowed)."""
     samples = read(path, manifest)
     if manifest is not None:
         options["axes"] = manifest

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Checks the readers of gridded.py against numbers written by hand, and on every gridded fixture against counts that the files
-state. Usage: gridded_check.py"""
+"""Checks the readers of gridded.py against numbers written by hand, and on every gridded fixture against counts that
+the files state. Usage: gridded_check.py"""
 import json
 import math
 import os

@@ -47,7 +47,7 @@ again=$(call -H 'Content-Encoding: gzip' --data-binary "@$scratch/lamp.gz" "$bas
 is "gzip upload" "$again" "$id"
 call "$base/v1/measurements/$id/content" | cmp -s - "$lamp" || fail "the original bytes differ"
 
-# The same file in two parts, by the protocol of resumable uploads.
+# Uploads the lamp in two parts, by the protocol of resumable uploads.
 tus=(-H 'Tus-Resumable: 1.0.0' -H 'Content-Type: application/offset+octet-stream')
 size=$(wc -c <"$lamp")
 location=$(call -D - -o /dev/null -X POST -H 'Tus-Resumable: 1.0.0' -H "Upload-Length: $size" "$base/v1/uploads" |
@@ -77,7 +77,7 @@ waited=$(call -H 'Content-Type: application/json' -H 'Prefer: wait=30' \
   -d "{\"measurement\":\"$id\",\"target\":{\"er_l2\":0.01}}" "$base/v1/jobs")
 is "the same job again" "$(printf '%s' "$waited" | field material)" "$material"
 
-# What a renderer does: whole, in part, not at all if it has it.
+# Downloads like a renderer: whole, in part, not at all if it has the file.
 content="$base/v1/materials/$material/content"
 call -D "$scratch/head" -o "$scratch/lamp.wlm" "$content"
 etag=$(sed -n 's/^[Ee][Tt][Aa][Gg]: *//p' "$scratch/head" | tr -d '\r')

@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
-"""Measures surfaces with a narrow lobe at scattered directions, compresses the scan, and compares what comes back with the truth.
+"""Measures surfaces with a narrow lobe at scattered directions, compresses the scan, and compares what comes back with
+the truth.
 
-    lobes.py BINARY [--all] [--before OTHER] [--seed N] [--plot SVG]
+    lobes.py BINARY [--all] [--before OTHER] [--seed N] [--draw]
 
-A scan has 4,000 directions on a spiral (2.3 degrees apart) at each of eight elevations, 1 % noise, a base of albedo 0.3, and a lobe
-of albedo 0.3: a Gaussian about the mirror direction, whose light falls with the cosine of the incidence, or GGX. The light that BINARY returns of the file that it made, at each
-elevation, is put beside that of the surface itself, which this script integrates. --all takes lobes of 0.5 to 8 degrees, not
-three; OTHER is a program of another version, whose errors are stated, too; --seed draws other noise and other spirals; --plot
-draws a lobe under its samples: truth, OTHER, BINARY. Needs numpy. Exit code 0 if everything is within its bound, 1 if not.
+A scan has 4,000 directions on a spiral (2.3 degrees apart) at each of eight elevations, 1 % noise, a base of albedo
+0.3, and a lobe of albedo 0.3: a Gaussian about the mirror direction, whose light falls with the cosine of the
+incidence, or GGX. The light that BINARY returns of the file that it made, at each elevation, is put beside that of the
+surface itself, which this script integrates. The picture docs/narrow-lobe.svg is compared with what comes out. --all
+takes lobes of 0.5 to 8 degrees, not three; OTHER is a program of another version, whose errors are stated, too; --seed
+draws other noise and other spirals; --draw draws the picture again and does nothing else. Needs numpy. Exit code 0 if
+everything is within its bound and the picture is up to date, 1 if not.
 """
 import json
 import math
@@ -17,7 +20,9 @@ import sys
 import tempfile
 
 import numpy as np
+from pictures import keep
 
+SEED = 20261125
 ELEVATIONS = [0, 10, 20, 30, 40, 50, 60, 70]
 DIRECTIONS, BASE, LIGHT, NOISE = 4000, 0.3, 0.3, 0.01
 WIDTHS = [0.5, 1, 1.5, 2, 3, 4, 6, 8]
@@ -65,7 +70,8 @@ KINDS = {"gauss": gauss, "ggx": ggx}
 
 
 def rings(wi, radii, turns):
-    """Directions on rings about the mirror direction of `wi`, and the cosine times the solid angle of each; 0 below the horizon."""
+    """Directions on rings about the mirror direction of `wi`, and the cosine times the solid angle of each; 0 below the
+    horizon."""
     centre = wi * [-1, -1, 1]
     u = np.cross(centre, [0, 1.0, 0])
     u /= np.linalg.norm(u)
@@ -141,13 +147,16 @@ def albedos(binary, material):
     return np.sum(values * np.array(sums), axis=1)
 
 
+PICTURE = "narrow-lobe.svg"
 PICTURED, UNDER, HALF_SPAN, NEARBY = ("gauss", 2.0), 30, 6.0, 1.0
+# Number of the nearest samples whose mean stands for what cells alone could hold.
+NEAREST = 4
 
 
-def plot(path, binary, other, seed):
-    """A lobe in the plane of incidence: its samples, the surface, and what the programs make of the scan."""
+def picture(binary):
+    """The SVG of a lobe in the plane of incidence: its samples, their local mean, the surface, and the material."""
     kind, width = PICTURED
-    f, random = KINDS[kind](width), np.random.default_rng([seed])
+    f, random = KINDS[kind](width), np.random.default_rng([SEED])
     offsets = np.linspace(-HALF_SPAN, HALF_SPAN, 481)
     wi, wo = direction(UNDER, 0.0), direction(UNDER + offsets, 180.0)
     rows = scan(f, random)
@@ -157,20 +166,19 @@ def plot(path, binary, other, seed):
     near = abs(np.degrees(np.arcsin(beside[:, 1]))) < NEARBY
     where = np.degrees(np.arctan2(-beside[near, 0], beside[near, 2])) - UNDER
     values = under[near, 3]
-    curves = [("the surface", "#000", f(wi, wo) + BASE / math.pi)]
+    nearest = np.argsort(-(wo @ beside.T), axis=1)[:, :NEAREST]
+    curves = [("the surface", "#000", f(wi, wo) + BASE / math.pi),
+              (f"mean of the {NEAREST} nearest samples", "#c33", under[nearest, 3].mean(axis=1))]
     with tempfile.TemporaryDirectory() as directory:
-        source = os.path.join(directory, "scan.csv")
+        source, material = os.path.join(directory, "scan.csv"), os.path.join(directory, "scan.wlm")
         write(source, rows)
-        for name, colour, program in [("before", "#c33", other), ("now", "#06c", binary)]:
-            if program:
-                material = os.path.join(directory, name + ".wlm")
-                compressed(program, source, material)
-                asked, answers = os.path.join(directory, "asked.npy"), os.path.join(directory, "answers.npy")
-                count = len(offsets)
-                columns = [np.full(count, float(UNDER)), np.zeros(count), UNDER + offsets, np.full(count, 180.0)]
-                np.save(asked, np.column_stack(columns))
-                run(program, "evaluate", material, "--directions", asked, "-o", answers)
-                curves.append((name, colour, np.load(answers)[:, 0].astype(float)))
+        compressed(binary, source, material)
+        asked, answers = os.path.join(directory, "asked.npy"), os.path.join(directory, "answers.npy")
+        count = len(offsets)
+        columns = [np.full(count, float(UNDER)), np.zeros(count), UNDER + offsets, np.full(count, 180.0)]
+        np.save(asked, np.column_stack(columns))
+        run(binary, "evaluate", material, "--directions", asked, "-o", answers)
+        curves.append(("the material", "#06c", np.load(answers)[:, 0].astype(float)))
     low, high = 0.05, 60 * max(np.max(line) for _, _, line in curves)
     across = lambda x: 60 + (x + HALF_SPAN) * 560 / (2 * HALF_SPAN)
     up = lambda y: 310 - 290 * math.log(max(y, low) / low) / math.log(high / low)
@@ -186,7 +194,7 @@ def plot(path, binary, other, seed):
     lines.append('<text x="14" y="170" transform="rotate(-90 14 170)" text-anchor="middle">BRDF, 1/sr</text>')
     for row, (name, colour, values_of) in enumerate(curves):
         points = " ".join(f"{across(x):.1f},{up(y):.1f}" for x, y in zip(offsets, values_of))
-        dashes = ' stroke-dasharray="6 4"' if name == "now" else ""
+        dashes = ' stroke-dasharray="6 4"' if name == "the material" else ""
         lines.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"{dashes}/>')
         lines.append(f'<path d="M80 {40 + 20 * row}h30" stroke="{colour}" stroke-width="2"{dashes}/>')
         lines.append(f'<text x="116" y="{44 + 20 * row}">{name}</text>')
@@ -196,12 +204,11 @@ def plot(path, binary, other, seed):
             lines.append(f'<circle cx="{across(x):.1f}" cy="{up(y):.1f}" r="3.5" fill="#e80"/>')
     lines.append(f'<circle cx="95" cy="{40 + 20 * row}" r="3.5" fill="#e80"/>')
     lines.append(f'<text x="116" y="{44 + 20 * row}">samples within {NEARBY:g}° of the plane</text>')
-    with open(path, "w") as file:
-        file.write("\n".join(lines + ["</svg>"]) + "\n")
+    return "\n".join(lines + ["</svg>"]) + "\n"
 
 
 def bound(kind, width, errors, light_errors, warnings):
-    """What is wrong with an outcome, as text; nothing where it is within its bounds."""
+    """The fault of an outcome, as text; None where it is within its bounds."""
     if width < 1:
         inside = all(-1 <= error <= 1 for error in light_errors)
         return None if inside and warnings else "not warned of, or not between 0 and twice the truth"
@@ -212,7 +219,7 @@ def bound(kind, width, errors, light_errors, warnings):
 
 
 def main(arguments):
-    options = {"--all": False, "--before": None, "--seed": "20261125", "--plot": None}
+    options = {"--all": False, "--before": None, "--seed": str(SEED), "--draw": False}
     if not arguments or arguments[0].startswith("--"):
         sys.exit(__doc__)
     binary, rest = arguments[0], arguments[1:]
@@ -220,9 +227,10 @@ def main(arguments):
         option = rest.pop(0)
         if option not in options:
             sys.exit(__doc__)
-        options[option] = True if option == "--all" else rest.pop(0)
-    if options["--plot"]:
-        return plot(options["--plot"], binary, options["--before"], int(options["--seed"]))
+        options[option] = True if option in ("--all", "--draw") else rest.pop(0)
+    outdated = keep(PICTURE, picture(binary), options["--draw"], f"python tests/acceptance/lobes.py {binary} --draw")
+    if options["--draw"]:
+        return
     cases = [(kind, width) for kind in KINDS for width in WIDTHS] if options["--all"] else FEW
     failed = 0
     print("light of a lobe of albedo 0.3 on a base of 0.3, less that of the surface: % of the albedo, worst of eight elevations;")
@@ -252,7 +260,9 @@ def main(arguments):
             )
     if failed:
         print(f"{failed} of {len(cases)} out of bounds")
-    sys.exit(1 if failed else 0)
+    if outdated:
+        print(outdated)
+    sys.exit(1 if failed or outdated else 0)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Two nodes and two workers on PostgreSQL and an S3 server, as ops/local.sh starts them: what is uploaded through one node
-is compressed and fetched through the other, a killed worker's job goes on elsewhere, stopped processes hand back what they
-hold, the store is left without a fault, and no process is left. Before that, every command line and variable of
-ops/compose.yaml and of the systemd units is read by the program.
+"""Two nodes and two workers on PostgreSQL and an S3 server, as ops/local.sh starts them: what is uploaded through one
+node is compressed and fetched through the other, a killed worker's job goes on elsewhere, stopped processes hand back
+what they hold, the store is left without a fault, and no process is left. Before that, every command line and variable
+of ops/compose.yaml and of the systemd units is read by the program.
 
 Usage: operations.py BINARY
 """
@@ -147,7 +147,7 @@ def verified(binary, directory):
 
 
 class Site:
-    """What ops/local.sh has started in a directory."""
+    """The processes that ops/local.sh has started in a directory."""
 
     def __init__(self, binary, directory):
         self.binary, self.directory = binary, directory
@@ -197,7 +197,8 @@ def alive(pid):
 
 
 def shared_work(site, one, two, scratch):
-    """A lamp uploaded through one node, compressed through the other, fetched through the first. Returns its material."""
+    """A lamp uploaded through one node, compressed through the other, fetched through the first. Returns its
+    material."""
     path = os.path.join(ROOT, "data", "aerolamp.ies")
     with open(path, "rb") as file:
         lamp = file.read()

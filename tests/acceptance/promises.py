@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Compresses every gridded fixture on its own grid through the service, and compares what is evaluated there at the file's
-own angles with the numbers of the file, as the readers of gridded.py have them. Of files with coarser levels, the first bytes
-of the material are decoded, and the error that each level states is compared with that of evaluating it at the same angles.
+"""Compresses every gridded fixture on its own grid through the service, and compares what is evaluated there at the
+file's own angles with the numbers of the file, as the readers of gridded.py have them. Of files with coarser levels,
+the first bytes of the material are decoded, and the error that each level states is compared with that of evaluating it
+at the same angles.
 
 Usage: promises.py BINARY
 """
@@ -111,7 +112,8 @@ def check_phase(base, folder):
 
 
 def check_levels(binary, base, path, folder):
-    """The number of levels whose stated error is not that of evaluating the bytes they need at the samples of the file."""
+    """The number of levels whose stated error is not that of evaluating the bytes they need at the samples of the
+    file."""
     whole, broken = os.path.join(ROOT, path), 0
     samples = gridded.read(whole, manifest_of(whole))
     options = {} if manifest_of(whole) is None else {"axes": manifest_of(whole)}

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Compresses every gridded fixture through the service, lossless and to 1 %, exports it in its own format, and compares the
-two files as the readers of gridded.py have them: the same angles, numbers equal or within the promise, keywords that are
-still there, at most 1.3 times the bytes. Luminaires are also written in the other format for them. Tables of text and arrays
-come back as arrays on the same angles.
+"""Compresses every gridded fixture through the service, lossless and to 1 %, exports it in its own format, and compares
+the two files as the readers of gridded.py have them: the same angles, numbers equal or within the promise, keywords
+that are still there, at most 1.3 times the bytes. Luminaires are also written in the other format for them. Tables of
+text and arrays come back as arrays on the same angles.
 
 Usage: round_trips.py BINARY
 """
@@ -24,11 +24,11 @@ OTHER = {".ies": ".ldt", ".ldt": ".ies"}
 PROMISE = 0.01
 # Largest size of an export, in sizes of its source.
 LARGER = 1.3
-# Numbers of more digits than an f32 has are kept as the nearest f32, and written with the fewest digits that mean it: half a
-# step of an f32 each, relative.
+# Numbers of more digits than an f32 has are kept as the nearest f32, and written with the fewest digits that mean it:
+# half a step of an f32 each, relative.
 ROUNDED = 2.0**-23
-# Planes of type A and B have no other format, nor has light in other units than candela; planes from C270 over C0 to C90
-# are listed as their mirror images there.
+# Planes of type A and B have no other format, nor has light in other units than candela; planes from C270 over C0 to
+# C90 are listed as their mirror images there.
 NO_OTHER = ("data/", "ies/example_modules.ies", "ies/test.ies", "ldt/symmetry_to_c90c270.ldt")
 
 
@@ -65,7 +65,7 @@ def keywords(path):
 
 
 def failures(path, samples, target, made, stated):
-    """What is wrong with the export of a file."""
+    """Faults in the export of a file."""
     found, wrong = gridded.read(made), []
     if not same_angles(samples, found):
         return ["other angles"]
@@ -90,7 +90,7 @@ def failures(path, samples, target, made, stated):
 
 
 def crossed(path, samples, made):
-    """What is wrong with the other format of a luminaire: a value at each direction that both files list."""
+    """Faults in the other format of a luminaire: a value at each direction that both files list."""
     found = gridded.read(made)
     known = {tuple(np.round(wo % [361, 360], 9)): value for wo, value in zip(found.wo, found.values[:, 0])}
     pairs = [(known.get(tuple(np.round(wo % [361, 360], 9))), value) for wo, value in zip(samples.wo, samples.values[:, 0])]

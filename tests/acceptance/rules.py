@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Checks ops/prometheus-rules.yml: by promtool, with the figures of rules.yml that raise alerts, and each metric in it against
-those that a running service shows.
+"""Checks ops/prometheus-rules.yml: by promtool, with the figures of rules.yml that raise alerts, and each metric in it
+against those that a running service shows.
 
 Usage: rules.py BINARY
 
-Most metrics with labels are shown only once they have counted, so the service is made to do what they count: an upload, a
-job, a refusal and damaged bytes.
+Most metrics with labels are shown only once they have counted, so the service is made to do what they count: an upload,
+a job, a refusal and damaged bytes.
 """
 import json
 import os

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""What the program promises, checked from outside with numpy: errors, masks, memory, refusals, equal bytes.
+"""Promises of the program, checked from outside with numpy: errors, masks, memory, refusals, equal bytes.
 
 Usage: run.py [--all-builds] BINARY OTHER [FIGURES.md]
 
-OTHER is a second build of the program, of another optimisation in `tests/nightly release`, or the example program `again`. Both
-must write the same bytes. --all-builds compares them on every file, not on four, and does nothing else; it takes two builds of the program.
+OTHER is a second build of the program, of another optimisation in `tests/nightly release`, or the example program
+`again`. Both must write the same bytes. --all-builds compares them on every file, not on four, and does nothing else;
+it takes two builds of the program.
 """
 import json
 import os
@@ -129,7 +130,7 @@ def promise(binary, scratch, path, options, own_tensor=None):
     check(l2 <= TARGET, f"{name}: er(L2) {l2:.6f}, promised {TARGET}")
     check(np.array_equal(np.isnan(s), np.isnan(d)), f"{name}: the masks differ")
     check(np.array_equal(s == 0, d == 0) or not (s == 0).any(), f"{name}: zeros are not zeros any more")
-    # Of averages over cells, where the file's samples are not the tensor's.
+    # Errors of averages over cells, where the file's samples are not the tensor's.
     of = "_cells" if report.get("er_l2_cells") is not None else ""
     for key, found in (("er_l1" + of, l1), ("er_l2" + of, l2), ("max_relative_error" + of, largest)):
         close = abs(report[key] - found) <= 1e-9 + 1e-6 * found
@@ -217,8 +218,8 @@ def refusals(binary, scratch):
 
 
 def truncations(binary, scratch, files):
-    """Every file cut at 50 places. A table of text may be whole where it is cut: then it must still be understood. So is a
-    material in front of its metadata."""
+    """Every file cut at 50 places. A table of text may be whole where it is cut: then it must still be understood. So
+    is a material in front of its metadata."""
     cut, accepted = os.path.join(scratch, "cut"), 0
     for path, options in files:
         with open(os.path.join(ROOT, path), "rb") as file:
@@ -264,7 +265,7 @@ def small_files(arrays):
 
 
 def equal_threads(binary, scratch, arrays):
-    """The same bytes on any number of threads, on every run."""
+    """Checks that bytes are equal on any number of threads, on every run."""
     files = small_files(arrays) + [(arrays[name], []) for name in ("brdf_wood", "brdf_aniso", "phase_hazy")]
     for path, options in files:
         first = compressed_by(binary, scratch, path, 1, options)
@@ -275,7 +276,7 @@ def equal_threads(binary, scratch, arrays):
 
 
 def equal_builds(binary, other, scratch, arrays, all_files):
-    """The same bytes in builds of different optimisation, of four files or of all."""
+    """Checks that builds of different optimisation make equal bytes, of four files or of all."""
     is_example = os.path.basename(other) == "again"
     compared = 0
     policies = [[], ["--policy", "conventional", "--ratio", "20"], ["--lossless"], ["--max-relative-error", "0.05"]]

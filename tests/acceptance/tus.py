@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""Resumable uploads by clients that this project has not written, broken at random offsets and continued through another node.
+"""Resumable uploads by clients that this project has not written, broken at random offsets and continued through
+another node.
 
 Usage: tests/servers tests/acceptance/tus.py BINARY [--uploads N] [--node MODULES]
 
-Two nodes share the PostgreSQL and the S3 store that tests/servers has started. A proxy in front of them cuts each upload a few
-times, at a random number of bytes or by killing the client, and hands the next connection to the other node. N uploads (default: 20)
-come from tuspy; with --node, a directory with the node_modules of tus-js-client, every second one comes from that client. Each
-becomes a measurement whose bytes are read back and compared. WAVELUME_SEED repeats a run.
+Two nodes share the PostgreSQL and the S3 store that tests/servers has started. A proxy in front of them cuts each
+upload a few times, at a random number of bytes or by killing the client, and hands the next connection to the other
+node. N uploads (default: 20) come from tuspy; with --node, a directory with the node_modules of tus-js-client, every
+second one comes from that client. Each becomes a measurement whose bytes are read back and compared. WAVELUME_SEED
+repeats a run.
 """
 import argparse
 import hashlib
@@ -153,7 +155,8 @@ def with_tuspy(proxy, path, chunk):
 
 
 def with_tus_js(proxy, path, chunk, modules, kill):
-    """Uploads a file with tus-js-client, which repeats by itself; it is killed after `kill` seconds and started again."""
+    """Uploads a file with tus-js-client, which repeats by itself; it is killed after `kill` seconds and started
+    again."""
     notes, deadline = path + ".notes", time.monotonic() + PATIENCE
     environment = {**os.environ, "NODE_PATH": os.path.join(modules, "node_modules")}
     while True:

@@ -1,8 +1,8 @@
 -- Fills an empty catalog on PostgreSQL with :jobs jobs, and with :materials materials of as many measurements.
 -- The newest jobs wait (a fiftieth, 10,000 at most) or run (a fiftieth, 1,000 at most); the others have ended within 60
 -- days: one in 5,000 is dead, one in 20 has failed, one in 25 was cancelled, one in 100 has made a report.
--- The leases of half of those that run are over. Documents are :measurement_document and :material_document. Foreign keys
--- are not checked meanwhile; all of them hold.
+-- The leases of half of those that run are over. Documents are :measurement_document and :material_document. Foreign
+-- keys are not checked meanwhile; all of them hold.
 SET session_replication_role = replica;
 CREATE FUNCTION pg_temp.now_ms() RETURNS BIGINT LANGUAGE SQL AS 'SELECT CAST(EXTRACT(EPOCH FROM now()) * 1000 AS BIGINT)';
 CREATE FUNCTION pg_temp.digest(kind TEXT, i BIGINT) RETURNS TEXT LANGUAGE SQL IMMUTABLE AS

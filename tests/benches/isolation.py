@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""What a process of its own costs a short job: the same jobs with --isolate off and on, in turn.
+"""The cost of a process of its own for a short job: equal jobs with --isolate off and on, in turn.
 
     python3 tests/benches/isolation.py target/release/wavelume [--jobs 100] [--rounds 5]
 
-Needs Python 3.9 and the standard library. A job makes a material of the spectrum of D65. Prints medians over all rounds.
+Needs Python 3.9 and the standard library. A job makes a material of the spectrum of D65. Prints medians over all
+rounds.
 """
 
 import argparse

@@ -4,7 +4,8 @@
     pip install PyWavelets==1.8.0 numpy
     python tests/benches/pywavelets.py
 
-`fswavedecn` of 16 x 1024 x 75 float32, haar x haar x bior4.4, full depth, periodization (symmetric beside it), best of 10.
+`fswavedecn` of 16 x 1024 x 75 float32, haar x haar x bior4.4, full depth, periodization (symmetric beside it), best of
+10.
 """
 import time
 import warnings

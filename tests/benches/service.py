@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The service under load, beside nginx: batches as f32, one spectrum at a steady rate, a small file.
 
-    python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob] [--hold]
+    python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob]
+    [--hold]
 
 Needs Python 3.9 and the standard library; for the file also nginx and wrk (Debian: apt install nginx-light wrk).
 Everything runs on this machine over the loopback interface, the clients on the same cores as the servers. Memory is the

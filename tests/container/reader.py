@@ -1431,7 +1431,7 @@ class Shape:
 
 
 class Plan:
-    """What the first number of a pyramid says: the model, and the group of symmetries."""
+    """Meaning of the first number of a pyramid: the model, and the group of symmetries."""
 
     def __init__(self, r, shape):
         known = symmetries(shape.mesh.domain)
@@ -1473,7 +1473,7 @@ class Plan:
 
 
 def live_leaves(shape, plan, classes):
-    """By representative and leaf, or None where all are live."""
+    """Returns flags by representative and leaf, or None where all are live."""
     if classes is None:
         return None
     rows = np.isin(classes, (POSITIVE, NEGATIVE)).reshape(-1, shape.length).any(axis=1)
@@ -1508,7 +1508,7 @@ def terms_of(moments, a, b):
 
 
 def prediction_weights(i, around, nodes, children):
-    """By corner child 0, 1, 2: the weight of each neighbour, f32."""
+    """Returns the weight of each neighbour, f32, for corner children 0, 1, 2."""
     none = [[F(0)] * len(around)] * 3
     n = 5 if len(around) >= 7 else 2 if len(around) >= 3 else 0
     if n == 0:
@@ -1572,7 +1572,7 @@ def prediction_weights(i, around, nodes, children):
 
 
 def predictions(mesh):
-    """By level, coarse first: the neighbours of each node and their weights."""
+    """Returns for each level, coarse first, the neighbours of each node and their weights."""
     products = lambda p: [*p, p[0] * p[0], p[0] * p[1], p[0] * p[2], p[1] * p[1], p[1] * p[2], p[2] * p[2]]
     children = [products(p) for p in centroids(mesh.domain, mesh.level)]
     levels = []
@@ -1585,7 +1585,7 @@ def predictions(mesh):
 
 
 def level_folds(mesh, moves):
-    """By level, coarse first: of each node the node that stands for it, and its children's numbers there."""
+    """Returns for each level, coarse first, the representative of each node, and its children's numbers there."""
     folds, children = [], moves
     for level in reversed(range(mesh.level)):
         nodes = [[c // 4 for c in move[::4]] for move in children]
@@ -1885,7 +1885,7 @@ class Chart:
 
 
 class LevelIndex:
-    """What a pyramid chunk says about the levels below its own."""
+    """The part of a pyramid chunk about the levels below its own."""
 
     def __init__(self, r, levels, length):
         self.ends, self.errors, end = [], [], 0
@@ -2422,7 +2422,7 @@ def read_grid_levels(r, h):
 
 
 def coarse_lines(shape, kept, left_out):
-    """By line of a level: nodes, angles, the node of each entry, halvings."""
+    """Returns for each line of a level: nodes, angles, the node of each entry, halvings."""
     lines = []
     for i, (line, own) in enumerate(zip(shape.lines, kept)):
         halvings = sum(axis == 4 - len(kept) + i for axis in left_out)

@@ -3,9 +3,9 @@
 
     luminaire_flux.py WAVELUME      the built program
 
-The flux of a file is the sum over cells of the mean intensity of the four corners times the solid angle; it must be within 0.5 %
-of what `wavelume physics` says of the material. Lines of LM-63 must have at most 132 characters. Needs numpy only. Exit code 0 if
-all hold, 1 if not, 2 if something is missing.
+The flux of a file is the sum over cells of the mean intensity of the four corners times the solid angle; it must be
+within 0.5 % of what `wavelume physics` says of the material. Lines of LM-63 must have at most 132 characters. Needs
+numpy only. Exit code 0 if all hold, 1 if not, 2 if something is missing.
 """
 import json
 import subprocess
@@ -21,7 +21,8 @@ except ImportError as error:
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 TOLERANCE = 0.005
-# A measurement, its options (of a coarse one a level at which the smooth form keeps the cells' flux), the formats that hold it, and the flux that the files speak of.
+# A measurement, its options (of a coarse one a level at which the smooth form keeps the cells' flux), the formats that
+# hold it, and the flux that the files speak of.
 LAMPS = [
     ("data/aerolamp.ies", [], ["lm63"], "total"),
     ("data/aerolamp.ies", ["--spectrum", "data/aerolamp.csv"], ["lm63"], "total"),

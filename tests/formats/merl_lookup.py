@@ -3,9 +3,10 @@
 
     merl_lookup.py EXAMPLE [--pairs N]      EXAMPLE is the built example program `rgl`
 
-It makes tables of random numbers, some of them negative (missing): 90 x 90 x 180 in both byte orders, and 90 x 90 x 360. At
-N (10,000) random pairs every value must agree to 1e-6 relative, and the missing ones must be those missing here. Pairs within
-1e-7 of the edge of a cell are left out: rounding decides there. Needs numpy only. Exit code 0 if all agree, 1 if not.
+It makes tables of random numbers, some of them negative (missing): 90 x 90 x 180 in both byte orders, and 90 x 90 x
+360. At N (10,000) random pairs every value must agree to 1e-6 relative, and the missing ones must be those missing
+here. Pairs within 1e-7 of the edge of a cell are left out: rounding decides there. Needs numpy only. Exit code 0 if all
+agree, 1 if not.
 """
 import subprocess
 import sys

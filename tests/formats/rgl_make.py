@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Writes small RGL tensor files (.bsdf) of every kind: isotropic or not, spectral or RGB, jacobian 0 or 1, reduced or not.
+"""Writes small RGL tensor files (.bsdf) of every kind: isotropic or not, spectral or RGB, jacobian 0 or 1, reduced or
+not.
 
     rgl_make.py DIRECTORY [--tiny]
 
-The materials are smooth made-up functions; nothing in them is periodic or symmetric that need not be, so that a reader that
-confuses axes, slices or symmetries is found out. Needs numpy only.
+The materials are smooth made-up functions; nothing in them is periodic or symmetric that need not be, so that a reader
+that confuses axes, slices or symmetries is found out. Needs numpy only.
 """
 import struct
 import sys

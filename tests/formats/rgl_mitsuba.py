@@ -4,9 +4,9 @@
     rgl_mitsuba.py EXAMPLE [--pairs N]      EXAMPLE is the built example program `rgl`
     rgl_mitsuba.py --golden OUT.json        writes the golden values of the tiny fixtures
 
-Needs numpy and mitsuba (`python3 -m pip install numpy mitsuba`; variants scalar_rgb and scalar_spectral). It makes files of
-every kind (rgl_make.py), draws N (10,000) pairs of directions in the upper hemisphere, and compares f · cos: every value must
-agree to 1e-5 relative. Exit code 0 if all do, 1 if not, 2 if something is missing.
+Needs numpy and mitsuba (`python3 -m pip install numpy mitsuba`; variants scalar_rgb and scalar_spectral). It makes
+files of every kind (rgl_make.py), draws N (10,000) pairs of directions in the upper hemisphere, and compares f · cos:
+every value must agree to 1e-5 relative. Exit code 0 if all do, 1 if not, 2 if something is missing.
 """
 import json
 import subprocess
@@ -38,7 +38,8 @@ def pairs(count, seed):
 
 def pairs_for(path, count, seed):
     """Mitsuba 3.9.1 leaves the symmetry of files with one or two azimuths uninitialised, and may turn or mirror both
-    directions for it. One azimuth does not mind; with two, only incident directions that it leaves alone are compared."""
+    directions for it. One azimuth does not mind; with two, only incident directions that it leaves alone are
+    compared."""
     directions = pairs(count, seed)
     if path.stem.startswith("two-azimuths"):
         directions[:, 0, :2] = -np.abs(directions[:, 0, :2])

@@ -3,11 +3,12 @@
 
     rgl_render.py WAVELUME EXAMPLE      the built program, and the built example program `rgl`
 
-A sphere under three distant lights, 128 x 128 pixels from an orthographic camera, `scalar_spectral`, one narrow band at a time.
-The same pixels are summed here over 4 x 4 places each, every value evaluated by wavelume on the compressed material. Mitsuba
-hands `measured` the direction to the camera as `wi`, so that is what `wi` is here. The mean difference of the pixels must be at
-most 0.5 % of their mean. A diffuse sphere rendered the same way shows what the picture of a known material differs by, and gives
-the one factor between the two scales. Needs numpy and mitsuba. Exit code 0 if all hold, 1 if not, 2 if something is missing.
+A sphere under three distant lights, 128 x 128 pixels from an orthographic camera, `scalar_spectral`, one narrow band at
+a time. The same pixels are summed here over 4 x 4 places each, every value evaluated by wavelume on the compressed
+material. Mitsuba hands `measured` the direction to the camera as `wi`, so that is what `wi` is here. The mean
+difference of the pixels must be at most 0.5 % of their mean. A diffuse sphere rendered the same way shows what the
+picture of a known material differs by, and gives the one factor between the two scales. Needs numpy and mitsuba. Exit
+code 0 if all hold, 1 if not, 2 if something is missing.
 """
 import json
 import subprocess
@@ -27,7 +28,7 @@ SIZE = 128
 PLACES, SAMPLES = 4, 64
 TOLERANCE = 0.005
 BANDS = [450.0, 550.0, 650.0]
-# Of a band, in nm: spectra have kinks at their samples, which a wide band would average.
+# Width of a band in nm: spectra have kinks at their samples, which a wide band would average.
 WIDTH = 0.1
 LIGHTS = np.array([[0.3, 0.4, 1.0], [-0.8, 0.1, 0.5], [0.2, -0.7, 0.6]])
 LIGHTS /= np.linalg.norm(LIGHTS, axis=1, keepdims=True)
@@ -80,7 +81,8 @@ def render(bsdf, wavelength):
 
 
 def frames():
-    """Where the rays of all places meet the sphere, [place, xyz], and the frame there: s along the parallel, t, n."""
+    """Points at which the rays of all places meet the sphere, [place, xyz], and the frame there: s along the parallel,
+    t, n."""
     at = (np.arange(SIZE * PLACES) + 0.5) / (SIZE * PLACES) * 2 - 1
     # The camera looks along -z with y up: x grows to the right, where pixels count from the left; rows from the top.
     x, y = np.meshgrid(at, -at)

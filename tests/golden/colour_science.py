@@ -4,16 +4,16 @@
     pip install colour-science==0.4.7 numpy
     python tests/golden/colour_science.py
 
-Spectra are those of data/, brought to 380..780 nm by 1 in straight lines, and summed by `sd_to_XYZ_integration` (which has
-no interpolation of its own then): the method of src/domain/colour/tristimulus.rs.
+Spectra are those of data/, brought to 380..780 nm by 1 in straight lines, and summed by `sd_to_XYZ_integration` (which
+has no interpolation of its own then): the method of src/domain/colour/tristimulus.rs.
 
 `patches`: for each illuminant, a patch's XYZ and Lab. `lights`: XYZ of each illuminant as an emitter, k = 683 lm/W.
-`at_5_nm`: XYZ under D65 summed at 5 nm; `astm_e308`: XYZ under D65 by `sd_to_XYZ_ASTME308`, which interpolates by Sprague's and
-Lagrange's polynomials: other methods, near ours. `differences`: CIEDE2000 of each patch to the next, under each illuminant.
-`srgb`: linear values and their sRGB values; `matrix`: the inverse of the matrix from sRGB to XYZ.
-`observer_1964`: XYZ under D65 by the 10° observer. `adapted`: patches under A and F11 as they look under D65 (Bradford), XYZ.
-`temperatures`: correlated colour temperature and (u, v) of lights and of some chromaticities beside the Planckian locus, by
-minimising the distance to Planck's law. `oklab`: linear sRGB and its Oklab.
+`at_5_nm`: XYZ under D65 summed at 5 nm; `astm_e308`: XYZ under D65 by `sd_to_XYZ_ASTME308`, which interpolates by
+Sprague's and Lagrange's polynomials: other methods, near ours. `differences`: CIEDE2000 of each patch to the next,
+under each illuminant. `srgb`: linear values and their sRGB values; `matrix`: the inverse of the matrix from sRGB to
+XYZ. `observer_1964`: XYZ under D65 by the 10° observer. `adapted`: patches under A and F11 as they look under D65
+(Bradford), XYZ. `temperatures`: correlated colour temperature and (u, v) of lights and of some chromaticities beside
+the Planckian locus, by minimising the distance to Planck's law. `oklab`: linear sRGB and its Oklab.
 """
 import json
 import os

@@ -4,9 +4,10 @@
     pip install PyWavelets==1.8.0 numpy
     python tests/golden/make_tables.py
 
-A table holds the weights of one low-pass filter over increasing samples, without padding zeros. Orthogonal bases have one
-(the scaling filter), biorthogonal ones an analysis and a synthesis filter. The high-pass filters follow from them (see
-src/transform/filters.rs), so they are not stored. Numbers are the shortest decimals that read back to the same f64.
+A table holds the weights of one low-pass filter over increasing samples, without padding zeros. Orthogonal bases have
+one (the scaling filter), biorthogonal ones an analysis and a synthesis filter. The high-pass filters follow from them
+(see src/transform/filters.rs), so they are not stored. Numbers are the shortest decimals that read back to the same
+f64.
 """
 import os
 import textwrap
@@ -55,7 +56,8 @@ def mirrored(half, odd):
 
 def battle_lemarie(degree, taps):
     """The scaling filter of the orthonormal splines of `degree` (Lemarié 1988, Battle 1987; Mallat 1989, appendix), cut
-    to `taps`; then the even and the odd weights are scaled to sum to 1/sqrt(2) each, so that constants keep no detail."""
+    to `taps`; then the even and the odd weights are scaled to sum to 1/sqrt(2) each, so that constants keep no
+    detail."""
     n = 1 << 14
     omega = 2 * np.pi * np.arange(n) / n
     order = 2 * degree + 1

@@ -4,11 +4,11 @@
     pip install PyWavelets==1.8.0 numpy
     python tests/golden/pywavelets.py
 
-`periodic`: `wavedec(x[:96], name, "periodization", level=5)`, smooth coefficients first, then details from coarse to fine.
-`inner`: details of x[:1021], far from the ends, of the first three levels: [level, index, value]. Other modes than periodization
-place the filters of even half-length one sample earlier, so such a level is fed from its second sample on.
-`standard`: `fswavedecn` of a 16 x 12 x 24 tensor with a basis for each axis, as one flat array with its blocks in place:
-along each axis smooth coefficients first, then details from coarse to fine.
+`periodic`: `wavedec(x[:96], name, "periodization", level=5)`, smooth coefficients first, then details from coarse to
+fine. `inner`: details of x[:1021], far from the ends, of the first three levels: [level, index, value]. Other modes
+than periodization place the filters of even half-length one sample earlier, so such a level is fed from its second
+sample on. `standard`: `fswavedecn` of a 16 x 12 x 24 tensor with a basis for each axis, as one flat array with its
+blocks in place: along each axis smooth coefficients first, then details from coarse to fine.
 """
 import json
 import os

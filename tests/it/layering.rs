@@ -112,6 +112,7 @@ const NOT_FOR_RENDERERS: &[&str] = &[
 ];
 const SERVICE_PATHS: &[&str] = &["std::time", "std::net", "std::process", "rand::rng(", "rand::random"];
 
+/// Returns the files of Rust in a folder and in the folders below it.
 fn sources(directory: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory).unwrap() {
@@ -136,7 +137,8 @@ fn code(path: &Path) -> String {
 const FOLDERS: &[(&str, Option<&str>)] =
     &[("src", None), ("crates/core/src", None), ("crates/formats/src", None), ("crates/paper/src", Some("paper"))];
 
-fn folder(name: &str) -> PathBuf {
+/// Returns a folder or file of the repository.
+pub(crate) fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
@@ -206,6 +208,44 @@ fn words(code: &str) -> BTreeSet<&str> {
     code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect()
 }
 
+/// Returns the rooms that a room may name.
+fn allowed(room: &str) -> BTreeSet<&'static str> {
+    let (_, listed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
+    let place = SERVICE.iter().position(|name| *name == room).unwrap_or(0);
+    listed.iter().chain(&SERVICE[..place]).copied().collect()
+}
+
+/// Returns the rooms that a cell of the table in docs/architecture.md allows. Rooms are in backticks. After a room,
+/// "and what it names" adds the rooms that it may name; "all above but" takes all rows above without those that follow.
+fn allowed_by(cell: &str, above: &[(&str, BTreeSet<String>)]) -> BTreeSet<String> {
+    let pieces: Vec<&str> = cell.split('`').collect();
+    let names: BTreeSet<String> = pieces.iter().skip(1).step_by(2).map(|name| (*name).to_owned()).collect();
+    if cell.starts_with("all above but") {
+        return above.iter().map(|(room, _)| (*room).to_owned()).filter(|room| !names.contains(room)).collect();
+    }
+    let mut allowed = names;
+    for pair in pieces[1..].chunks(2).filter(|pair| pair.len() == 2 && pair[1].starts_with(" and what it names")) {
+        let (_, further) = above.iter().find(|(room, _)| *room == pair[0]).unwrap();
+        allowed.extend(further.iter().cloned());
+    }
+    allowed
+}
+
+#[test]
+fn the_page_of_the_architecture_has_the_table() {
+    let page = fs::read_to_string(folder("docs/architecture.md")).unwrap();
+    let (_, section) = page.split_once("\n## The rooms\n").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let mut shown: Vec<(&str, BTreeSet<String>)> = Vec::new();
+    for row in section.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        shown.push((cells[1].trim_matches('`'), allowed_by(cells[3], &shown)));
+    }
+    let tested: Vec<(&str, BTreeSet<String>)> =
+        ROOMS.iter().map(|(room, _)| (*room, allowed(room).into_iter().map(str::to_owned).collect())).collect();
+    assert_eq!(shown, tested, "the table of the rooms on the page (left) differs from ROOMS");
+}
+
 #[test]
 fn every_room_is_in_the_table() {
     let table: BTreeSet<_> = ROOMS.iter().map(|(name, _)| (*name).to_owned()).collect();
@@ -219,9 +259,7 @@ fn nothing_imports_upward() {
     let mut upward = Vec::new();
     for (path, room) in all_sources() {
         let Some(room) = room else { continue };
-        let (_, listed) = ROOMS.iter().find(|(name, _)| *name == room).unwrap();
-        let place = SERVICE.iter().position(|name| *name == room).unwrap_or(0);
-        let allowed: Vec<&str> = listed.iter().chain(&SERVICE[..place]).copied().collect();
+        let allowed = allowed(&room);
         // A room's own modules may have the name of another room (`cli/compress.rs`), but only `super::` reaches them.
         let own: BTreeSet<String> = directory_of(&room)
             .map(|directory| sources(&directory))
@@ -233,7 +271,7 @@ fn nothing_imports_upward() {
         for name in named_at_the_root(&code) {
             let is_room = ROOMS.iter().any(|(known, _)| *known == name);
             let is_own = name == room || (own.contains(&name) && !code.contains(&format!("crate::{name}")));
-            if is_room && !is_own && !allowed.contains(&name.as_str()) {
+            if is_room && !is_own && !allowed.contains(name.as_str()) {
                 upward.push(format!("{}: {room} names {name}", path.display()));
             }
         }
@@ -282,51 +320,6 @@ fn every_file_begins_with_its_charter() {
         let text = fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("//! "), "{}: no charter on its first line", path.display());
     }
-}
-
-/// Words that an item comment must not open with: they refer to something that a reader has not seen.
-const NO_OPENING: &[&str] = &["What", "Whether", "How", "Its", "Their", "Those", "Of", "So", "Where", "By", "The same"];
-/// Columns within which comment lines wrap.
-const COLUMNS: usize = 120;
-
-/// Returns the words that a comment on an item or a file opens with, if they are among [`NO_OPENING`].
-fn wrong_opening(comment: &str) -> Option<&'static str> {
-    let is_word = |word: &str| {
-        let rest = comment.strip_prefix(word);
-        rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
-    };
-    NO_OPENING.iter().copied().find(|word| is_word(word))
-}
-
-#[test]
-fn item_comments_open_with_a_noun_or_a_verb_and_wrap() {
-    let mut wrong = Vec::new();
-    for folder in ["crates", "src", "tests", "fuzz/src", "fuzz/fuzz_targets", "fuzz/examples"].map(folder) {
-        for path in sources(&folder) {
-            let text = fs::read_to_string(&path).unwrap();
-            let mut is_first = true;
-            for (line, number) in text.lines().zip(1..) {
-                let comment = line.trim_start();
-                let item = ["///", "//!"].into_iter().find_map(|mark| comment.strip_prefix(mark));
-                if let Some(word) = item.filter(|_| is_first).and_then(|item| wrong_opening(item.trim_start())) {
-                    wrong.push(format!("{}:{number}: a comment opens with `{word}`", path.display()));
-                }
-                if comment.starts_with("//") && line.chars().count() > COLUMNS {
-                    wrong.push(format!("{}:{number}: a comment is longer than {COLUMNS} columns", path.display()));
-                }
-                is_first = item.is_none();
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
-#[test]
-fn wrong_openings_are_found() {
-    assert_eq!(wrong_opening("Where it lies."), Some("Where"));
-    assert_eq!(wrong_opening("The same, but larger."), Some("The same"));
-    assert_eq!(wrong_opening("Offset of the sample."), None);
-    assert_eq!(wrong_opening("Bytes of the file."), None);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The finished program and its service as users meet them, and the structure of the code.
+//! The finished program and its service as users meet them, the structure of the code, and its sentences.
 
 #![allow(
     clippy::unwrap_used,
@@ -14,5 +14,6 @@ mod http;
 mod labs;
 mod layering;
 mod pages;
+mod prose;
 mod restored;
 mod service;

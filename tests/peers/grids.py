@@ -235,7 +235,7 @@ def print_failures(every):
 
 
 def measured_fixtures(base, names):
-    """What was found of the fixtures, those with the same samples as one; prints a line of each to stderr."""
+    """The results of the fixtures, those with the same samples as one; prints a line of each to stderr."""
     found = {}
     for source in fixtures():
         if names and source.name not in names:

@@ -1,9 +1,9 @@
 """Other compressors of scientific arrays, each behind the same three functions: prepare, encode, decode.
 
 `packaged` peers are what a user installs and calls; `recipe` peers are what a specialist writes in an afternoon from
-packaged parts (principal components, Tucker factors, Haar trees on triangles). Whatever a peer needs travels in its bytes,
-except shape and axes, which are free. A knob is continuous (about the root mean square error wanted) or a list of steps
-from coarse to fine.
+packaged parts (principal components, Tucker factors, Haar trees on triangles). Whatever a peer needs travels in its
+bytes, except shape and axes, which are free. A knob is continuous (about the root mean square error wanted) or a list
+of steps from coarse to fine.
 """
 
 import math
@@ -394,8 +394,8 @@ def haar_wavelet():
 
 
 def principal(x, axes):
-    """Eigenvalues, descending, and eigenvectors of MᵀM, M the array as (others × last axis); above 512 columns those of a
-    random subspace of 640, with what it leaves as one more eigenvalue."""
+    """Eigenvalues, descending, and eigenvectors of MᵀM, M the array as (others × last axis); above 512 columns those of
+    a random subspace of 640, with what it leaves as one more eigenvalue."""
     m = x.shape[-1]
     matrix = x.reshape(-1, m).astype(np.float64)
     n = len(matrix)

@@ -3,8 +3,9 @@
 
 Usage: plot_rd.py CSV... -o OUT.svg [--arrays NAME,...] [--each N]
 
-CSV is what run_peers.py writes (with --policies for the paper's); of several files the last one that has an entry counts.
-In each panel stand the N best packaged peers and the N best recipes at er(L2) 1 % (or the next target that there is).
+CSV is what run_peers.py writes (with --policies for the paper's); of several files the last one that has an entry
+counts. In each panel stand the N best packaged peers and the N best recipes at er(L2) 1 % (or the next target that
+there is).
 """
 
 import argparse
@@ -60,7 +61,7 @@ def best(peers, group, count):
 
 
 def close(points, others):
-    """Whether two curves lie on each other: the same settings, bytes and errors within 3 %."""
+    """Tells if two curves lie on each other: equal settings, bytes and errors within 3 %."""
     return points.keys() == others.keys() and all(
         abs(a - b) <= 0.03 * b for key in points for a, b in zip(points[key], others[key])
     )

@@ -1,18 +1,19 @@
-"""What the noise of a measurement costs any coder: the noise that wavelume estimates, and the least bytes for it.
+"""The cost of a measurement's noise for any coder: the noise that wavelume estimates, and the least bytes for it.
 
-The noise is what `wavelume compress --json` reports: the standard deviation of a typical sample's logarithm, hence relative.
-Of an array clipped at a floor it is that of the samples above the floor (`--floor`), as the others have none.
+The noise is what `wavelume compress --json` reports: the standard deviation of a typical sample's logarithm, hence
+relative. Of an array clipped at a floor it is that of the samples above the floor (`--floor`), as the others have none.
 
-The bound. Say samples are s = m (1 + σ g), g normal and independent from sample to sample. Let coder and decoder know every
-m, so that the signal costs nothing. er(L2)² is to first order the mean square error of ln s, and a normal variable of
-variance σ² needs ½ log2(σ²/D²) bits for a mean square error of D² < σ² (Shannon 1959; Cover & Thomas, section 10.3). So N
-samples at er(L2) D cost at least N log2(σ/D) bits. Signs, masks and the signal itself come on top, and so do samples that are
-noisier than the typical one; noise that neighbours share, and an estimate of σ that is too large, take off.
+The bound. Say samples are s = m (1 + σ g), g normal and independent from sample to sample. Let coder and decoder know
+every m, so that the signal costs nothing. er(L2)² is to first order the mean square error of ln s, and a normal
+variable of variance σ² needs ½ log2(σ²/D²) bits for a mean square error of D² < σ² (Shannon 1959; Cover & Thomas,
+section 10.3). So N samples at er(L2) D cost at least N log2(σ/D) bits. Signs, masks and the signal itself come on top,
+and so do samples that are noisier than the typical one; noise that neighbours share, and an estimate of σ that is too
+large, take off.
 
-What is N. Positive, unmasked samples above the floor, each independent one once: rows of the last axis (spectra, colours)
-that equal another row bit for bit are copies that a projection made of one reading. The error is a mean over all copies, and
-over samples at the floor, which can be exact: with m copies of sample j and n scored samples the optimum has
-m D_j² = min(m σ², θ) with a θ that spends Σ m D_j² = n D² (reverse water-filling).
+What is N. Positive, unmasked samples above the floor, each independent one once: rows of the last axis (spectra,
+colours) that equal another row bit for bit are copies that a projection made of one reading. The error is a mean over
+all copies, and over samples at the floor, which can be exact: with m copies of sample j and n scored samples the
+optimum has m D_j² = min(m σ², θ) with a θ that spends Σ m D_j² = n D² (reverse water-filling).
 
 Usage: rate_bound.py      # checks its own identities
 """
@@ -37,7 +38,7 @@ class Noise:
     scored: int  # samples > 0
 
     def below(self, target):
-        """Whether a target (a fraction) lies below the noise."""
+        """Tells if a target (a fraction) lies below the noise."""
         return target < self.relative
 
     def bound(self, target):
@@ -46,7 +47,8 @@ class Noise:
 
 
 def least_bytes(power, allowed):
-    """Bytes for independent normal variables of these variances (each times its copies) at this sum of square errors."""
+    """Bytes for independent normal variables of these variances (each times its copies) at this sum of square
+    errors."""
     power = np.sort(power[power > 0])
     if power.sum() <= allowed:
         return 0.0
@@ -57,7 +59,7 @@ def least_bytes(power, allowed):
 
 
 def copies(values, least):
-    """How often each independent sample > `least` stands in an array of float32."""
+    """Number of times that each independent sample > `least` stands in an array of float32."""
     rows = np.ascontiguousarray(values).reshape(-1, values.shape[-1])
     whole = rows.view(np.dtype((np.void, rows.shape[1] * rows.itemsize))).reshape(-1)
     _, first, count = np.unique(whole, return_index=True, return_counts=True)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Checks that files use the error that they are allowed: on every array of the benchmark and every measurement on a grid of
-more than 2,000 samples, er(L2) lies within 3 % below its target, or a step 2 % coarser than the one reported misses the target
-or saves less than 0.3 % of the bytes.
+"""Checks that files use the error that they are allowed: on every array of the benchmark and every measurement on a
+grid of more than 2,000 samples, er(L2) lies within 3 % below its target, or a step 2 % coarser than the one reported
+misses the target or saves less than 0.3 % of the bytes.
 
-Usage: rate_control.py BINARY OUT [NAME...]     # OUT keeps the arrays; MEASUREMENTS names a directory with carpaint_red.mbsdf
+Usage: rate_control.py BINARY OUT [NAME...]   # OUT keeps the arrays; MEASUREMENTS has carpaint_red.mbsdf
 """
 import json
 import os

@@ -7,17 +7,17 @@ Usage: run_peers.py --binary target/release/wavelume --out DIR [--arrays NAME,..
        run_peers.py --binary … --out DIR --figures      # wavelume against the goals alone
        run_peers.py --list                              # the arrays
 
-An array is synthetic (gen.py), or a measurement through `wavelume project`. A name with `_floor` is the same array clipped
-from below at that fraction of its maximum, for every compressor alike, before any of them sees it.
+An array is synthetic (gen.py), or a measurement through `wavelume project`. A name with `_floor` is the same array
+clipped from below at that fraction of its maximum, for every compressor alike, before any of them sees it.
 
-The error is er(L2) = sqrt(mean(((s' - s) / s)²)) over samples with s > 0, of float32 in and out, computed here in float64.
-Peers get negative samples as zeros, and may decode anything where s <= 0; wavelume keeps signs and zeros and pays for them.
-Each peer runs on the array as it is and on the triangles' rhombic grids (`grid`), on values and on logarithms (`log`). Its
-knob is searched for the smallest file with an error within the target, from the loosest target on; the best of these is its
-entry, and what is 1.5 times larger is not followed further. The search is bounded by a number of encodings, so the same
-arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer encodings, and no slow peers. Whatever
-did not run is listed with its reason. The noise of each array, and the least bytes that any coder spends on it, are as
-rate_bound.py says.
+The error is er(L2) = sqrt(mean(((s' - s) / s)²)) over samples with s > 0, of float32 in and out, computed here in
+float64. Peers get negative samples as zeros, and may decode anything where s <= 0; wavelume keeps signs and zeros and
+pays for them. Each peer runs on the array as it is and on the triangles' rhombic grids (`grid`), on values and on
+logarithms (`log`). Its knob is searched for the smallest file with an error within the target, from the loosest target
+on; the best of these is its entry, and what is 1.5 times larger is not followed further. The search is bounded by a
+number of encodings, so the same arrays give the same results; arrays above 10 MB get the grid, the logarithm, fewer
+encodings, and no slow peers. Whatever did not run is listed with its reason. The noise of each array, and the least
+bytes that any coder spends on it, are as rate_bound.py says.
 """
 
 import argparse
@@ -229,7 +229,8 @@ def versions():
 
 
 def stored_rows():
-    """The peers' results kept in the repository: the newest file, and what was measured elsewhere of peers not on PyPI."""
+    """The peers' results kept in the repository: the newest file, and what was measured elsewhere of peers not on
+    PyPI."""
     dated = sorted(glob.glob(os.path.join(HERE, "results", "peers-*.csv")))
     elsewhere = sorted(glob.glob(os.path.join(HERE, "results", "tthresh-*.csv")))
     return [row for path in dated[-1:] + elsewhere[-1:] for row in read_csv(path)]

@@ -45,7 +45,7 @@ class Truth:
         self.provide(*self.filled(known))
 
     def filled(self, known):
-        """What peers get, as values and as logarithms: 0 and the least logarithm where a sample is not scored."""
+        """The input of peers, as values and as logarithms: 0 and the least logarithm where a sample is not scored."""
         clean = np.where(known, self.values, np.float32(0))
         return clean, np.log(np.maximum(clean, np.float32(self.wanted.min())))
 

@@ -5,8 +5,9 @@ Usage: architecture.py write     draws the picture
        architecture.py check     exit code 1 where the picture is not that of the sources
        architecture.py list      prints the imports of every room
 
-A room is a module at the root of a crate; the crate of the paper is one room. An arrow goes from a room to one that it imports, and is
-left out where it follows from others. Places, words and the numbers of an upload's way are below; the arrows are not.
+A room is a module at the root of a crate; the crate of the paper is one room. An arrow goes from a room to one that it
+imports, and is left out where it follows from others. Places, words and the numbers of an upload's way are below; the
+arrows are not.
 """
 import os
 import re
@@ -134,7 +135,7 @@ WAYS = {
     ("pipeline", "projection"): ("l", "t", []),
     ("export", "formats"): ("l", "r", [("x", 500)]),
 }
-# Where arrows end along a side, from 0 to 1, if not spread evenly: clear of the names of bands, or straight.
+# Places of arrows along a side, from 0 to 1, if not spread evenly: clear of the names of bands, or straight.
 PLACES = {
     ("jobs", "pipeline"): (0.85, 0.85),
     ("jobs", "paper"): (0.5, 0.85),

@@ -345,7 +345,8 @@ class Crate:
 
     @staticmethod
     def is_for(implementation, type_id):
-        """Tells an implementation for a type or a reference to it from one that only names it (`From<it> for Other`)."""
+        """Tells an implementation for a type or a reference to it from one that only names it (`From<it> for
+        Other`)."""
         kind, t = one(implementation["for"])
         if kind == "borrowed_ref":
             kind, t = one(t["type"])

@@ -117,7 +117,7 @@ fn main() {
     println!("  two threads {two:.0} ms: {:.2} × (goal 1.7)", one / two);
     println!("  processor time of the busier {busy_two:.0} ms: {:.2} ×", busy_one / busy_two);
 
-    // The same separable problem as tests/benches/pywavelets.py.
+    // A separable problem, equal to that of tests/benches/pywavelets.py.
     let line_axes = [index(16), index(1024), index(75)];
     let haar = AxisTransform::line(LineBasis::HAAR);
     let lines = plan(&line_axes, &[haar, haar, AxisTransform::line(LineBasis::BIOR44)]);

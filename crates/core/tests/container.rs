@@ -374,7 +374,7 @@ fn dark() -> Golden {
     let data = tensor(vec![Axis::Elevation(vec![0.0, 30.0, 60.0]), Axis::Grid(grid)], |i, at| {
         let (polar, azimuth) = (at[1] / 8, at[1] % 8);
         let value = (0.1 + 1.0 / (1.0 + (polar as f64 - at[0] as f64).abs())) * (1.0 + 0.02 * noise(i));
-        // Of a magnitude that the positive neighbours do not predict.
+        // Negative samples of a magnitude that the positive neighbours do not predict.
         if polar == 4 && azimuth > 3 { -[0.9, 0.2][azimuth % 2] } else { value }
     });
     let mut golden = golden("dark", Quantity::Brdf, data, Target::ErL2(0.02));

@@ -161,7 +161,7 @@ fn picture(faded: &Material, moved: &Material) -> Result<String, Box<dyn Error>>
     for (_, style, curve) in &curves {
         path(&mut svg, style, curve.iter().map(polar))?;
     }
-    // By elevation.
+    // Horizontal axis: elevation in degrees.
     let plot = |&(theta, f): &(f64, f64)| (455.0 + 3.2 * (theta + 20.0), 285.0 - 820.0 * f);
     let shown = |curve: &[(f64, f64)]| -> Vec<(f64, f64)> {
         curve.iter().filter(|(theta, _)| (-20.0..=80.0).contains(theta)).copied().collect()

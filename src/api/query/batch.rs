@@ -141,8 +141,8 @@ type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
     request_body(content(
         (EvaluateRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = Digest, Path, description = "The material"), EvaluateOptions),
-    responses((status = 200, description = "The spectra; a line has `values`", content(
+    params(("id" = Digest, Path, description = "Id of the material"), EvaluateOptions),
+    responses((status = 200, description = "The spectra; each line of NDJSON has `values`", content(
         (EvaluateAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
@@ -180,8 +180,8 @@ pub(super) async fn evaluate(
     request_body(content(
         (PdfRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = Digest, Path, description = "The material"), PdfOptions),
-    responses((status = 200, description = "The densities; a line has `pdf`", content(
+    params(("id" = Digest, Path, description = "Id of the material"), PdfOptions),
+    responses((status = 200, description = "The densities; each line of NDJSON has `pdf`", content(
         (PdfAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
@@ -210,8 +210,8 @@ pub(super) async fn pdf(
     request_body(content(
         (SampleRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = Digest, Path, description = "The material"), SampleOptions),
-    responses((status = 200, description = "The directions; a line has `direction`, `pdf`, `weight`", content(
+    params(("id" = Digest, Path, description = "Id of the material"), SampleOptions),
+    responses((status = 200, description = "The directions; each line of NDJSON has `direction`, `pdf`, `weight`", content(
         (SampleAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]
@@ -246,8 +246,8 @@ pub(super) async fn sample(
     request_body(content(
         (AlbedoRequest = "application/json"), (Line = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )),
-    params(("id" = Digest, Path, description = "The material"), AlbedoOptions),
-    responses((status = 200, description = "The albedos; a line has `values`", content(
+    params(("id" = Digest, Path, description = "Id of the material"), AlbedoOptions),
+    responses((status = 200, description = "The albedos; each line of NDJSON has `values`", content(
         (AlbedosAnswer = "application/json"), (Lines = "application/x-ndjson"), (Binary = "application/octet-stream"),
     )))
 )]

@@ -56,7 +56,7 @@ pub(super) struct AlbedoQuery {
 /// Evaluate one spectrum of a material.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/spectrum", tag = "evaluation",
-    params(("id" = Digest, Path, description = "The material"), SpectrumQuery),
+    params(("id" = Digest, Path, description = "Id of the material"), SpectrumQuery),
     responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
 )]
 pub(super) async fn get_spectrum(
@@ -89,7 +89,7 @@ pub(super) async fn get_spectrum(
 /// emission.
 #[utoipa::path(
     get, path = "/v1/materials/{id}/albedo", tag = "evaluation",
-    params(("id" = Digest, Path, description = "The material"), AlbedoQuery),
+    params(("id" = Digest, Path, description = "Id of the material"), AlbedoQuery),
     responses((status = 200, description = "The albedo", body = AlbedoAnswer))
 )]
 pub(super) async fn get_albedo(

@@ -61,12 +61,12 @@ async fn protocol(request: Request, next: Next) -> Response {
 /// Get the version, extensions and limits of the protocol of resumable uploads.
 #[utoipa::path(
     options, path = "/v1/uploads", tag = "uploads",
-    responses((status = 204, description = "The protocol, in headers", headers(
-        ("Tus-Resumable" = String, description = "Version of the protocol"),
-        ("Tus-Version" = String, description = "Versions that are spoken"),
-        ("Tus-Extension" = String, description = "Extensions that are spoken"),
+    responses((status = 204, description = "Version, extensions and limits of the protocol, in headers", headers(
+        ("Tus-Resumable" = String, description = "Version of the tus protocol"),
+        ("Tus-Version" = String, description = "Supported versions of the protocol"),
+        ("Tus-Extension" = String, description = "Supported extensions of the protocol"),
         ("Tus-Max-Size" = u64, description = "Upper bound on the size of an upload in bytes"),
-        ("Tus-Checksum-Algorithm" = String, description = "Names of the checksums that are known"),
+        ("Tus-Checksum-Algorithm" = String, description = "Supported checksum algorithms"),
     )))
 )]
 async fn upload_options(State(app): State<App>) -> Response {
@@ -86,14 +86,14 @@ async fn upload_options(State(app): State<App>) -> Response {
 #[utoipa::path(
     post, path = "/v1/uploads", tag = "uploads",
     params(
-        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
         ("Upload-Length" = Option<u64>, Header, description = "Size of the whole upload in bytes"),
-        ("Upload-Defer-Length" = Option<u8>, Header, description = "1, if the size will be stated by a later request"),
-        ("Upload-Metadata" = Option<String>, Header, description = "Pairs of a name and a text in Base64, separated by commas; `filename` becomes the name of the file"),
+        ("Upload-Defer-Length" = Option<u8>, Header, description = "1 if a later request states the size"),
+        ("Upload-Metadata" = Option<String>, Header, description = "Pairs of a key and a value in Base64, separated by commas; the value of `filename` becomes the file name"),
     ),
-    request_body(content = Option<Binary>, content_type = "application/offset+octet-stream", description = "The first bytes; may be empty"),
-    responses((status = 201, description = "Begun", headers(
-        ("Location" = String, description = "The upload"),
+    request_body(content = Option<Binary>, content_type = "application/offset+octet-stream", description = "First bytes of the upload; may be empty"),
+    responses((status = 201, description = "The upload has begun", headers(
+        ("Location" = String, description = "URL of the upload"),
         ("Upload-Offset" = u64, description = "Number of bytes received"),
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
@@ -163,14 +163,14 @@ async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Pr
 #[utoipa::path(
     head, path = "/v1/uploads/{id}", tag = "uploads",
     params(
-        ("id" = UploadIdText, Path, description = "Its id"),
-        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("id" = UploadIdText, Path, description = "Id of the upload"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
     ),
-    responses((status = 200, description = "The progress, in headers", headers(
+    responses((status = 200, description = "Progress of the upload, in headers", headers(
         ("Upload-Offset" = u64, description = "Number of bytes received"),
         ("Upload-Length" = u64, description = "Size of the whole upload in bytes, if it is known"),
-        ("Upload-Defer-Length" = u8, description = "1, if the size is not known"),
-        ("Upload-Metadata" = String, description = "As sent with the beginning"),
+        ("Upload-Defer-Length" = u8, description = "1 if the size is not known yet"),
+        ("Upload-Metadata" = String, description = "Metadata that were sent when the upload began"),
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
@@ -199,14 +199,14 @@ async fn get_upload_offset(State(app): State<App>, Id32(id): Id32) -> Result<Res
 #[utoipa::path(
     patch, path = "/v1/uploads/{id}", tag = "uploads",
     params(
-        ("id" = UploadIdText, Path, description = "Its id"),
-        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
-        ("Upload-Offset" = u64, Header, description = "Number of bytes that the upload has received before"),
-        ("Upload-Length" = Option<u64>, Header, description = "Size of the whole upload, if it was not stated before"),
-        ("Upload-Checksum" = Option<String>, Header, description = "`sha1` or `sha256` and the checksum of this body in Base64; a body with another one is discarded"),
+        ("id" = UploadIdText, Path, description = "Id of the upload"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
+        ("Upload-Offset" = u64, Header, description = "Number of bytes that the upload received before this request"),
+        ("Upload-Length" = Option<u64>, Header, description = "Size of the whole upload in bytes, if no earlier request stated it"),
+        ("Upload-Checksum" = Option<String>, Header, description = "Algorithm, `sha1` or `sha256`, and checksum of this body in Base64; a body that does not match it is discarded"),
     ),
-    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "The next bytes"),
-    responses((status = 204, description = "Received", headers(
+    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "Next bytes of the upload"),
+    responses((status = 204, description = "The bytes were added to the upload", headers(
         ("Upload-Offset" = u64, description = "Number of bytes received"),
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
@@ -238,10 +238,10 @@ async fn append(app: &App, peer: Peer, id: String, request: Request) -> Result<R
 #[utoipa::path(
     delete, path = "/v1/uploads/{id}", tag = "uploads",
     params(
-        ("id" = UploadIdText, Path, description = "Its id"),
-        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
+        ("id" = UploadIdText, Path, description = "Id of the upload"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
     ),
-    responses((status = 204, description = "Gone"))
+    responses((status = 204, description = "The upload is deleted"))
 )]
 async fn delete_upload(State(app): State<App>, Id32(id): Id32) -> Result<StatusCode, Problem> {
     delete(&app, &id).await
@@ -256,13 +256,13 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
 #[utoipa::path(
     post, path = "/v1/uploads/{id}", tag = "uploads",
     params(
-        ("id" = UploadIdText, Path, description = "Its id"),
-        ("Tus-Resumable" = TusVersion, Header, description = "Version of the protocol"),
-        ("X-HTTP-Method-Override" = String, Header, description = "`PATCH` or `DELETE`"),
-        ("Upload-Offset" = Option<u64>, Header, description = "As for `PATCH`"),
+        ("id" = UploadIdText, Path, description = "Id of the upload"),
+        ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
+        ("X-HTTP-Method-Override" = String, Header, description = "Method to carry out: `PATCH` or `DELETE`"),
+        ("Upload-Offset" = Option<u64>, Header, description = "For `PATCH`: number of bytes that the upload received before this request"),
     ),
-    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "As for `PATCH`"),
-    responses((status = 204, description = "As for the method that is named"))
+    request_body(content = Binary, content_type = "application/offset+octet-stream", description = "For `PATCH`: next bytes of the upload"),
+    responses((status = 204, description = "The bytes were added to the upload (`PATCH`), or the upload is deleted (`DELETE`)"))
 )]
 async fn override_upload(
     State(app): State<App>,

@@ -83,7 +83,7 @@ impl Used {
     pub(crate) async fn end(self, app: &App, succeeded: bool) {
         let id = self.0.partial.id.clone();
         if succeeded {
-            // What is left expires.
+            // An upload that cannot be deleted now expires later.
             if let Err(error) = app.engine.end_partial(&id).await {
                 tracing::warn!(upload = id, %error, "a used upload was not deleted");
             }

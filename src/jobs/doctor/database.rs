@@ -32,7 +32,7 @@ pub(super) fn judge(place: &Database, asked: &Asked, processes: u32) -> Vec<Find
         }
         Asked::Failed(error) => {
             let remedy = match error {
-                // Their messages say what to do.
+                // The messages of these errors say what to do.
                 CatalogError::Unreachable { .. } | CatalogError::Unusable { .. } => "then run doctor again",
                 _ => "check --database, and the rights of its user",
             };

@@ -168,7 +168,7 @@ fn a_table_of_directions_gets_a_row_each() {
         assert!((found / wanted.as_f64().unwrap() - 1.0).abs() < 1e-5, "{shown}");
     }
 
-    // The same from an array, as an array and as bare numbers, and through pipes.
+    // Equal answers from an array, as an array and as bare numbers, and through pipes.
     let places = [30.0, 40.0, 20.0, -170.0, 0.0, 0.0, 10.5, 0.0];
     let (array, out) = (at(&dir, "table.npy"), at(&dir, "out.npy"));
     std::fs::write(&array, npy(&[2, 4], &places)).unwrap();

@@ -220,7 +220,7 @@ async fn json_bodies_take_memory_as_they_come_not_as_they_are_announced() {
     everything_is_answered(&service).await;
     let answer = post(&service, HONEST, &path).json(&json!({})).send().await.unwrap();
     assert_eq!(answer.status(), StatusCode::OK, "{}", answer.text().await.unwrap());
-    // What came counts: a body that stops short of its end fills the share of its address.
+    // Received bytes count: a body that stops short of its end fills the share of its address.
     let bodies = async |kib: usize| {
         let figure = format!("KiB of bodies\"}} {kib}\n");
         while !service.get("/metrics").send().await.unwrap().text().await.unwrap().contains(&figure) {

@@ -25,7 +25,7 @@ async fn files_state_what_they_add() {
     assert!(bytes.starts_with(b"tensor_file\0") && length == bytes.len().to_string());
     let again = service.get(&rgl).header("if-none-match", &etag).send().await.unwrap();
     assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
-    // What was written is a measurement again.
+    // The exported file can be uploaded as a measurement.
     let measurement = service.upload("?filename=m.bsdf", bytes.to_vec()).await;
     assert_eq!((&measurement["format"], &measurement["quantity"]), (&json!("rgl"), &json!("brdf")));
 
@@ -52,7 +52,7 @@ async fn files_state_what_they_add() {
     let stated = header(&response, "wavelume-export-error").to_owned();
     assert!(stated.starts_with("er_l2=0.000000") && stated.contains("of=\"every sample\""), "{stated}");
     assert!(stated.contains("peak=0.000000, flux=0.000000, rms_of_peak=0.000000, er_l2_bright=0.000000"), "{stated}");
-    // What comes back is the same measurement.
+    // The exported file holds the measurement that was uploaded.
     let again = service.upload("?filename=again.ies", response.bytes().await.unwrap().to_vec()).await;
     let grid = json!({ "measurement": again["id"], "domain": "grid", "target": "lossless" });
     let again = service.compress(&grid).await["material"].as_str().unwrap().to_owned();

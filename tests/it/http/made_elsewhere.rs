@@ -84,7 +84,7 @@ async fn errors_are_measured_again_at_cells_and_samples() {
     let service = Service::start(config(data.path())).await;
     let spectrum = service.upload("", LAMP_SPECTRUM).await["id"].clone();
     let joined = service.upload(&format!("?spectrum={}", spectrum.as_str().unwrap()), LAMP).await["id"].clone();
-    // Of the same bytes, without the spectrum: not what the material was made from.
+    // Equal bytes without the spectrum are another measurement than the one of the material.
     service.upload("", LAMP).await;
     let request =
         Request { outgoing_level: Some(3), wavelengths: Some("400:700:50".to_owned()), ..Request::er_l2(0.02) };

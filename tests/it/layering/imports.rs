@@ -331,7 +331,7 @@ fn circles_between_files_are_found_through_reexports_and_macros() {
     let a = ("a/mod.rs", "pub mod leaf;\nmod work;\npub use leaf::Leaf;\npub fn run() { work::done(); }");
     let leaf = ("a/leaf.rs", "pub struct Leaf;");
     let work = |text| [("lib.rs", "mod a; mod b;"), a, leaf, ("b.rs", "pub fn b() {}"), ("a/work.rs", text)];
-    // What its contents page offers again is the leaf's.
+    // A name that the module file re-exports belongs to the leaf.
     assert!(circles_of(&work("use super::Leaf; pub fn done() -> Leaf { crate::b::b(); Leaf }")).is_empty());
     let both = [["a/mod.rs".to_owned(), "a/work.rs".to_owned()].to_vec()];
     assert_eq!(circles_of(&work("use super::run; pub fn done() { run() }")), both);

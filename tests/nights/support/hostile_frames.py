@@ -77,7 +77,8 @@ def status(payload):
     first = payload[0]
     if first & 0x80:
         return INDEXED.get(first & 0x7F)
-    # A literal with the name of entry 8; its value plain or in Huffman code, where digits 0, 1, 2 have 5 bits, others 6.
+    # A literal with the name of entry 8; its value plain or in Huffman code, where digits 0, 1, 2 have 5 bits, others
+    # 6.
     size, coded = payload[1] & 0x7F, payload[1] & 0x80
     value = payload[2 : 2 + size]
     if not coded:

@@ -15,11 +15,13 @@ SETTINGS = {
     "WAVELUME_LEASE": "2s", "WAVELUME_SWEEP": "3s", "WAVELUME_GRACE": "1s", "WAVELUME_BACKOFF": "200ms", "WAVELUME_ATTEMPTS": "100",
     "WAVELUME_LOST": "100000", "WAVELUME_NOTICE": "0s", "WAVELUME_DRAIN": "5s",
 }
-# One in so many rounds stops a worker for longer than its lease, unless one is stopped; one in so many restarts the database.
+# One in so many rounds stops a worker for longer than its lease, unless one is stopped; one in so many restarts the
+# database.
 STOPPED, RESTARTED = 5, 20
 # Seconds that a round waits at most for its share of accepted requests before it kills all the same.
 PATIENCE = 20
-# Minutes after which no further round begins, as what follows takes some more. Fewer rounds than asked for are a failure.
+# Minutes after which no further round begins, as what follows takes some more. Fewer rounds than asked for are a
+# failure.
 MINUTES = 26
 
 
@@ -38,7 +40,8 @@ def run(shared, rounds):
             try:
                 for round in range(rounds):
                     accepted = ledger.counts["jobs"] + ledger.counts["uploads"]
-                    # Three of four rounds get as far as two more accepted requests; the fourth may be killed before its first.
+                    # Three of four rounds get as far as two more accepted requests; the fourth may be killed before its
+                    # first.
                     wanted, patience = accepted + (2 if round % 4 else 0), time.monotonic() + PATIENCE
                     while ledger.counts["jobs"] + ledger.counts["uploads"] < wanted and time.monotonic() < patience:
                         tend(site)

@@ -14,9 +14,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 from service import npy
 
-# What a client asks for; each spectrum is another one, so that each job makes a material of its own.
+# Request of a client; each spectrum is another one, so that each job makes a material of its own.
 SPECTRUM = {"quantity": "spectrum", "target": {"er_l2": 0.01}}
-# A BRDF of 16 incoming and 256 outgoing triangles at 31 wavelengths: a second of work, so that its worker dies in the middle.
+# A BRDF of 16 incoming and 256 outgoing triangles at 31 wavelengths: a second of work, so that its worker dies in the
+# middle.
 LONG = {"quantity": "brdf", "axes": {"axes": ["hemi:1", "hemi:3", "lambda:400:10:31"]}, "target": {"er_l2": 0.001}}
 # Materials that are compared with those that the command line makes of the same files.
 COMPARED = 20
@@ -42,7 +43,7 @@ class Job:
 
 
 class Ledger:
-    """What the service has answered with 2xx, and all that was wrong."""
+    """The answers of the service with 2xx, and all faults."""
 
     def __init__(self, addresses, forgiven=("broken", "503")):
         self.addresses, self.forgiven, self.lock = addresses, forgiven, threading.Lock()
@@ -86,8 +87,8 @@ class Ledger:
     def ask(self, chance, expected, method, path, body=None, headers=None):
         """A request that is repeated, each time to a node drawn anew, until it is answered by a status other than 503.
 
-        Returns status and body; None, which is noted as wrong, for a status that is not expected. A 503 must say when to
-        come back. What the ledger does not forgive is noted as wrong, too.
+        Returns status and body; None, which is noted as wrong, for a status that is not expected. A 503 must say when
+        to come back. What the ledger does not forgive is noted as wrong, too.
         """
         if isinstance(body, dict):
             body, headers = json.dumps(body).encode(), {"content-type": "application/json", **(headers or {})}
@@ -256,7 +257,8 @@ class Clients:
             number += 1
 
     def small(self, chance, number):
-        """One spectrum: uploaded, perhaps deleted, perhaps compressed, perhaps cancelled; perhaps a material is deleted."""
+        """One spectrum: uploaded, perhaps deleted, perhaps compressed, perhaps cancelled; perhaps a material is
+        deleted."""
         ledger = self.ledger
         id = ledger.upload(chance, spectrum(number), SPECTRUM)
         if id is None:
@@ -265,7 +267,7 @@ class Clients:
             ledger.delete_upload(chance, id)
             if number % 10 == 4:
                 return
-            # The same bytes once more, beside the sweep that removes them.
+            # Repeats the upload beside the sweep that removes its bytes.
             id = ledger.upload(chance, spectrum(number), SPECTRUM)
         job = id and ledger.submit(chance, id, f"{self.seed} {number}")
         if job is None:

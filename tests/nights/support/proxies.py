@@ -1,10 +1,12 @@
-"""Proxies that fail: one before an S3 server, one before PostgreSQL. Each is a process of its own that obeys lines on stdin.
+"""Proxies that fail: one before an S3 server, one before PostgreSQL. Each is a process of its own that obeys lines on
+stdin.
 
     proxies.py s3 URL SEED
     proxies.py postgres URL SEED
 
-Each prints the port that it listens on. `share P` lets this share of calls to S3 fail, or of commits lose its connection.
-`out refused` and `out silent` let all calls to S3 fail, `in` none. `counts` prints what has happened so far as JSON.
+Each prints the port that it listens on. `share P` lets this share of calls to S3 fail, or of commits lose its
+connection. `out refused` and `out silent` let all calls to S3 fail, `in` none. `counts` prints what has happened so far
+as JSON.
 """
 
 import asyncio
@@ -24,7 +26,8 @@ KINDS = ("503", "500", "early reset", "late reset", "cut", "delay")
 OUT = {"refused": ("503", "early reset"), "silent": ("silence",)}
 # Seconds by which a call is delayed, and after which a silent one is closed.
 DELAY, SILENCE = 1.0, 300
-# Ends of a connection to PostgreSQL: before the commit reaches the server, while it works, and after its answer was lost.
+# Ends of a connection to PostgreSQL: before the commit reaches the server, while it works, and after its answer was
+# lost.
 CUTS = ("before", "during", "after")
 WRITES = ("INSERT", "UPDATE", "DELETE", "WITH")
 
@@ -56,7 +59,7 @@ class Proxy:
 
 
 class Faulty:
-    """What both proxies have in common: the upstream server, the share of failures, and their counts."""
+    """The common part of both proxies: the upstream server, the share of failures, and their counts."""
 
     def __init__(self, url, seed):
         parts = urllib.parse.urlsplit(url)
@@ -198,7 +201,8 @@ class Postgres(Faulty):
 
     @staticmethod
     async def begin(reader, writer, back, front):
-        """Passes on the messages that have no type: questions for encryption, which the server denies, and the start."""
+        """Passes on the messages that have no type: questions for encryption, which the server denies, and the
+        start."""
         while True:
             length = await reader.readexactly(4)
             rest = await reader.readexactly(struct.unpack("!i", length)[0] - 4)
@@ -229,7 +233,7 @@ class Postgres(Faulty):
 
 
 class Talk:
-    """What is known of one connection to PostgreSQL."""
+    """The state of one connection to PostgreSQL."""
 
     def __init__(self):
         self.silent, self.answered = False, asyncio.Event()
@@ -263,7 +267,7 @@ async def main():
     def listen():
         for line in sys.stdin:
             print(asyncio.run_coroutine_threadsafe(obey(line), loop).result(), flush=True)
-        # Its user is gone.
+        # Standard input has ended: the user of the proxies is gone.
         loop.call_soon_threadsafe(ended.set)
 
     async def obey(line):

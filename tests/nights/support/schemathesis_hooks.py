@@ -28,7 +28,7 @@ def pool_of(path):
 @schemathesis.hook
 def map_path_parameters(context, path_parameters):
     operation = context.operation
-    # What is seeded stays.
+    # Seeded resources are not deleted.
     if operation.method.upper() == "DELETE" or not path_parameters:
         return path_parameters
     for name, value in path_parameters.items():
@@ -47,7 +47,7 @@ def map_query(context, query):
 
 @schemathesis.hook
 def before_call(context, case, **kwargs):
-    """What a description cannot say: which parameters stand in the way of each other."""
+    """Leaves out parameters that exclude each other, which a description cannot say."""
     query = case.query or {}
     # The options of a JSON body stand in it.
     if case.method.upper() == "POST" and case.media_type == "application/json" and case.operation.path.startswith("/v1/materials"):

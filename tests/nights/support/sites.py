@@ -1,4 +1,5 @@
-"""Processes of wavelume on one site that a check kills, stops and starts again, and what their database and store hold."""
+"""Processes of wavelume on one site that a check kills, stops and starts again, and what their database and store
+hold."""
 
 import contextlib
 import json
@@ -123,7 +124,8 @@ class Process:
 
 
 class Site:
-    """Nodes and workers on SQLite and a directory (`shared` is false), or on the servers that `tests/servers` has started."""
+    """Nodes and workers on SQLite and a directory (`shared` is false), or on the servers that `tests/servers` has
+    started."""
 
     def __init__(self, shared, settings, nodes=2, workers=2, database=None, endpoint=None):
         self.shared, self.program = shared, binary().resolve()
@@ -247,8 +249,8 @@ class Site:
     def settled(self):
         """Checks database and store of a stopped site; returns the number of stored objects.
 
-        No job has ended twice, each stored byte has its digest, and after the grace, which the test brings forward in the
-        database, the store holds the objects that rows name and nothing else.
+        No job has ended twice, each stored byte has its digest, and after the grace, which the test brings forward in
+        the database, the store holds the objects that rows name and nothing else.
         """
         ends = self.rows("SELECT job, COUNT(*), MAX(before), MAX(after) FROM test_ends GROUP BY job HAVING COUNT(*) > 1")
         assert not ends, f"jobs that ended twice: {ends[:5]}"
@@ -257,7 +259,7 @@ class Site:
         over = "SELECT COUNT(*) FROM jobs WHERE state NOT IN ('queued', 'running')"
         ended, audited = self.number(over), self.number("SELECT COUNT(*) FROM test_ends")
         assert ended == audited, f"{ended} jobs have ended, {audited} ends were written"
-        # What a killed process was writing, and what it was deleting.
+        # Ends the announcements of killed processes, and removes what they were deleting.
         self.script("UPDATE intents SET expires_at = 0")
         self.run("gc", settings={"WAVELUME_GRACE": "0s"})
         self.script("UPDATE doomed SET not_before = 0")

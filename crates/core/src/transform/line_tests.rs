@@ -73,7 +73,7 @@ fn as_many_moments_vanish_as_claimed() {
             assert!(found < tolerance(basis), "{basis} moment {power}: {found}");
             last = if power >= claimed - 3 { last.max(found) } else { last };
         }
-        // By symmetry one more moment can vanish about this origin, which is not the centre of the wavelet.
+        // One more moment can vanish by symmetry about this origin, which is not the centre of the wavelet.
         let next = moment(low, claimed).max(moment(low, claimed + 1));
         assert!(next > 20.0 * last, "{basis} moment {claimed}: {next} after {last}");
     }

@@ -338,7 +338,7 @@ fn nothing_is_known_between_the_planes_of_a_scan() {
     // Scattered samples are compared with an evaluated material, not with cells.
     assert!(projected.scattered.is_some() && error_at_samples(&acquired, &projected.measurement).is_none());
     assert_eq!(scattered_samples(&acquired).unwrap().directions(), projected.scattered.unwrap().len());
-    // By name, and in a format that defines the values between planes, the planes are a grid.
+    // Planes are a grid if the request names one, or if the format defines values between planes.
     let grid = AxesRequest { domain: Some(DirectionDomain::Grid), ..AxesRequest::default() };
     let of_format = Acquisition { format: "mbsdf", ..acquired.clone() };
     for (acquired, request) in [(&acquired, &grid), (&of_format, &AxesRequest::default())] {

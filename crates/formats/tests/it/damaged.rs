@@ -148,10 +148,10 @@ fn check_refusal(error: &FormatError, what: &str) {
     let said = !error.message.is_empty() && text.len() < 2000 && !text.chars().any(char::is_control);
     let named =
         !error.format.is_empty() || matches!(error.kind, FormatErrorKind::Unrecognised | FormatErrorKind::Unsupported);
-    // What is wrong with a whole table, a key of its header or a file of an archive has a name instead of a place.
+    // Errors in a whole table, a key of its header or a file of an archive state a name instead of a place.
     let by_name = ["radiometric-csv", "radiometric-arrow", "zip", "phase-table", "virtual"].contains(&error.format);
     let placed = error.position.is_some() || error.kind != FormatErrorKind::Malformed || by_name;
-    // What is not read here at all has nothing that could be expected of it; a missing option is named.
+    // Refusals of unsupported files expect nothing; those of missing options name the option.
     let explained = matches!(error.kind, FormatErrorKind::Unsupported | FormatErrorKind::NeedsOption)
         || ["expected", "limit", "more than", "twice"].iter().any(|word| text.contains(word));
     assert!(said && named && placed && explained, "{what}: {error:?}");

@@ -309,7 +309,7 @@ fn odd_heads_are_read_and_named_files_never_opened() {
     let lamp = plain(tilted.as_bytes()).unwrap();
     assert!(has_note(&lamp, NoteKind::Skipped, "never opened") && has_note(&lamp, NoteKind::Warning, "[MORE]"));
     assert_eq!((lamp.unit, metadata(&lamp, "LABEL")), (Unit::MicrowattPerSteradian, "free text"));
-    // The same in Windows-1252, UTF-16, with CR line ends and a DOS end mark.
+    // Equal content in Windows-1252 and UTF-16, with CR line ends and a DOS end mark.
     let windows: Vec<u8> = tilted.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
     let utf16: Vec<u8> = std::iter::once(0xFEFF).chain(tilted.encode_utf16()).flat_map(u16::to_le_bytes).collect();
     for bytes in [windows, utf16, tilted.replace('\n', "\r").into_bytes(), format!("{tilted}\u{1a}").into_bytes()] {
@@ -570,7 +570,7 @@ fn eulumdat_luminaires_are_candela() {
     assert_eq!(dummy.dialect, "EULUMDAT, absolute photometry, axially symmetric");
     assert_eq!(intensity(grid(&dummy), 2.5, 0.0), 2000.2_f32 * 0.5);
     assert!(has_note(&dummy, NoteKind::Warning, "of the 500 lm stated"), "made-up numbers");
-    // The same numbers under every symmetry.
+    // Equal numbers under every symmetry.
     let at = |name: &str| fixture(&format!("tests/fixtures/ldt/{name}.ldt"));
     let (half, side) = (at("symmetry_to_c0c180"), at("symmetry_to_c90c270"));
     assert_eq!(intensity(grid(&half), 2.5, 10.0), 2038.2);

@@ -98,7 +98,7 @@ fn inputs() -> Vec<(String, Vec<u8>)> {
         .iter()
         .flat_map(|folder| fs::read_dir(root().join(folder)).unwrap())
         .map(|entry| entry.unwrap().path())
-        // The same luminaires stand in data.
+        // Luminaires that are also in `data` are left out.
         .filter(|path| path.is_file() && !in_data(path))
         .collect();
     paths.sort();

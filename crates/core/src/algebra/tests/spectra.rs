@@ -88,7 +88,7 @@ fn weights_enter_dot_products() {
 fn tristimulus_values_are_functionals() {
     let grid = WavelengthGrid::even(380.0, 5.0, 81).unwrap();
     let observer = Tristimulus::emission(&grid).unwrap();
-    // Its weights, one wavelength after the other.
+    // The weights of the sum, one wavelength after the other.
     let units: Vec<_> = (0..81)
         .map(|i| {
             let mut unit = vec![0.0_f32; 81];

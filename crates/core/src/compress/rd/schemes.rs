@@ -173,7 +173,7 @@ fn predicted(
         Target::ErL1(error) | Target::ErL2(error) => error,
         Target::RelativeRmse(error) => error * root_mean_square(values),
         Target::MaxAbsoluteError(error) | Target::MaxRelativeError(error) => 0.5 * error,
-        // Where a symmetry holds, entries differ from each other by √2 times their noise, which is what is compared.
+        // Entries that a symmetry makes equal differ by √2 times their noise, which is what is compared.
         Target::Auto => noise.map_or(0.05, |noise| 1.05 * noise),
         _ => 0.05,
     };

@@ -95,7 +95,7 @@ impl LobeUnder {
         if wo[2] >= 0.0 {
             let place = self.around.place(wo);
             let value = self.peak * self.profile.at(squared(self.half_widths(place))) * self.factor(place, wo[2]);
-            // Where both directions are at the horizon, the tail is 0 and the factor has no bound.
+            // If both directions are at the horizon, the tail is 0 and the factor has no bound.
             if value.is_nan() { 0.0 } else { value.min(LARGEST_VALUE) }
         } else {
             0.0

@@ -197,7 +197,7 @@ fn points_lead_back_to_their_direction() {
                 Some(u) => {
                     let drawn = warps.sample(0, u, &options).unwrap();
                     let apart = norm(sub(drawn.direction.xyz(), wo.xyz()));
-                    // Where the density is next to 0 (linear, at a vertex of value 0) many directions share a point.
+                    // If the density is next to 0 (linear, at a vertex of value 0) many directions share a point.
                     let same = (drawn.pdf - pdf).abs() < 1e-4 * pdf && apart < 1e-6;
                     assert!(same || pdf < 1e-4, "{options:?} {wo:?} {drawn:?} {pdf}");
                 }

@@ -96,7 +96,7 @@ fn what_the_values_integrate_to_is_inferred_or_asked_for() {
     let b = with(&angles(0.37), Some(Vsf)).unwrap().report.metadata;
     let b = b.iter().find(|(key, _)| key == "scattering_coefficient").unwrap();
     assert!((b.1.parse::<f64>().unwrap() - 0.37).abs() < 1e-4, "{b:?}");
-    // What was said and what is found differ: it is told.
+    // A normalization that differs from the stated one brings a warning.
     let odd = with(&angles(2.0), Some(One)).unwrap();
     assert!(odd.report.notes.iter().any(|note| note.kind == NoteKind::Warning && note.message.contains("not to 1")));
     let error = with(&angles(2.0), None).unwrap_err();
