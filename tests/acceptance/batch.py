@@ -35,7 +35,7 @@ KILLS = 3
 # Characters that mean something to a shell, a query string, JSON, awk or curl.
 AWKWARD = ["with space.csv", "quote's.csv", 'two "quotes".csv', "Übergröße ½.csv", "100%&=#?+.csv", "[1]{2}.csv", "-dash.csv",
            "$HOME `x` $(y).csv", "back\\slash.csv", "semi;colon,comma.csv", "@at.csv", " blanks around ", "1e3", "1000"]
-# What a third of the files is asked with; the others get what the script takes by itself.
+# Requests of a third of the files; the others get the script's own.
 OPTIONS, REQUEST, LOOSE, STANDARD = "quantity=reflectance", '{"target": {"er_l2": 0.03}, "tags": ["tile"]}', 0.03, 0.01
 
 
@@ -104,7 +104,7 @@ class Service:
         return items
 
     def done(self):
-        """How often a file was uploaded, an upload was repeated and refused, and a job was queued."""
+        """Returns the numbers of uploads, of repeated and refused ones, and of queued jobs."""
         count = collections.Counter()
         for event in self.events():
             if event["message"] == "request answered" and (event["method"], event["path"]) == ("POST", "/v1/measurements"):
@@ -129,8 +129,8 @@ def finish(process, code):
 
 def kill(service, words, chance, count):
     """Kills the script at random points of its work; returns the numbers of requests that had been answered by then."""
-    # A file takes at least five requests: a list, an upload, a job, its state and the material. The last few are left out,
-    # so that the script does not end before it is killed.
+    # A file takes at least five requests: a list, an upload, a job, its state and the material. The last few are left
+    # out, so that the script does not end before it is killed.
     points = sorted(chance.sample(range(1, 5 * count - max(10, count // 4)), KILLS))
     for number, point in enumerate(points):
         process = start(*words)
