@@ -18,6 +18,10 @@ const AUTO: &str = "auto";
 const ILLUMINANT: &str = "illuminant";
 /// Names of the options that choose the axes of the tensor to compress.
 const AXES: [&str; 5] = ["domain", "reciprocal", "incoming_level", "outgoing_level", "wavelengths"];
+/// Names of the options, besides the promise, that have a sum of materials compressed anew.
+const AGAIN: [&str; 2] = ["policy", "basis"];
+/// Name of the option that leaves the provenance out of a material.
+const METADATA: &str = "metadata";
 
 /// Axes of the tensor to compress; by default chosen from the density of the data.
 #[derive(Clone, Debug)]
@@ -30,6 +34,13 @@ pub(crate) struct TargetArgs(Option<Target>);
 /// Options of a compression.
 #[derive(Clone, Debug)]
 pub(crate) struct RequestArgs(Request);
+
+/// Options of a compression that a sum of materials takes: its axes are given.
+#[derive(Clone, Debug)]
+pub(crate) struct SumArgs {
+    request: Request,
+    is_stated: bool,
+}
 
 /// Number of threads on which a command computes its result.
 #[derive(Debug, clap::Args)]
@@ -48,15 +59,22 @@ impl AxesArgs {
 }
 
 impl TargetArgs {
-    /// Returns the promise of a compression (error bound, size or ratio) that the command line states; `None` if it
-    /// states no promise.
-    pub(crate) fn named(&self) -> Option<Target> {
-        self.0
-    }
-
     /// Returns the compression target that the command line gives, or the default target.
     pub(crate) fn or_default(&self) -> Target {
         self.0.unwrap_or(DEFAULT_TARGET)
+    }
+}
+
+impl SumArgs {
+    /// Returns the compression request for a sum of materials, with the promise, the policy and the basis that the
+    /// command line states.
+    pub(crate) fn request(&self) -> &Request {
+        &self.request
+    }
+
+    /// Returns true if the command line states a promise, a policy or a basis, so that the sum is compressed anew.
+    pub(crate) fn is_stated(&self) -> bool {
+        self.is_stated
     }
 }
 
@@ -73,6 +91,10 @@ fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -
     let mut options = all_stated(matches, Request::OPTIONS.iter().filter(|declared| takes(declared)));
     options.insert("target".to_owned(), json!(target));
     serde_json::from_value(Value::Object(options)).map_err(refusal)
+}
+
+fn is_of_sums(declared: &Declared) -> bool {
+    AGAIN.contains(&declared.name) || declared.name == METADATA
 }
 
 fn is_of_axes(declared: &Declared) -> bool {
@@ -155,6 +177,31 @@ impl FromArgMatches for AxesArgs {
     }
 }
 
+impl clap::Args for SumArgs {
+    fn augment_args(command: Command) -> Command {
+        let options = Request::OPTIONS.iter().filter(|declared| is_of_sums(declared));
+        TargetArgs::augment_args(command).args(options.map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for SumArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let target = target(matches, None)?;
+        let again = Request::OPTIONS.iter().filter(|declared| AGAIN.contains(&declared.name));
+        let is_stated = target.is_some() || !all_stated(matches, again).is_empty();
+        Ok(Self { request: request(matches, target.unwrap_or(DEFAULT_TARGET), is_of_sums)?, is_stated })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
 impl clap::Args for RequestArgs {
     fn augment_args(command: Command) -> Command {
         let illuminants: Vec<&str> = Illuminant::ALL.iter().map(|known| known.name()).collect();
@@ -207,6 +254,29 @@ mod tests {
 
     fn request(line: &[&str]) -> Result<Request, clap::Error> {
         Line::try_parse_from([&["compress"], line].concat()).map(|line| line.request.request())
+    }
+
+    #[test]
+    fn a_sum_is_compressed_anew_if_its_promise_policy_or_basis_is_stated() {
+        #[derive(Debug, Parser)]
+        struct Line {
+            #[command(flatten)]
+            sum: SumArgs,
+        }
+        let sum = |line: &[&str]| Line::try_parse_from([&["combine"], line].concat()).map(|line| line.sum);
+        for (line, is_stated) in [
+            (&[][..], false),
+            (&["--no-metadata"], false),
+            (&["--er-l2", "0.01"], true),
+            (&["--policy", "rd"], true),
+            (&["--basis", "auto"], true),
+        ] {
+            let found = sum(line).unwrap();
+            assert_eq!((found.is_stated(), found.request()), (is_stated, &request(line).unwrap()), "{line:?}");
+        }
+        for line in [&["--basis", "no-such-basis"][..], &["--policy", "best"], &["--floor", "0.1"]] {
+            assert!(sum(line).is_err(), "{line:?}");
+        }
     }
 
     #[test]

@@ -129,13 +129,7 @@ fn compressed(
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<(&FitReport, &[&str])>| provenance(source, request, &filled, (on_grid, fit));
     let mut settings = Settings {
-        target: request.target,
-        policy: request.policy,
-        basis: request.basis.clone(),
-        floor: request.floor,
-        albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(None)),
-        random_access: request.random_access,
         // If no interpolant can be made of the measurement, there is no flux to keep.
         straight_lines: match request.interpolation {
             Curve::Cubic => straight_lines_for_flux(&measurement).unwrap_or(0),
@@ -146,6 +140,7 @@ fn compressed(
             Curve::Linear => Between::default(),
         },
         lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
+        ..request.settings()
     };
     let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
     settings.target = auto.map_or(settings.target, |auto| auto.target());

@@ -1,6 +1,6 @@
 //! Compression requests.
 
-use crate::compress::{ALBEDO_ERROR, FLOOR, Policy, Target, check_basis};
+use crate::compress::{ALBEDO_ERROR, FLOOR, Policy, Settings, Target, check_basis};
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Declared, Values, WavelengthError, WavelengthGrid, named};
 use crate::projection::{AxesRequest, DirectionDomain};
@@ -206,6 +206,20 @@ impl Request {
             })?;
         }
         Ok(())
+    }
+
+    /// Returns the settings of a compression that follow from the request alone. Metadata, interpolations and lobe,
+    /// which follow from the measurement, are those of [`Settings::default`].
+    pub fn settings(&self) -> Settings {
+        Settings {
+            target: self.target,
+            policy: self.policy,
+            basis: self.basis.clone(),
+            floor: self.floor,
+            albedo_error: self.albedo_error,
+            random_access: self.random_access,
+            ..Settings::default()
+        }
     }
 
     /// Returns the requested axes onto which the measurement is resampled before compression.
