@@ -10,10 +10,6 @@ use clap::builder::ValueParser;
 use clap::{Arg, ArgGroup, ArgMatches, Command, FromArgMatches};
 use serde_json::{Value, json};
 
-/// Promise of a compression if the command line gives none: a root mean square relative error of at most 1 %.
-const DEFAULT_TARGET: Target = Target::ErL2(0.01);
-/// Keyword that `--er-l2` takes instead of a number. The error is then about as large as the noise of the measurement.
-const AUTO: &str = "auto";
 /// Name of the option for the illuminant under which `--delta-e` compares colours.
 const ILLUMINANT: &str = "illuminant";
 /// Names of the options that choose the axes of the tensor to compress.
@@ -51,8 +47,8 @@ pub(crate) struct ThreadsArgs {
 }
 
 impl AxesArgs {
-    /// Returns a compression request with the axes that the command line chooses, and with the default promise: a
-    /// relative error of at most 1 %.
+    /// Returns a compression request with the axes that the command line chooses, and with the default promise, a
+    /// relative error.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
@@ -61,7 +57,7 @@ impl AxesArgs {
 impl TargetArgs {
     /// Returns the compression target that the command line gives, or the default target.
     pub(crate) fn or_default(&self) -> Target {
-        self.0.unwrap_or(DEFAULT_TARGET)
+        self.0.unwrap_or_default()
     }
 }
 
@@ -104,20 +100,20 @@ fn is_of_axes(declared: &Declared) -> bool {
 /// Builds the command-line argument for one promise of a compression, such as `--bytes` for a size. The one for
 /// `--er-l2`, a relative error, also takes `auto` instead of a number.
 fn target_argument(declared: &'static Declared) -> Arg {
-    if declared.name != DEFAULT_TARGET.name() {
-        return argument(declared);
-    }
-    let auto = Target::Auto.declared().map(help).unwrap_or_default();
-    let read = move |text: &str| if text == AUTO { Ok(Value::from(AUTO)) } else { declared.read(text) };
+    let default = json!(Target::default());
+    let Some(default) = default.get(declared.name) else { return argument(declared) };
+    let auto = Target::Auto.name();
+    let meaning = Target::Auto.declared().map(help).unwrap_or_default();
+    let read = move |text: &str| if text == auto { Ok(Value::from(auto)) } else { declared.read(text) };
     argument(declared)
-        .value_name("E|auto")
+        .value_name(format!("E|{auto}"))
         .value_parser(ValueParser::new(read))
-        .help(format!("{} [default: 0.01]. `auto` stands for: {auto}", help(declared)))
+        .help(format!("{}. `{auto}`: {meaning} [default: {default}]", help(declared)))
 }
 
 /// Returns the declarations of all compression targets that have a command-line option of their own.
 fn targets() -> impl Iterator<Item = &'static Declared> {
-    Target::DECLARED.iter().filter(|declared| declared.name != AUTO)
+    Target::DECLARED.iter().filter(|declared| declared.name != Target::Auto.name())
 }
 
 /// Builds the promise of a compression (error bound, size or ratio) from the command line; `None` if it states no
@@ -127,7 +123,7 @@ fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option
     let Some((declared, value)) = found else { return Ok(None) };
     let target = match (declared.values, illuminant) {
         (Values::Switch, _) => json!(declared.name),
-        _ if value == AUTO => value,
+        _ if value == Target::Auto.name() => value,
         (_, Some(illuminant)) => json!({ declared.name: { "at_most": value, "illuminant": illuminant } }),
         _ => json!({ declared.name: value }),
     };
@@ -168,7 +164,7 @@ impl clap::Args for AxesArgs {
 
 impl FromArgMatches for AxesArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        request(matches, DEFAULT_TARGET, is_of_axes).map(Self)
+        request(matches, Target::default(), is_of_axes).map(Self)
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -193,7 +189,7 @@ impl FromArgMatches for SumArgs {
         let target = target(matches, None)?;
         let again = Request::OPTIONS.iter().filter(|declared| AGAIN.contains(&declared.name));
         let is_stated = target.is_some() || !all_stated(matches, again).is_empty();
-        Ok(Self { request: request(matches, target.unwrap_or(DEFAULT_TARGET), is_of_sums)?, is_stated })
+        Ok(Self { request: request(matches, target.unwrap_or_default(), is_of_sums)?, is_stated })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -204,13 +200,13 @@ impl FromArgMatches for SumArgs {
 
 impl clap::Args for RequestArgs {
     fn augment_args(command: Command) -> Command {
-        let illuminants: Vec<&str> = Illuminant::ALL.iter().map(|known| known.name()).collect();
+        let names = Illuminant::all_names();
         let illuminant = Arg::new(ILLUMINANT)
             .long(ILLUMINANT)
             .value_name("NAME")
             .value_parser(clap::value_parser!(Illuminant))
-            .requires(Target::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 }).name())
-            .help(format!("Illuminant of --delta-e: {} [default: D65]", illuminants.join(", ")));
+            .requires(Target::DeltaE(DeltaE::from(1.0)).name())
+            .help(format!("Illuminant of --delta-e: {} [default: {}]", names.join(", "), Illuminant::default()));
         TargetArgs::augment_args(command).arg(illuminant).args(Request::OPTIONS.iter().map(argument))
     }
 
@@ -222,7 +218,7 @@ impl clap::Args for RequestArgs {
 impl FromArgMatches for RequestArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let target = target(matches, matches.get_one(ILLUMINANT).copied())?;
-        request(matches, target.unwrap_or(DEFAULT_TARGET), |_| true).map(Self)
+        request(matches, target.unwrap_or_default(), |_| true).map(Self)
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -276,6 +272,23 @@ mod tests {
         }
         for line in [&["--basis", "no-such-basis"][..], &["--policy", "best"], &["--floor", "0.1"]] {
             assert!(sum(line).is_err(), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn the_help_names_every_value_and_every_default() {
+        use clap::CommandFactory;
+        let help = Line::command().render_long_help().to_string();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let words = help.split(|c: char| c.is_whitespace() || "<>[],.;:|`".contains(c)).collect::<Vec<_>>();
+        for declared in Request::OPTIONS {
+            let Values::Name { names, .. } = declared.values else { continue };
+            for name in names() {
+                assert!(words.contains(&name), "{name} of {} in {help}", declared.name);
+            }
+        }
+        for default in ["[default: 0.01]", "[default: rd]", "[default: auto]", "[default: cubic]", "[default: D65]"] {
+            assert!(help.contains(default), "{default} in {help}");
         }
     }
 
