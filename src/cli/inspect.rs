@@ -110,8 +110,8 @@ impl Measured {
             notes: acquisition.report.notes_of(on_grid).cloned().collect(),
             metadata: acquisition.report.metadata,
         };
-        // The tensor is no longer needed. One that cannot be opened gets no warning and is still described.
-        let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
+        // The tensor is no longer needed.
+        let warning = pipeline::sparse_measurement(projected.measurement)?;
         measured.notes.extend(warning.into_iter().chain(remarks));
         Ok(measured)
     }

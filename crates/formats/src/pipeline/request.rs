@@ -190,7 +190,8 @@ impl Request {
     /// Checks every option of a compression request against its declaration, before any measurement is read.
     pub fn check(&self) -> Result<(), OptionError> {
         self.target.check().map_err(|error| OptionError { option: "target", reason: error.to_string() })?;
-        let Ok(Value::Object(stated)) = serde_json::to_value(self) else { return Ok(()) };
+        let unwritten = |error: serde_json::Error| OptionError { option: "request", reason: error.to_string() };
+        let stated = serde_json::to_value(self).map_err(unwritten)?;
         for declared in Self::OPTIONS {
             let Some(found) = stated.get(declared.name).filter(|found| !found.is_null()) else { continue };
             declared.check(found).map_err(|expected| {

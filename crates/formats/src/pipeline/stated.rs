@@ -10,6 +10,7 @@ use super::sparse::has_lobes;
 use crate::compress::{self, DecodeError, Decoded};
 use crate::domain::{Axis, Note, NoteKind, Sampling};
 use crate::evaluate::Material;
+use crate::notes::MaterialNote;
 use crate::projection::Coverage;
 use serde_json::Value;
 
@@ -58,7 +59,10 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         summary.metadata.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
     let text = |value: &Value| value.as_str().filter(|text| text.chars().count() <= LONGEST).map(str::to_owned);
     let source = &metadata["source"];
-    let fit: Option<FitReport> = serde_json::from_value(metadata["scattered"].clone()).ok();
+    let (fit, unread) = match serde_json::from_value::<Option<FitReport>>(metadata["scattered"].clone()) {
+        Ok(fit) => (fit, None),
+        Err(error) => (None, Some(MaterialNote::StatedFitUnread { reason: error.to_string() }.into())),
+    };
     let warnings = metadata["warnings"].as_array().into_iter().flatten().take(MOST_WARNINGS);
     let notes = warnings.filter_map(|warning| Some(Note::plain(NoteKind::Warning, text(warning)?)));
     let of_cells = summary.sampling == Sampling::Average;
@@ -91,7 +95,7 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         auto: None,
         noise: None,
         coverage: Coverage::default(),
-        notes: notes.collect(),
+        notes: notes.chain(unread).collect(),
         levels: compress::levels(bytes).map_err(damaged)?,
     };
     let request: Option<Request> = serde_json::from_value(metadata["request"].clone()).ok();
