@@ -11,6 +11,7 @@ use crate::jobs::Following;
 use axum::extract::State;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
+use serde::Serialize;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
@@ -52,6 +53,12 @@ pub(super) async fn get_job_events(
     Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
+/// Makes an event with JSON data. `None`, which ends the stream, if the data cannot be written; the log has the reason.
+fn written(name: &str, data: impl Serialize) -> Option<Event> {
+    let event = Event::default().event(name).json_data(data);
+    event.map_err(|error| tracing::error!(%error, event = name, "an event was not written")).ok()
+}
+
 async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>)> {
     loop {
         if told.app.stop.is_cancelled() {
@@ -63,13 +70,12 @@ async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>
             if told.state != Some(state) {
                 told.state = Some(state);
                 told.progress = progress;
-                let event = Event::default().event("state").json_data(Job::of(row)).unwrap_or_default();
+                let event = written("state", Job::of(row))?;
                 return Some((Ok(event), (!state.is_final()).then_some(told)));
             }
             if progress != told.progress {
                 told.progress = progress;
-                let data = serde_json::json!({ "progress": progress });
-                let event = Event::default().event("progress").json_data(data).unwrap_or_default();
+                let event = written("progress", serde_json::json!({ "progress": progress }))?;
                 return Some((Ok(event), Some(told)));
             }
         }

@@ -35,7 +35,14 @@ const SECONDS: [f64; 14] = [0.001, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0
 pub(super) fn recorder() -> Option<PrometheusHandle> {
     static RECORDER: OnceLock<Option<PrometheusHandle>> = OnceLock::new();
     let install = || {
-        let handle = PrometheusBuilder::new().set_buckets(&SECONDS).ok()?.install_recorder().ok()?;
+        let installed = PrometheusBuilder::new().set_buckets(&SECONDS).and_then(PrometheusBuilder::install_recorder);
+        let handle = match installed {
+            Ok(handle) => handle,
+            Err(error) => {
+                tracing::error!(%error, "this process records no metrics");
+                return None;
+            }
+        };
         for name in COUNTERS {
             metrics::counter!(name).increment(0);
         }

@@ -59,6 +59,9 @@ pub enum ServeError {
     /// A host name or an origin in the configuration is invalid.
     #[error("a host name or an origin in the settings is invalid: {0}")]
     Setting(String),
+    /// The OpenAPI description of the HTTP interface cannot be written as JSON.
+    #[error("the description of the HTTP interface cannot be written: {0}")]
+    Description(serde_json::Error),
     /// The data directory cannot be used.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
@@ -119,7 +122,7 @@ impl Server {
     ) -> Result<(), ServeError> {
         let Self { address, listener, access, engine, workers } = self;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
-        let json = openapi().to_json().unwrap_or_default();
+        let json = openapi().to_json().map_err(ServeError::Description)?;
         let limits = &engine.limits;
         let app = App::new(Shared {
             held: Held::new(limits),

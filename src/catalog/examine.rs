@@ -131,7 +131,7 @@ impl Catalog {
             answered,
             ahead,
             schema,
-            oldest_reader: fact("oldest_reader").await?.and_then(|text| text.parse().ok()).unwrap_or(0),
+            oldest_reader: if has_facts { self.oldest_reader().await? } else { 0 },
             instance: fact("instance").await?,
             is_copy: has_facts && self.is_copy().await?,
             has_claimed_store: has_facts && self.has_claimed_store().await?,

@@ -25,6 +25,9 @@ const UNHURRIED: &str =
 /// lets more statements read at once.
 const LOCAL: u32 = 8;
 
+/// Name of the fact that holds the lowest schema version whose program still understands the database.
+const OLDEST_READER: &str = "oldest_reader";
+
 impl Catalog {
     /// Opens the catalog and brings its database schema up to date. Returns the number of migrations applied.
     ///
@@ -199,7 +202,7 @@ impl Catalog {
                 if version == 0 { "found an empty database".to_owned() } else { format!("found version {version}") };
             return Err(CatalogError::Schema(format!("{found}, expected {ours} or newer; run `wavelume migrate`")));
         }
-        let reader = self.fact("oldest_reader").await?.and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
+        let reader = self.oldest_reader().await?;
         if reader > ours {
             return Err(CatalogError::Schema(format!(
                 "found version {version}, which needs a program of schema version {reader} or newer; this one has \
@@ -207,6 +210,16 @@ impl Catalog {
             )));
         }
         Ok(())
+    }
+
+    /// Returns the lowest schema version whose program still understands this database; 0 if the database states none.
+    pub(super) async fn oldest_reader(&self) -> Result<i64, CatalogError> {
+        let Some(stated) = self.fact(OLDEST_READER).await? else { return Ok(0) };
+        stated.parse().map_err(|_| CatalogError::Row {
+            table: "facts",
+            id: OLDEST_READER.to_owned(),
+            reason: format!("found `{stated}`, expected the version of a schema, a whole number"),
+        })
     }
 }
 
@@ -290,6 +303,12 @@ mod tests {
                 .unwrap();
             let error = Catalog::open_few(&place).await.unwrap_err().to_string();
             assert!(error.contains("schema version 99 or newer"), "{error}");
+            sqlx::query("UPDATE facts SET value = 'ninety' WHERE name = 'oldest_reader'")
+                .execute(&catalog.pool)
+                .await
+                .unwrap();
+            let error = Catalog::open_few(&place).await.unwrap_err().to_string();
+            assert!(error.contains("found `ninety`, expected the version of a schema"), "{error}");
         }
     }
 

@@ -5,9 +5,9 @@ use super::input::read_file;
 use super::output::{Sheet, count, per_cent, print, print_json, three_digits, write_file};
 use super::query::{self, List};
 use super::report::{axes_lines, coefficient_line, error_lines, sample_lines};
-use super::request::{TargetArgs, ThreadsArgs};
+use super::request::{SumArgs, ThreadsArgs};
 use crate::algebra::{self, Combined, Method, Operand, OperandReport, Recompress};
-use crate::compress::{Between, Policy, Settings};
+use crate::compress::{Policy, Settings};
 use crate::domain::{Axis, ErrorReport, Quantity, Silent, Unit};
 use crate::pipeline::digest;
 use serde::Serialize;
@@ -15,6 +15,9 @@ use serde_json::json;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "The sum is compressed anew where coefficients cannot be added, and always if a promise, --policy or --basis is stated"
+)]
 pub(crate) struct Args {
     /// Materials (compressed measurements) to add; all have the same quantity, unit and axes
     #[arg(value_name = "M.wlm", required = true)]
@@ -26,17 +29,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "OUT.wlm")]
     output: PathBuf,
     #[command(flatten)]
-    target: TargetArgs,
-    /// Coding policy if the sum of the materials is compressed anew: rd, conventional, generic, adaptive or lossless
-    /// [default: rd]. That is done where coefficients cannot be added, or if a target, a policy or a basis is named
-    #[arg(long)]
-    policy: Option<Policy>,
-    /// Spectral basis of the written material if the sum of the materials is compressed anew [default: auto]
-    #[arg(long)]
-    basis: Option<String>,
-    /// Leave the provenance (digests of the summed materials, and the program) out of the file
-    #[arg(long)]
-    no_metadata: bool,
+    sum: SumArgs,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// Print the report as one line of JSON
@@ -75,22 +68,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let files = args.materials.iter().map(|path| read_file(path)).collect::<Result<Vec<_>, _>>()?;
     let operands: Vec<Operand<'_>> =
         files.iter().zip(weights).map(|(bytes, weight)| Operand { bytes, weight }).collect();
-    let named = args.target.named();
-    let again = named.is_some() || args.policy.is_some() || args.basis.is_some();
-    let settings = Settings {
-        target: args.target.or_default(),
-        policy: args.policy.unwrap_or_default(),
-        basis: args.basis.clone().unwrap_or_else(|| "auto".to_owned()),
-        floor: None,
-        albedo_error: None,
-        straight_lines: 0,
-        between: Between::default(),
-        lobe: None,
-        metadata: (!args.no_metadata)
-            .then(|| json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) }).to_string()),
-        random_access: false,
-    };
-    let recompress = if again { Recompress::Always } else { Recompress::IfNeeded };
+    let request = args.sum.request();
+    let generator = json!({ "generator": concat!("wavelume ", env!("CARGO_PKG_VERSION")) });
+    let settings = Settings { metadata: request.metadata.then(|| generator.to_string()), ..request.settings() };
+    let recompress = if args.sum.is_stated() { Recompress::Always } else { Recompress::IfNeeded };
     let combined = args.threads.run(|| algebra::combine(&operands, &settings, recompress, &Silent))??;
     write_file(&args.output, &combined.compressed.bytes)?;
     let answer = Answer::of(&combined);

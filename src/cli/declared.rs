@@ -11,27 +11,57 @@ use std::path::PathBuf;
 /// Returns the name of an option on the command line.
 fn long(declared: &Declared) -> String {
     let name = declared.name.replace('_', "-");
-    if matches!(declared.values, Values::SwitchOff) { format!("no-{name}") } else { name }
+    if is_switched_off(declared) { format!("no-{name}") } else { name }
 }
 
-/// Returns a declared help text without its last full stop, as help texts of options are written.
+/// Returns true for a switch that is true by default, so that its option on the command line makes it false.
+fn is_switched_off(declared: &Declared) -> bool {
+    matches!(declared.values, Values::Switch) && (declared.default)() == true
+}
+
+/// Returns a declared help text without its last full stop, as help texts of options are written. Names that the option
+/// accepts follow, unless they stand in the place of its value. The option `--no-NAME` says that it switches off.
 pub(super) fn help(declared: &Declared) -> String {
-    declared.help.trim().trim_end_matches('.').to_owned()
+    let text = declared.help.trim().trim_end_matches('.');
+    match declared.values {
+        Values::Name { shown: Some(_), names } => format!("{text} [names: {}]", names().join(", ")),
+        _ if is_switched_off(declared) => format!("Switches off: {text}"),
+        _ => text.to_owned(),
+    }
+}
+
+/// Returns the placeholder for the value of an option in its help text; `None` if the option takes no value.
+fn placeholder(declared: &Declared) -> Option<String> {
+    match declared.values {
+        Values::Number { shown, .. }
+        | Values::Whole { shown, .. }
+        | Values::Text { shown, .. }
+        | Values::File { shown }
+        | Values::Document { shown } => Some(shown.to_owned()),
+        Values::Name { shown, names } => Some(shown.map_or_else(|| names().join("|"), str::to_owned)),
+        _ => None,
+    }
+}
+
+/// Returns the default value of an option as text of the command line; `None` without one.
+fn default_text(declared: &Declared) -> Option<String> {
+    match (declared.default)() {
+        Value::Null => None,
+        Value::String(text) => Some(text),
+        other => Some(other.to_string()),
+    }
 }
 
 /// Makes the command-line argument that sets a declared option.
 pub(super) fn argument(declared: &'static Declared) -> Arg {
     let argument = Arg::new(declared.name).long(long(declared)).help(help(declared));
-    let (shown, default) = match declared.values {
-        Values::Number { shown, .. } | Values::Whole { shown, .. } => (shown, None),
-        Values::Name { shown, default, .. } | Values::Text { shown, default, .. } => (shown, default),
-        Values::File { shown } | Values::Document { shown } => {
-            return argument.value_name(shown).value_parser(clap::value_parser!(PathBuf));
-        }
-        _ => return argument.action(ArgAction::SetTrue),
-    };
+    let Some(shown) = placeholder(declared) else { return argument.action(ArgAction::SetTrue) };
+    let argument = argument.value_name(shown);
+    if matches!(declared.values, Values::File { .. } | Values::Document { .. }) {
+        return argument.value_parser(clap::value_parser!(PathBuf));
+    }
     let read = move |text: &str| declared.read(text);
-    argument.value_name(shown).value_parser(ValueParser::new(read)).default_values(default)
+    argument.value_parser(ValueParser::new(read)).default_values(default_text(declared))
 }
 
 /// Returns the value that the user stated for an option on the command line. If the value is a file, it is `None`:
@@ -41,8 +71,7 @@ pub(super) fn stated(matches: &ArgMatches, declared: &Declared) -> Option<Value>
         return None;
     }
     match declared.values {
-        Values::Switch => Some(Value::Bool(true)),
-        Values::SwitchOff => Some(Value::Bool(false)),
+        Values::Switch => Some(Value::Bool(!is_switched_off(declared))),
         Values::File { .. } | Values::Document { .. } => None,
         _ => matches.get_one::<Value>(declared.name).cloned(),
     }

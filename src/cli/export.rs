@@ -11,6 +11,7 @@ use crate::evaluate::Material;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -40,6 +41,15 @@ pub(crate) struct Args {
     /// Print a report on the written file as one line of JSON
     #[arg(long)]
     json: bool,
+}
+
+/// JSON report on an exported file: what was written, and the error that the export adds.
+#[derive(Serialize)]
+struct Answer<'a> {
+    #[serde(flatten)]
+    answer: Value,
+    #[serde(flatten)]
+    summary: &'a Summary,
 }
 
 /// Returns the help text of an option, without its last full stop.
@@ -95,10 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     }
     if args.json {
         answer["bytes"] = json!(bytes.len());
-        if let (Value::Object(answer), Ok(Value::Object(summary))) = (&mut answer, serde_json::to_value(&summary)) {
-            answer.extend(summary);
-        }
-        return print_json(&answer);
+        return print_json(&Answer { answer, summary: &summary });
     }
     let mut sheet = sheet(&summary, bytes.len());
     if let Some((path, _)) = beside {

@@ -14,7 +14,7 @@ pub(crate) struct Args {
     /// Address on which the running service listens
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, conflicts_with = "url")]
     listen: String,
-    /// URL of the service, instead of the address that it listens on
+    /// URL at which to reach the running service, in place of --listen
     #[arg(value_name = "URL")]
     url: Option<String>,
 }

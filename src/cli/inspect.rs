@@ -9,11 +9,12 @@ use super::report::{
     stated_fit_lines,
 };
 use super::request::AxesArgs;
-use crate::compress::{self, LevelInfo, Summary};
-use crate::domain::{Axis, ErrorReport, Lobe, Quantity, Sampling, Unit};
-use crate::formats::{self, Angles, AzimuthExtent, Instrument, Note, Samples};
-use crate::pipeline::{self, Request};
-use crate::projection::{self, Coverage};
+use crate::compress;
+use crate::domain::{Axis, ErrorReport, Lobe, Measurement, Quantity, Sampling, Unit};
+use crate::formats;
+use crate::jobs::{AxisKind, Options, Understood, describe};
+use crate::pipeline::{self, Report, Request, Stated, StatedOrigin};
+use crate::projection::Coverage;
 use serde::Serialize;
 
 #[derive(Debug, clap::Args)]
@@ -44,105 +45,113 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }
 }
 
-/// Description of a measurement, and of the tensor that `compress` would make of it.
+/// Description of a measurement, in the names of an upload over HTTP, and of the tensor that `compress` would make.
 #[derive(Serialize)]
 struct Measured {
     kind: &'static str,
     content_digest: String,
     bytes: u64,
-    format: String,
-    dialect: String,
+    #[serde(flatten)]
+    understood: Understood,
+    tensor: Prepared,
+}
+
+/// Tensor that `compress` would encode.
+#[derive(Serialize)]
+struct Prepared {
     quantity: Quantity,
     unit: Unit,
     sampling: Sampling,
-    /// Axes on which the file states its values, described in words, outermost first.
-    source_axes: Vec<String>,
-    /// Axes of the tensor that would be compressed, described in words, outermost first.
+    /// Axes of the tensor described in words, outermost first.
     axes: Vec<String>,
     shape: Vec<usize>,
     samples: u64,
     masked_samples: u64,
     zero_samples: u64,
     negative_samples: u64,
-    /// Smallest and largest value of the tensor that would be compressed.
+    /// Smallest and largest value of the tensor.
     range: Option<(f32, f32)>,
     coverage: Coverage,
-    /// Detector aperture and source divergence of the instrument in degrees, as far as the file states them.
-    instrument: Instrument,
-    notes: Vec<Note>,
-    metadata: Vec<(String, String)>,
+    /// True if the tensor keeps a grid of angles.
+    #[serde(skip)]
+    on_grid: bool,
 }
 
-impl Measured {
-    fn read(loaded: &Loaded, request: &Request) -> Result<Self, Failure> {
-        let source = pipeline::read(&loaded.input())?;
-        let acquisition = source.acquisition;
-        let projected = pipeline::project(&acquisition, request)?;
-        let remarks = projection::plausibility(&acquisition).remarks();
-        let tensor = &projected.measurement.tensor;
-        let on_grid = tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
-        let axes: Vec<String> = tensor.axes().iter().map(Axis::describe).collect();
-        let source_axes = match &acquisition.samples {
-            // A list over the scattering angle.
-            Samples::Function(_) if on_grid => axes.clone(),
-            samples => measured_on(samples),
-        };
+impl Prepared {
+    fn of(measurement: &Measurement, coverage: Coverage) -> Self {
+        let tensor = &measurement.tensor;
         let number = |wanted: fn(&f32) -> bool| tensor.samples().iter().filter(|s| wanted(s)).count() as u64;
-        let mut measured = Self {
-            kind: "measurement",
-            content_digest: source.content_digest,
-            bytes: loaded.bytes().len() as u64,
-            format: acquisition.format.to_owned(),
-            quantity: projected.measurement.quantity,
-            unit: projected.measurement.unit,
-            sampling: projected.measurement.sampling,
-            source_axes,
-            axes,
+        Self {
+            quantity: measurement.quantity,
+            unit: measurement.unit,
+            sampling: measurement.sampling,
+            axes: tensor.axes().iter().map(Axis::describe).collect(),
             shape: tensor.shape(),
             samples: tensor.len() as u64,
             masked_samples: tensor.masked() as u64,
             zero_samples: number(|s| *s == 0.0),
             negative_samples: number(|s| *s < 0.0),
             range: tensor.range(),
-            coverage: projected.coverage,
-            instrument: acquisition.instrument,
-            dialect: acquisition.dialect,
-            notes: acquisition.report.notes_of(on_grid).cloned().collect(),
-            metadata: acquisition.report.metadata,
-        };
-        // The tensor is no longer needed. One that cannot be opened gets no warning and is still described.
-        let warning = pipeline::sparse_measurement(projected.measurement).ok().flatten();
-        measured.notes.extend(warning.into_iter().chain(remarks));
-        Ok(measured)
+            coverage,
+            on_grid: tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_))),
+        }
+    }
+}
+
+impl Measured {
+    fn read(loaded: &Loaded, request: &Request) -> Result<Self, Failure> {
+        let source = pipeline::read(&loaded.input())?;
+        let mut options = Options::from(loaded.interpretation().clone());
+        options.spectrum = source.spectrum_digest.as_deref().map(str::parse).transpose().map_err(Failure::failed)?;
+        let acquisition = source.acquisition;
+        let mut understood = describe(&acquisition, &options);
+        let projected = pipeline::project(&acquisition, request)?;
+        let tensor = Prepared::of(&projected.measurement, projected.coverage);
+        // Notes of the reader that do not hold on these axes make way for the warning about them.
+        let notes = acquisition.report.notes_of(tensor.on_grid).cloned();
+        let warning = pipeline::sparse_measurement(projected.measurement)?;
+        understood.warnings.splice(..acquisition.report.notes.len(), notes.chain(warning));
+        let bytes = loaded.bytes().len() as u64;
+        Ok(Self { kind: "measurement", content_digest: source.content_digest, bytes, understood, tensor })
+    }
+
+    /// Returns the axes of the file in words; `None` if the tensor has the same ones.
+    fn source_axes(&self) -> Option<String> {
+        let (axes, tensor) = (&self.understood.axes, &self.tensor);
+        // A list over the scattering angle keeps its angles.
+        let is_list = tensor.on_grid && axes.iter().any(|axis| axis.kind == AxisKind::Outgoing);
+        let words: Vec<&str> = axes.iter().map(|axis| axis.description.as_str()).collect();
+        (!is_list && words != tensor.axes).then(|| words.join(" × "))
     }
 
     fn sheet(&self) -> Sheet {
+        let Self { understood, tensor, .. } = self;
         let mut sheet = Sheet::default();
-        sheet.line("format", labelled(&self.format, &self.dialect));
-        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
-        if self.source_axes != self.axes {
-            sheet.line("measured on", self.source_axes.join(" × "));
+        sheet.line("format", labelled(&understood.format, understood.dialect.as_deref().unwrap_or_default()));
+        sheet.line("quantity", format!("{}, {}", tensor.quantity, tensor.unit));
+        if let Some(axes) = self.source_axes() {
+            sheet.line("measured on", axes);
         }
-        axes_lines(&mut sheet, &self.axes);
-        sheet.line("sampling", self.sampling);
+        axes_lines(&mut sheet, &tensor.axes);
+        sheet.line("sampling", tensor.sampling);
         let special = ErrorReport {
-            samples: self.samples,
-            masked_samples: self.masked_samples,
-            zero_samples: self.zero_samples,
-            negative_samples: self.negative_samples,
+            samples: tensor.samples,
+            masked_samples: tensor.masked_samples,
+            zero_samples: tensor.zero_samples,
+            negative_samples: tensor.negative_samples,
             ..ErrorReport::default()
         };
         sample_lines(&mut sheet, &special);
-        if let Some((low, high)) = self.range {
+        if let Some((low, high)) = tensor.range {
             sheet.line("range", format!("{low} to {high}"));
         }
-        for (name, angle) in self.instrument.stated() {
+        for (name, angle) in understood.instrument.stated() {
             sheet.line("instrument", format!("{name} {angle}°"));
         }
-        coverage_lines(&mut sheet, &self.coverage);
-        note_lines(&mut sheet, &self.notes);
-        for (key, value) in &self.metadata {
-            sheet.line("keyword", format!("{key}: {value}"));
+        coverage_lines(&mut sheet, &tensor.coverage);
+        note_lines(&mut sheet, &understood.warnings);
+        for field in &understood.fields {
+            sheet.line("keyword", format!("{}: {}", field.name, field.value));
         }
         sheet.line("size", format!("{} bytes", count(self.bytes)));
         sheet.line("digest", &self.content_digest);
@@ -150,71 +159,15 @@ impl Measured {
     }
 }
 
-/// Describes the axes that the samples of a file lie on.
-fn measured_on(samples: &Samples) -> Vec<String> {
-    match samples {
-        Samples::OnAxes { tensor, .. } => tensor.axes().iter().map(Axis::describe).collect(),
-        Samples::Grid(grid) => {
-            let mut axes: Vec<String> = grid.index.iter().map(Axis::describe).collect();
-            for (name, angles) in [("i", &grid.incoming), ("o", &grid.outgoing)] {
-                if let Some(angles) = angles {
-                    axes.extend(angle_axes(name, angles));
-                }
-            }
-            axes.extend(grid.spectral.iter().map(Axis::describe));
-            axes
-        }
-        Samples::Scattered(scattered) => {
-            let directions = format!("{} scattered directions", scattered.directions());
-            [directions].into_iter().chain(scattered.spectral.iter().map(Axis::describe)).collect()
-        }
-        Samples::Function(modelled) => {
-            let mut axes = angle_axes("i", &modelled.incoming);
-            // Two digits: the spacing is a mean.
-            axes.push(format!("outgoing directions every {:.2} deg", modelled.outgoing_spacing));
-            axes.extend(modelled.spectral.iter().map(Axis::describe));
-            axes
-        }
-    }
-}
-
-fn angle_axes(name: &str, angles: &Angles) -> Vec<String> {
-    let span = |values: &[f64]| match values {
-        [] => String::new(),
-        [only] => format!("{only}"),
-        [first, .., last] => format!("{first}..{last}"),
-    };
-    let mut axes = vec![format!("theta_{name} {} deg ({})", span(&angles.theta), angles.theta.len())];
-    if let Some(azimuths) = &angles.phi {
-        let extent = match azimuths.extent {
-            AzimuthExtent::Circle => "",
-            AzimuthExtent::Mirrored => ", mirrored",
-            AzimuthExtent::Sector => ", sector",
-        };
-        axes.push(format!("phi_{name} {} deg ({}{extent})", span(&azimuths.phi), azimuths.phi.len()));
-    }
-    axes
-}
-
-/// Description of a compressed file, from its header; samples are decoded only to find warnings.
+/// Description of a compressed file, in the names of the report of its compression, with further facts of its header.
+/// Samples are decoded only to find warnings.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,
-    digest: String,
-    payload_digest: String,
-    bytes: u64,
-    quantity: Quantity,
-    unit: Unit,
+    #[serde(flatten)]
+    report: Report,
     sampling: Sampling,
-    axes: Vec<String>,
     shape: Vec<usize>,
-    policy: compress::Policy,
-    basis: String,
-    kept_coefficients: Option<u64>,
-    ratio_coefficients: Option<f64>,
-    /// Quantiser step of the wavelet coefficients; `null` for coding policies other than `rd` (rate-distortion).
-    step: Option<f64>,
-    ratio_bytes: f64,
     floor: f64,
     /// Share (0 to 1) of linear interpolation between the directions of a grid of angles; the rest is cubic. `null` if
     /// the directions make no such grid.
@@ -223,17 +176,11 @@ struct Material {
     between: compress::Between,
     /// Narrow reflection lobe that the file stores as a formula beside the samples; absent if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    lobe: Option<Lobe>,
-    #[serde(flatten)]
-    errors: ErrorReport,
-    /// Coarser versions that can be decoded from the first bytes of the file, coarsest first; the last is the whole
-    /// material.
-    levels: Vec<LevelInfo>,
-    /// Warnings about the material: that its incoming directions are too sparse to interpolate a lobe, and those that
-    /// the metadata of the file states.
-    warnings: Vec<String>,
+    analytic_lobe: Option<Lobe>,
     /// Provenance from the metadata of the file; `null` if there is none.
     provenance: Option<serde_json::Value>,
+    #[serde(skip)]
+    origin: StatedOrigin,
 }
 
 /// Describes in words the interpolation between the directions of a grid of angles. `straight_lines` is the share of
@@ -251,52 +198,35 @@ fn interpolation(straight_lines: f64) -> String {
 
 impl Material {
     fn read(bytes: &[u8]) -> Result<Self, Failure> {
-        let summary: Summary = compress::inspect(bytes)?;
-        let shape: Vec<usize> = summary.axes.iter().map(Axis::len).collect();
-        let samples = shape.iter().product::<usize>() as f64;
-        // A metadata chunk that is not JSON is shown as text.
-        let provenance =
-            summary.metadata.map(|text| serde_json::from_str(&text).unwrap_or(serde_json::Value::String(text)));
-        let stated = provenance.as_ref().and_then(|provenance| provenance["warnings"].as_array());
-        let stated = stated.into_iter().flatten().filter_map(|warning| Some(warning.as_str()?.to_owned()));
+        let Stated { mut report, origin, summary } = pipeline::stated_in_header(bytes)?;
+        report.notes.splice(..0, pipeline::sparse(bytes)?);
+        let provenance = summary.metadata.as_deref().map(serde_json::from_str).transpose().map_err(Failure::failed)?;
         Ok(Self {
             kind: "material",
-            digest: pipeline::digest(bytes),
-            payload_digest: format!("b3-{}", compress::payload_digest(bytes)?.to_hex()),
-            bytes: bytes.len() as u64,
-            quantity: summary.quantity,
-            unit: summary.unit,
+            report,
             sampling: summary.sampling,
-            axes: summary.axes.iter().map(Axis::describe).collect(),
-            shape,
-            policy: summary.policy,
-            basis: summary.basis,
-            kept_coefficients: summary.kept_coefficients,
-            ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
-            step: summary.step,
-            ratio_bytes: 4.0 * samples / bytes.len() as f64,
+            shape: summary.axes.iter().map(Axis::len).collect(),
             floor: summary.floor,
             straight_lines: summary.straight_lines,
             between: summary.between,
-            lobe: summary.lobe,
-            errors: summary.errors,
-            levels: compress::levels(bytes)?,
-            warnings: pipeline::sparse(bytes)?.map(|warning| warning.message).into_iter().chain(stated).collect(),
+            analytic_lobe: summary.lobe,
             provenance,
+            origin,
         })
     }
 
     fn sheet(&self) -> Sheet {
+        let report = &self.report;
         let mut sheet = Sheet::default();
         sheet.line("format", "wavelume material");
-        sheet.line("quantity", format!("{}, {}", self.quantity, self.unit));
-        axes_lines(&mut sheet, &self.axes);
+        sheet.line("quantity", format!("{}, {}", report.quantity, report.unit));
+        axes_lines(&mut sheet, &report.axes);
         sheet.line("sampling", self.sampling);
-        sample_lines(&mut sheet, &self.errors);
-        sheet.line("policy", format!("{}, basis {}", self.policy, self.basis));
-        let ratio = three_digits(self.ratio_bytes);
-        sheet.line("size", format!("{} bytes, {ratio} : 1 of the float32 tensor", count(self.bytes)));
-        coefficient_line(&mut sheet, self.kept_coefficients, self.ratio_coefficients);
+        sample_lines(&mut sheet, &report.errors);
+        sheet.line("policy", format!("{}, basis {}", report.policy, report.basis));
+        let ratio = three_digits(report.ratio_bytes);
+        sheet.line("size", format!("{} bytes, {ratio} : 1 of the float32 tensor", count(report.bytes)));
+        coefficient_line(&mut sheet, report.kept_coefficients, report.ratio_coefficients);
         if self.floor > 0.0 {
             sheet.line("floor", self.floor);
         }
@@ -306,21 +236,16 @@ impl Material {
         if !self.between.is_default() {
             sheet.line("between incidences", self.between);
         }
-        if let Some(lobe) = &self.lobe {
+        if let Some(lobe) = &self.analytic_lobe {
             sheet.line("lobe beside cells", lobe);
         }
-        error_lines(
-            &mut sheet,
-            if self.sampling == Sampling::Average { "error of the cells" } else { "error" },
-            &self.errors,
-        );
-        level_lines(&mut sheet, &self.levels);
-        for warning in &self.warnings {
-            sheet.line("warning", warning);
-        }
+        let label = if self.sampling == Sampling::Average { "error of the cells" } else { "error" };
+        error_lines(&mut sheet, label, &report.errors);
+        level_lines(&mut sheet, &report.levels);
+        note_lines(&mut sheet, &report.notes);
         self.source_lines(&mut sheet);
-        sheet.line("digest", &self.digest);
-        sheet.line("payload digest", &self.payload_digest);
+        sheet.line("digest", &report.digest);
+        sheet.line("payload digest", &report.payload_digest);
         sheet
     }
 
@@ -332,19 +257,18 @@ impl Material {
         if let (Some(cells), Some(of)) = (provenance["filled"]["cells"].as_u64(), provenance["filled"]["of"].as_u64()) {
             sheet.line("filled", format!("{} of {} cells, not measured", count(cells), count(of)));
         }
-        if let Ok(fit) = serde_json::from_value(provenance["scattered"].clone()) {
-            stated_fit_lines(sheet, &fit);
+        if let Some(fit) = &self.report.fit {
+            stated_fit_lines(sheet, fit);
         }
-        let source = &provenance["source"];
-        if let (Some(format), Some(dialect)) = (source["format"].as_str(), source["dialect"].as_str()) {
-            sheet.line("made from", labelled(format, dialect));
+        if !self.report.format.is_empty() {
+            sheet.line("made from", labelled(&self.report.format, &self.report.dialect));
         }
-        for (label, value) in [
-            ("source digest", &source["content_digest"]),
-            ("spectrum digest", &source["spectrum_digest"]),
-            ("generator", &provenance["generator"]),
+        for (label, stated) in [
+            ("source digest", &self.origin.content_digest),
+            ("spectrum digest", &self.origin.spectrum_digest),
+            ("generator", &self.origin.generator),
         ] {
-            if let Some(text) = value.as_str() {
+            if let Some(text) = stated {
                 sheet.line(label, text);
             }
         }

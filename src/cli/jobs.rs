@@ -6,7 +6,9 @@ use super::health::reason;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::ConfigArg;
+use crate::catalog::Priority;
 use reqwest::Client;
+use serde::Deserialize;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -77,6 +79,31 @@ pub(crate) struct UrlArg {
     url: String,
 }
 
+/// Description of a job in an answer of the service, as far as it is shown.
+#[derive(Deserialize)]
+struct Shown {
+    id: String,
+    state: String,
+    priority: Priority,
+    progress: f64,
+    material: Option<String>,
+    report: Option<String>,
+    problem: Option<ShownProblem>,
+}
+
+#[derive(Deserialize)]
+struct ShownProblem {
+    detail: String,
+}
+
+impl Shown {
+    /// Takes the shown facts from the description of a job. Fails if one of them is missing.
+    fn of(job: Value) -> Result<Self, Failure> {
+        let unfit = |error| Failure::failed(format!("the service describes a job in another way: {error}"));
+        serde_json::from_value(job).map_err(unfit)
+    }
+}
+
 /// Longest time to wait for an answer of the service. Raising it tolerates a busier service.
 const PATIENCE: Duration = Duration::from_mins(1);
 
@@ -110,26 +137,20 @@ async fn show(list: &List) -> Result<(), Failure> {
     if list.json {
         return print_json(&jobs);
     }
+    let is_empty = jobs.is_empty();
     let mut table = Table::new(&["job", "state", "priority", ">progress", "material, report or problem"]);
-    for job in &jobs {
-        let text = |name: &str| job[name].as_str().unwrap_or_default().to_owned();
-        let made = text("material") + &text("report");
-        let problem = job["problem"]["detail"].as_str().unwrap_or_default();
-        let progress = format!("{:.0} %", 100.0 * job["progress"].as_f64().unwrap_or(0.0));
-        let priority = match job["priority"].as_i64() {
-            Some(-1) => "urgent",
-            Some(1) => "batch",
-            _ => "usual",
+    for job in jobs {
+        let job = Shown::of(job)?;
+        let priority = match job.priority {
+            Priority::Urgent => "urgent",
+            Priority::Usual => "usual",
+            Priority::Batch => "batch",
         };
-        table.row([
-            text("id"),
-            text("state"),
-            priority.to_owned(),
-            progress,
-            if made.is_empty() { problem.to_owned() } else { made },
-        ]);
+        let progress = format!("{:.0} %", 100.0 * job.progress);
+        let made = job.material.or(job.report).or(job.problem.map(|problem| problem.detail));
+        table.row([job.id, job.state, priority.to_owned(), progress, made.unwrap_or_default()]);
     }
-    print(&if jobs.is_empty() { "no jobs\n".to_owned() } else { table.render() })
+    print(&if is_empty { "no jobs\n".to_owned() } else { table.render() })
 }
 
 async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
@@ -139,7 +160,7 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
         let request = client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.address.url));
         let answer = async { read(send(request).await?).await };
         match answer.await {
-            Ok(job) => print(&format!("{id}  {}\n", job["state"].as_str().unwrap_or_default()))?,
+            Ok(job) => print(&format!("{id}  {}\n", Shown::of(job)?.state))?,
             Err(failure) => {
                 print(&format!("{id}  {failure}\n"))?;
                 failed = Some(failure);

@@ -4,16 +4,13 @@ use super::failure::Failure;
 use super::output::{Sheet, count, per_cent, print, print_json, three_digits};
 use super::query;
 use super::report::axes_lines;
-use crate::domain::{Axis, Quantity, Unit};
+use crate::domain::{Axis, DEFAULT_ERROR, Quantity, Unit};
 use crate::evaluate::physics::{
     AlbedoReport, Allowance, EnergyReport, FluxReport, NormalisationReport, ReciprocityReport, Spot, Verdict,
 };
 use crate::evaluate::{EvaluateError, Material};
 use serde::Serialize;
 use std::path::PathBuf;
-
-/// Relative error (0.01 is 1 %) that a file is assumed to promise if it states none. Raising it brings fewer warnings.
-const PROMISED: f64 = 0.01;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
@@ -73,7 +70,7 @@ impl Answer {
             reciprocity_lines(&mut sheet, reciprocity);
         }
         let promised = material.summary().map_or(0.0, |summary| summary.errors.er_l2);
-        let promised = if promised > 0.0 { promised } else { PROMISED };
+        let promised = if promised > 0.0 { promised } else { DEFAULT_ERROR };
         if let Some(warning) = material.left_out(0.0).and_then(|left_out| left_out.warning(promised)) {
             sheet.line("warning", warning);
         }

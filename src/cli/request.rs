@@ -10,14 +10,14 @@ use clap::builder::ValueParser;
 use clap::{Arg, ArgGroup, ArgMatches, Command, FromArgMatches};
 use serde_json::{Value, json};
 
-/// Promise of a compression if the command line gives none: a root mean square relative error of at most 1 %.
-const DEFAULT_TARGET: Target = Target::ErL2(0.01);
-/// Keyword that `--er-l2` takes instead of a number. The error is then about as large as the noise of the measurement.
-const AUTO: &str = "auto";
 /// Name of the option for the illuminant under which `--delta-e` compares colours.
 const ILLUMINANT: &str = "illuminant";
 /// Names of the options that choose the axes of the tensor to compress.
 const AXES: [&str; 5] = ["domain", "reciprocal", "incoming_level", "outgoing_level", "wavelengths"];
+/// Names of the options, besides the promise, that have a sum of materials compressed anew.
+const AGAIN: [&str; 2] = ["policy", "basis"];
+/// Name of the option that leaves the provenance out of a material.
+const METADATA: &str = "metadata";
 
 /// Axes of the tensor to compress; by default chosen from the density of the data.
 #[derive(Clone, Debug)]
@@ -31,6 +31,13 @@ pub(crate) struct TargetArgs(Option<Target>);
 #[derive(Clone, Debug)]
 pub(crate) struct RequestArgs(Request);
 
+/// Options of a compression that a sum of materials takes: its axes are given.
+#[derive(Clone, Debug)]
+pub(crate) struct SumArgs {
+    request: Request,
+    is_stated: bool,
+}
+
 /// Number of threads on which a command computes its result.
 #[derive(Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
@@ -40,23 +47,30 @@ pub(crate) struct ThreadsArgs {
 }
 
 impl AxesArgs {
-    /// Returns a compression request with the axes that the command line chooses, and with the default promise: a
-    /// relative error of at most 1 %.
+    /// Returns a compression request with the axes that the command line chooses, and with the default promise, a
+    /// relative error.
     pub(crate) fn request(&self) -> Request {
         self.0.clone()
     }
 }
 
 impl TargetArgs {
-    /// Returns the promise of a compression (error bound, size or ratio) that the command line states; `None` if it
-    /// states no promise.
-    pub(crate) fn named(&self) -> Option<Target> {
-        self.0
-    }
-
     /// Returns the compression target that the command line gives, or the default target.
     pub(crate) fn or_default(&self) -> Target {
-        self.0.unwrap_or(DEFAULT_TARGET)
+        self.0.unwrap_or_default()
+    }
+}
+
+impl SumArgs {
+    /// Returns the compression request for a sum of materials, with the promise, the policy and the basis that the
+    /// command line states.
+    pub(crate) fn request(&self) -> &Request {
+        &self.request
+    }
+
+    /// Returns true if the command line states a promise, a policy or a basis, so that the sum is compressed anew.
+    pub(crate) fn is_stated(&self) -> bool {
+        self.is_stated
     }
 }
 
@@ -75,6 +89,10 @@ fn request(matches: &ArgMatches, target: Target, takes: fn(&Declared) -> bool) -
     serde_json::from_value(Value::Object(options)).map_err(refusal)
 }
 
+fn is_of_sums(declared: &Declared) -> bool {
+    AGAIN.contains(&declared.name) || declared.name == METADATA
+}
+
 fn is_of_axes(declared: &Declared) -> bool {
     AXES.contains(&declared.name)
 }
@@ -82,20 +100,20 @@ fn is_of_axes(declared: &Declared) -> bool {
 /// Builds the command-line argument for one promise of a compression, such as `--bytes` for a size. The one for
 /// `--er-l2`, a relative error, also takes `auto` instead of a number.
 fn target_argument(declared: &'static Declared) -> Arg {
-    if declared.name != DEFAULT_TARGET.name() {
-        return argument(declared);
-    }
-    let auto = Target::Auto.declared().map(help).unwrap_or_default();
-    let read = move |text: &str| if text == AUTO { Ok(Value::from(AUTO)) } else { declared.read(text) };
+    let default = json!(Target::default());
+    let Some(default) = default.get(declared.name) else { return argument(declared) };
+    let auto = Target::Auto.name();
+    let meaning = Target::Auto.declared().map(help).unwrap_or_default();
+    let read = move |text: &str| if text == auto { Ok(Value::from(auto)) } else { declared.read(text) };
     argument(declared)
-        .value_name("E|auto")
+        .value_name(format!("E|{auto}"))
         .value_parser(ValueParser::new(read))
-        .help(format!("{} [default: 0.01]. `auto` stands for: {auto}", help(declared)))
+        .help(format!("{}. `{auto}`: {meaning} [default: {default}]", help(declared)))
 }
 
 /// Returns the declarations of all compression targets that have a command-line option of their own.
 fn targets() -> impl Iterator<Item = &'static Declared> {
-    Target::DECLARED.iter().filter(|declared| declared.name != AUTO)
+    Target::DECLARED.iter().filter(|declared| declared.name != Target::Auto.name())
 }
 
 /// Builds the promise of a compression (error bound, size or ratio) from the command line; `None` if it states no
@@ -105,7 +123,7 @@ fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option
     let Some((declared, value)) = found else { return Ok(None) };
     let target = match (declared.values, illuminant) {
         (Values::Switch, _) => json!(declared.name),
-        _ if value == AUTO => value,
+        _ if value == Target::Auto.name() => value,
         (_, Some(illuminant)) => json!({ declared.name: { "at_most": value, "illuminant": illuminant } }),
         _ => json!({ declared.name: value }),
     };
@@ -146,7 +164,32 @@ impl clap::Args for AxesArgs {
 
 impl FromArgMatches for AxesArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        request(matches, DEFAULT_TARGET, is_of_axes).map(Self)
+        request(matches, Target::default(), is_of_axes).map(Self)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl clap::Args for SumArgs {
+    fn augment_args(command: Command) -> Command {
+        let options = Request::OPTIONS.iter().filter(|declared| is_of_sums(declared));
+        TargetArgs::augment_args(command).args(options.map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for SumArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let target = target(matches, None)?;
+        let again = Request::OPTIONS.iter().filter(|declared| AGAIN.contains(&declared.name));
+        let is_stated = target.is_some() || !all_stated(matches, again).is_empty();
+        Ok(Self { request: request(matches, target.unwrap_or_default(), is_of_sums)?, is_stated })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -157,13 +200,13 @@ impl FromArgMatches for AxesArgs {
 
 impl clap::Args for RequestArgs {
     fn augment_args(command: Command) -> Command {
-        let illuminants: Vec<&str> = Illuminant::ALL.iter().map(|known| known.name()).collect();
+        let names = Illuminant::all_names();
         let illuminant = Arg::new(ILLUMINANT)
             .long(ILLUMINANT)
             .value_name("NAME")
             .value_parser(clap::value_parser!(Illuminant))
-            .requires(Target::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 }).name())
-            .help(format!("Illuminant of --delta-e: {} [default: D65]", illuminants.join(", ")));
+            .requires(Target::DeltaE(DeltaE::from(1.0)).name())
+            .help(format!("Illuminant of --delta-e: {} [default: {}]", names.join(", "), Illuminant::default()));
         TargetArgs::augment_args(command).arg(illuminant).args(Request::OPTIONS.iter().map(argument))
     }
 
@@ -175,7 +218,7 @@ impl clap::Args for RequestArgs {
 impl FromArgMatches for RequestArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let target = target(matches, matches.get_one(ILLUMINANT).copied())?;
-        request(matches, target.unwrap_or(DEFAULT_TARGET), |_| true).map(Self)
+        request(matches, target.unwrap_or_default(), |_| true).map(Self)
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -207,6 +250,46 @@ mod tests {
 
     fn request(line: &[&str]) -> Result<Request, clap::Error> {
         Line::try_parse_from([&["compress"], line].concat()).map(|line| line.request.request())
+    }
+
+    #[test]
+    fn a_sum_is_compressed_anew_if_its_promise_policy_or_basis_is_stated() {
+        #[derive(Debug, Parser)]
+        struct Line {
+            #[command(flatten)]
+            sum: SumArgs,
+        }
+        let sum = |line: &[&str]| Line::try_parse_from([&["combine"], line].concat()).map(|line| line.sum);
+        for (line, is_stated) in [
+            (&[][..], false),
+            (&["--no-metadata"], false),
+            (&["--er-l2", "0.01"], true),
+            (&["--policy", "rd"], true),
+            (&["--basis", "auto"], true),
+        ] {
+            let found = sum(line).unwrap();
+            assert_eq!((found.is_stated(), found.request()), (is_stated, &request(line).unwrap()), "{line:?}");
+        }
+        for line in [&["--basis", "no-such-basis"][..], &["--policy", "best"], &["--floor", "0.1"]] {
+            assert!(sum(line).is_err(), "{line:?}");
+        }
+    }
+
+    #[test]
+    fn the_help_names_every_value_and_every_default() {
+        use clap::CommandFactory;
+        let help = Line::command().render_long_help().to_string();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        let words = help.split(|c: char| c.is_whitespace() || "<>[],.;:|`".contains(c)).collect::<Vec<_>>();
+        for declared in Request::OPTIONS {
+            let Values::Name { names, .. } = declared.values else { continue };
+            for name in names() {
+                assert!(words.contains(&name), "{name} of {} in {help}", declared.name);
+            }
+        }
+        for default in ["[default: 0.01]", "[default: rd]", "[default: auto]", "[default: cubic]", "[default: D65]"] {
+            assert!(help.contains(default), "{default} in {help}");
+        }
     }
 
     #[test]

@@ -52,6 +52,10 @@ pub(crate) struct Understood {
 pub(crate) struct DescribedAxis {
     /// Kind of coordinate on the axis, such as polar angles, wavelengths or numbered entries without geometry.
     pub kind: AxisKind,
+    /// Description of the axis in words; empty for measurements that earlier versions have stored.
+    #[serde(default)]
+    #[schema(required = false)]
+    pub description: String,
     /// Number of entries on this axis of the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
@@ -218,7 +222,9 @@ pub(crate) fn describe(acquisition: &Acquisition, options: &Options) -> Understo
         }
         Samples::Grid(grid) => (grid_axes(grid), grid.values.as_slice(), grid_coverage(grid)),
         Samples::Scattered(scattered) => {
-            let directions = DescribedAxis::new(AxisKind::Directions, scattered.directions());
+            let count = scattered.directions();
+            let description = format!("{count} scattered directions");
+            let directions = DescribedAxis::new(AxisKind::Directions, count, description);
             let axes = std::iter::once(directions).chain(scattered.spectral.as_ref().map(axis)).collect();
             let coverage = Extent {
                 isotropic: Some(scattered.isotropic),
@@ -283,9 +289,10 @@ pub(crate) fn describe_needy(format: &str, need: &str, options: &Options) -> Und
 }
 
 impl DescribedAxis {
-    fn of_kind(kind: AxisKind) -> Self {
+    fn of_kind(kind: AxisKind, description: String) -> Self {
         Self {
             kind,
+            description,
             count: None,
             first: None,
             last: None,
@@ -300,8 +307,8 @@ impl DescribedAxis {
         }
     }
 
-    fn new(kind: AxisKind, count: usize) -> Self {
-        Self { count: Some(count), ..Self::of_kind(kind) }
+    fn new(kind: AxisKind, count: usize, description: String) -> Self {
+        Self { count: Some(count), ..Self::of_kind(kind, description) }
     }
 
     /// Sets the first and the last value of the described axis, and the name `unit` of their unit.
@@ -315,12 +322,12 @@ fn axis(axis: &Axis) -> DescribedAxis {
         Axis::Triangles(mesh) => DescribedAxis {
             domain: Some(mesh.domain()),
             level: Some(mesh.level()),
-            ..DescribedAxis::new(AxisKind::Triangles, mesh.len())
+            ..DescribedAxis::new(AxisKind::Triangles, mesh.len(), axis.describe())
         },
         Axis::Grid(grid) => {
             let [polar, azimuths] = grid.shape();
             let (first, last) = grid.covers();
-            let described = DescribedAxis::new(AxisKind::Directions, grid.len());
+            let described = DescribedAxis::new(AxisKind::Directions, grid.len(), axis.describe());
             DescribedAxis {
                 frame: Some(grid.frame()),
                 polar: Some(polar),
@@ -328,43 +335,68 @@ fn axis(axis: &Axis) -> DescribedAxis {
                 ..described.between(Some(first), Some(last), "degree")
             }
         }
-        Axis::Elevation(values) => angles(AxisKind::Elevation, values),
+        Axis::Elevation(values) => {
+            let described = DescribedAxis::new(AxisKind::Elevation, values.len(), axis.describe());
+            described.between(values.first().copied(), values.last().copied(), "degree")
+        }
         Axis::Wavelength(grid) => wavelengths(grid),
         Axis::Index { count, labels } => {
-            DescribedAxis { labels: Some(labels.clone()), ..DescribedAxis::new(AxisKind::Index, *count) }
+            let described = DescribedAxis::new(AxisKind::Index, *count, axis.describe());
+            DescribedAxis { labels: Some(labels.clone()), ..described }
         }
-        Axis::Rgb => DescribedAxis::new(AxisKind::Rgb, axis.len()),
+        Axis::Rgb => DescribedAxis::new(AxisKind::Rgb, axis.len(), axis.describe()),
     }
 }
 
 fn wavelengths(grid: &WavelengthGrid) -> DescribedAxis {
     let (first, last) = grid.range();
-    DescribedAxis::new(AxisKind::Wavelength, grid.len()).between(Some(first), Some(last), "nm")
+    let description = Axis::Wavelength(grid.clone()).describe();
+    DescribedAxis::new(AxisKind::Wavelength, grid.len(), description).between(Some(first), Some(last), "nm")
 }
 
-fn angles(kind: AxisKind, values: &[f64]) -> DescribedAxis {
-    DescribedAxis::new(kind, values.len()).between(values.first().copied(), values.last().copied(), "degree")
+/// Describes an axis of angles; `name` and `continued` are its name and the continuation of azimuths in words.
+fn angles((kind, name): (AxisKind, &str), values: &[f64], continued: &str) -> DescribedAxis {
+    let span = match values {
+        [] => String::new(),
+        [only] => only.to_string(),
+        [first, .., last] => format!("{first}..{last}"),
+    };
+    let description = format!("{name} {span} deg ({}{continued})", values.len());
+    let described = DescribedAxis::new(kind, values.len(), description);
+    described.between(values.first().copied(), values.last().copied(), "degree")
 }
 
 fn grid_axes(grid: &AngleGrid) -> Vec<DescribedAxis> {
     let mut axes: Vec<DescribedAxis> = grid.index.iter().map(axis).collect();
-    for (direction, theta, phi) in
-        [(&grid.incoming, AxisKind::ThetaI, AxisKind::PhiI), (&grid.outgoing, AxisKind::ThetaO, AxisKind::PhiO)]
-    {
-        axes.extend(direction.iter().flat_map(|direction| direction_axes(direction, theta, phi)));
+    for (direction, names) in [(&grid.incoming, INCOMING), (&grid.outgoing, OUTGOING)] {
+        axes.extend(direction.iter().flat_map(|direction| direction_axes(direction, names)));
     }
     axes.extend(grid.spectral.as_ref().map(axis));
     axes
 }
 
-fn direction_axes(direction: &Angles, theta: AxisKind, phi: AxisKind) -> Vec<DescribedAxis> {
-    let azimuths = direction.phi.iter().map(|azimuths| angles(phi, &azimuths.phi));
-    std::iter::once(angles(theta, &direction.theta)).chain(azimuths).collect()
+/// Kinds and names of the axes of incoming directions: polar angles and azimuths.
+const INCOMING: [(AxisKind, &str); 2] = [(AxisKind::ThetaI, "theta_i"), (AxisKind::PhiI, "phi_i")];
+/// Kinds and names of the axes of outgoing directions: polar angles and azimuths.
+const OUTGOING: [(AxisKind, &str); 2] = [(AxisKind::ThetaO, "theta_o"), (AxisKind::PhiO, "phi_o")];
+
+fn direction_axes(direction: &Angles, [theta, phi]: [(AxisKind, &str); 2]) -> Vec<DescribedAxis> {
+    let azimuths = direction.phi.iter().map(|azimuths| {
+        let continued = match azimuths.extent {
+            AzimuthExtent::Circle => "",
+            AzimuthExtent::Mirrored => ", mirrored",
+            AzimuthExtent::Sector => ", sector",
+        };
+        angles(phi, &azimuths.phi, continued)
+    });
+    std::iter::once(angles(theta, &direction.theta, "")).chain(azimuths).collect()
 }
 
 fn function_axes(modelled: &Modelled) -> Vec<DescribedAxis> {
-    let mut axes = direction_axes(&modelled.incoming, AxisKind::ThetaI, AxisKind::PhiI);
-    let outgoing = DescribedAxis::of_kind(AxisKind::Outgoing);
+    let mut axes = direction_axes(&modelled.incoming, INCOMING);
+    // Two digits: the spacing is a mean.
+    let description = format!("outgoing directions every {:.2} deg", modelled.outgoing_spacing);
+    let outgoing = DescribedAxis::of_kind(AxisKind::Outgoing, description);
     axes.push(DescribedAxis { spacing: Some(modelled.outgoing_spacing), unit: Some("degree".to_owned()), ..outgoing });
     axes.extend(modelled.spectral.as_ref().map(axis));
     axes
@@ -441,6 +473,7 @@ mod tests {
         let kinds: Vec<&str> =
             described["axes"].as_array().unwrap().iter().map(|axis| axis["kind"].as_str().unwrap()).collect();
         assert_eq!(kinds, ["theta_o", "phi_o", "wavelength"]);
+        assert_eq!(described["axes"][1]["description"], "phi_o 0..240 deg (3)");
         assert_eq!(described["range"], json!([0.25, 8.0]));
         assert_eq!(described["coverage"]["missing_samples"], 1);
         assert_eq!(described["coverage"]["outgoing"]["phi"]["extent"], "circle");

@@ -120,7 +120,7 @@ impl Engine {
             let stated = pipeline::stated(&bytes).map_err(MaterialError::Malformed)?;
             Ok::<_, MaterialError>((staged, bytes, stated))
         });
-        let (staged, bytes, Stated { report, origin }) = looked.await.map_err(IngestError::from)??;
+        let (staged, bytes, Stated { report, origin, .. }) = looked.await.map_err(IngestError::from)??;
         let compared = self.compare(bytes, &upload.measurements, (&report, &origin), Room { held: 0, more }).await?;
         let new = material(&staged, upload, report, origin, &compared)?;
         let mut published = Published::new(&self.archive, staged).await.map_err(IngestError::from)?;

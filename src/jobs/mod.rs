@@ -60,7 +60,7 @@ pub use sweep::SweepReport;
 pub(crate) use blobs::BlobError;
 pub(crate) use child::compute_job;
 pub(crate) use config::{SETTINGS, Setting};
-pub(crate) use describe::Understood;
+pub(crate) use describe::{AxisKind, Understood, describe};
 pub(crate) use doctor::{Finding, Verdict, examine};
 pub(crate) use document::Manifest;
 pub(crate) use engine::{Engine, OpenError};

@@ -291,8 +291,10 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
 async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;
-    // Without the list of dead workers, their leases still expire.
-    let gone = gone.ok().and_then(Result::ok).unwrap_or_default();
+    let gone = gone.map_err(std::io::Error::other).flatten().unwrap_or_else(|error| {
+        tracing::warn!(%error, "lost workers of this host cannot be listed; their jobs wait until the leases expire");
+        Vec::new()
+    });
     let reaped = engine.archive.catalog.reap(&gone, expired, engine.limits.lost, lost).await?;
     engine.presence.forget(&gone);
     for job in &reaped {

@@ -9,7 +9,7 @@ pub(crate) struct Finding {
     pub verdict: Verdict,
     /// Name of the check, beginning with its part of the site: `database`, `store` or `local`.
     pub check: String,
-    /// Description of what was found.
+    /// Description, for the operator, of what the check has found.
     pub found: String,
     /// Advice on what to do; empty if there is nothing to do.
     pub remedy: String,

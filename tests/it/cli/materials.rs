@@ -63,12 +63,20 @@ fn inspect_tells_measurements_from_materials() {
     let measured = json(&["inspect", &at(&dir, "brdf.npy"), "--json"]);
     assert_eq!(measured["kind"], "measurement");
     assert_eq!(measured["quantity"], "brdf");
-    assert_eq!(measured["shape"], serde_json::json!([INCOMING, OUTGOING, LAMBDAS]));
-    assert_eq!(measured["masked_samples"], LAMBDAS);
+    assert_eq!(measured["tensor"]["shape"], serde_json::json!([INCOMING, OUTGOING, LAMBDAS]));
+    assert_eq!(measured["tensor"]["masked_samples"], LAMBDAS);
+    // The names of an upload over HTTP.
+    assert_eq!(measured["axes"][2]["kind"], "wavelength");
+    assert_eq!(measured["coverage"]["missing_samples"], LAMBDAS);
     let made = material(&dir);
     let material = json(&["inspect", &made, "--json"]);
     assert_eq!(material["kind"], "material");
-    assert_eq!(material["shape"], measured["shape"]);
+    assert_eq!(material["shape"], measured["tensor"]["shape"]);
+    // The names and values of the report of the compression.
+    let report = json(&["compress", &at(&dir, "brdf.npy"), "-o", &made, "--json"]);
+    for name in ["digest", "payload_digest", "axes", "policy", "basis", "bytes", "ratio_bytes", "levels", "samples"] {
+        assert_eq!(material[name], report[name], "{name}");
+    }
     assert!(material["er_l2"].as_f64().unwrap() <= 0.01);
     assert!(done(&["inspect", &made]).contains("er(L2)"));
     let lamp = done(&["inspect", &data("aerolamp.ies")]);

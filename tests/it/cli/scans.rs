@@ -58,7 +58,7 @@ fn filled_cells_are_marked_in_arrays_materials_and_reports() {
     let runs: Vec<u64> = provenance["runs"].as_array().unwrap().iter().map(|run| run.as_u64().unwrap()).collect();
     assert_eq!(runs.iter().skip(1).step_by(2).sum::<u64>(), filled);
     let measured = json(at, &["inspect", "scan.csv"]);
-    assert_eq!(measured["coverage"]["filled"].as_u64(), Some(filled), "{measured}");
+    assert_eq!(measured["tensor"]["coverage"]["filled"].as_u64(), Some(filled), "{measured}");
 }
 
 /// A lobe over a base with noise of 1 % at directions even in solid angle, under one elevation.

@@ -182,7 +182,11 @@ async fn job_bodies_are_checked() {
     for (setting, value, reason) in [
         ("basis", json!("nonsense"), "option basis: unknown basis `nonsense`, expected auto"),
         ("wavelengths", json!("780:380:5"), "option wavelengths: "),
-        ("floor", json!(1), "option floor: found 1.0, expected a fraction of the largest sample"),
+        (
+            "floor",
+            json!(1),
+            "option floor: found 1.0, expected more than 0 and less than 1, a fraction of the largest sample",
+        ),
         ("incoming_level", json!(9), "option incoming_level: found 9, expected a whole number from 0 to 8"),
     ] {
         let mut request = json!({ "measurement": id, "target": { "er_l2": 0.01 } });

@@ -74,7 +74,7 @@ pub use promise::shortfall;
 pub use setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
 #[doc(hidden)]
 pub use settings::absolute_floor;
-pub use settings::{ALBEDO_ERROR, FLOOR, Settings, check_basis};
+pub use settings::{ALBEDO_ERROR, AUTO_BASIS, FLOOR, Settings, check_basis};
 pub use summary::Summary;
 pub use target::{DeltaE, Target};
 pub use unreachable_error::UnreachableError;

@@ -10,7 +10,7 @@ use super::policy::Policy;
 use super::rd::gridded::Shape as GridShape;
 use super::rd::shape::Shape;
 use super::setting_error::{AlbedoConflict, RandomAccessConflict, RdOption, SettingError};
-use super::settings::{ALBEDO_ERROR, Settings};
+use super::settings::{ALBEDO_ERROR, AUTO_BASIS, Settings};
 use super::stated::rounded_down;
 use super::target::{DeltaE, Target};
 use super::unreachable_error::UnreachableError;
@@ -50,8 +50,7 @@ pub(crate) fn check(measurement: &Measurement, settings: &Settings) -> Result<()
 fn check_albedo(measurement: &Measurement, settings: &Settings, bound: f64) -> Result<(), SettingError> {
     let refuse = |conflict| Err(SettingError::Albedo(conflict));
     if !ALBEDO_ERROR.allow(bound) {
-        let expected = ALBEDO_ERROR.expected;
-        return Err(SettingError::Range { option: "albedo_error", found: bound, expected });
+        return Err(SettingError::Range { option: "albedo_error", found: bound, limits: ALBEDO_ERROR });
     }
     if settings.policy != Policy::Rd || settings.target == Target::Lossless {
         return refuse(AlbedoConflict::Uncorrected);
@@ -73,7 +72,7 @@ pub(crate) fn check_random_access(measurement: &Measurement, settings: &Settings
     let found = if settings.policy != Policy::Rd || settings.target == Target::Lossless {
         let policy = if settings.target == Target::Lossless { Policy::Lossless } else { settings.policy };
         RandomAccessConflict::Policy(policy)
-    } else if !matches!(settings.basis.as_str(), "auto" | "klt") {
+    } else if !matches!(settings.basis.as_str(), AUTO_BASIS | "klt") {
         RandomAccessConflict::Basis(settings.basis.clone())
     } else if matches!(settings.target, Target::MaxRelativeError(_) | Target::MaxAbsoluteError(_)) {
         RandomAccessConflict::EverySample

@@ -2,7 +2,7 @@
 
 use super::policy::Policy;
 use crate::domain::colour::ColourError;
-use crate::domain::{Axis, TensorError};
+use crate::domain::{Axis, Limits, TensorError};
 use crate::transform::{KltError, LineBasis, PlanError};
 
 /// Settings that are out of range, contradict each other, or do not fit the measurement.
@@ -10,14 +10,14 @@ use crate::transform::{KltError, LineBasis, PlanError};
 #[non_exhaustive]
 pub enum SettingError {
     /// Option whose number is outside its range.
-    #[error("{option} is {found}, expected {expected}")]
+    #[error("{option} is {found}, expected {}", limits.expected())]
     Range {
         /// Name of the option that is out of range.
         option: &'static str,
         /// Value given for the option, outside its range.
         found: f64,
-        /// Expected range of the option, in words.
-        expected: &'static str,
+        /// Range of numbers that the option accepts.
+        limits: Limits,
     },
     /// Policy lossless combined with a target that allows errors.
     #[error(

@@ -43,13 +43,13 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// Returns the default settings of a compression: relative RMS error er(L2) of at most 1 %, rate–distortion coding
-    /// (policy `rd`), an automatic choice of the basis, no further options.
+    /// Returns the default settings of a compression: the default target and policy, an automatic choice of the basis,
+    /// no further options.
     fn default() -> Self {
         Self {
-            target: Target::ErL2(0.01),
-            policy: Policy::Rd,
-            basis: "auto".to_owned(),
+            target: Target::default(),
+            policy: Policy::default(),
+            basis: AUTO_BASIS.to_owned(),
             floor: None,
             albedo_error: None,
             metadata: None,
@@ -62,17 +62,16 @@ impl Default for Settings {
 }
 
 /// Limits of the option `floor`, the fraction of the largest sample below which relative errors do not count.
-pub const FLOOR: Limits = Limits {
-    low: Excluded(0.0),
-    high: Excluded(1.0),
-    expected: "a fraction of the largest sample, more than 0 and less than 1 (0.01 is 1 %)",
-};
+pub const FLOOR: Limits =
+    Limits { low: Excluded(0.0), high: Excluded(1.0), remark: ", a fraction of the largest sample (0.01 is 1 %)" };
 /// Limits of the option `albedo_error`, the bound on the relative error of the light (directional albedo, flux).
-pub const ALBEDO_ERROR: Limits = Limits::up_to(1.0, "more than 0 and at most 1 (0.01 is 1 %)");
+pub const ALBEDO_ERROR: Limits = Limits::up_to(1.0, " (0.01 is 1 %)");
+/// Name that leaves the choice of the spectral basis to the program; the default.
+pub const AUTO_BASIS: &str = "auto";
 
 /// Checks the name of a spectral basis, which may be `auto`. The error lists the names.
 pub fn check_basis(name: &str) -> Result<(), SettingError> {
-    if name == "auto" || SpectralBasis::named(name).is_some() {
+    if name == AUTO_BASIS || SpectralBasis::named(name).is_some() {
         return Ok(());
     }
     Err(SettingError::UnknownBasis { found: name.to_owned() })
@@ -87,7 +86,7 @@ pub(super) fn check(settings: &Settings) -> Result<(), SettingError> {
     if let Some(floor) = settings.floor
         && !FLOOR.allow(floor)
     {
-        return Err(SettingError::Range { option: "floor", found: floor, expected: FLOOR.expected });
+        return Err(SettingError::Range { option: "floor", found: floor, limits: FLOOR });
     }
     check_basis(&settings.basis)?;
     if SpectralBasis::named(&settings.basis) == Some(SpectralBasis::Klt) && settings.policy != Policy::Rd {

@@ -2,10 +2,11 @@
 
 use super::setting_error::SettingError;
 use crate::domain::colour::Illuminant;
-use crate::domain::{Declared, ErrorReport, Limits, Values};
+use crate::domain::{DEFAULT_ERROR, Declared, ErrorReport, Limits, Values};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error, IgnoredAny, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize as DeriveDeserialize, Serialize, Serializer};
+use serde_json::Value;
 use std::ops::Bound::{Included, Unbounded};
 
 /// Declares the targets of a compression: each once, with the help text, the name and the values of its option.
@@ -26,7 +27,12 @@ macro_rules! targets {
             /// All targets of a compression, in the order of the variants. In JSON a target with a value is the object
             /// `{NAME: value}`, one without is the text `NAME`.
             pub const DECLARED: &'static [Declared] = &[$(
-                Declared { name: $name, help: concat!($($help),+), values: targets!(@values $($values)?) },
+                Declared {
+                    name: $name,
+                    help: concat!($($help),+),
+                    values: targets!(@values $($values)?),
+                    default: || Value::Null,
+                },
             )+];
 
             /// Returns the name of the target in JSON, for example `er_l2`.
@@ -40,8 +46,7 @@ macro_rules! targets {
 }
 
 /// Range of relative errors that can be requested; larger ones are meaningless.
-const RELATIVE: Values =
-    Values::Number { shown: "E", limits: Limits::up_to(10.0, "more than 0 and at most 10 (0.01 is 1 %)") };
+const RELATIVE: Values = Values::Number { shown: "E", limits: Limits::up_to(10.0, " (0.01 is 1 %)") };
 /// Smallest quantiser step that can be requested, in natural logarithms; float32 logarithms cannot resolve finer ones.
 pub(crate) const LEAST_STEP: f64 = 1e-6;
 /// Largest quantiser step that can be requested, in natural logarithms; it leaves about one coefficient.
@@ -58,22 +63,18 @@ targets! {
         MaxRelativeError(f64) = "max_relative_error": RELATIVE,
         /// Upper bound on the absolute error of every sample, in the unit of the samples.
         MaxAbsoluteError(f64) = "max_absolute_error":
-            Values::Number { shown: "E", limits: Limits::positive("more than 0, in the unit of the samples") },
+            Values::Number { shown: "E", limits: Limits::positive(", in the unit of the samples") },
         /// Upper bound on the relative root mean square error: the square root of the ratio of the sum of squared
         /// errors to the sum of squared samples.
         RelativeRmse(f64) = "relative_rmse": RELATIVE,
-        /// Upper bound on the colour difference CIEDE2000 of every spectrum, under an illuminant (D65 unless stated);
+        /// Upper bound on the colour difference CIEDE2000 of every spectrum, under an illuminant;
         /// needs the rate–distortion policy, rd.
         DeltaE(DeltaE) = "delta_e":
-            Values::Number { shown: "E", limits: Limits::up_to(100.0, "more than 0 and at most 100") },
+            Values::Number { shown: "E", limits: Limits::up_to(100.0, "") },
         /// Lower bound on the compression ratio: number of samples divided by that of kept transform coefficients.
         Ratio(f64) = "ratio": Values::Number {
             shown: "R",
-            limits: Limits {
-                low: Included(1.0),
-                high: Unbounded,
-                expected: "at least 1 sample per coefficient",
-            },
+            limits: Limits { low: Included(1.0), high: Unbounded, remark: " sample per coefficient" },
         },
         /// Upper bound on the bytes of the file, metadata included.
         Bytes(u64) = "bytes": Values::Whole { shown: "N", least: 1, most: u64::MAX },
@@ -86,7 +87,7 @@ targets! {
             limits: Limits {
                 low: Included(LEAST_STEP),
                 high: Included(MOST_STEP),
-                expected: "0.000001 to 64, in natural logarithms",
+                remark: ", in natural logarithms",
             },
         },
         /// Error er(L2) as small as the noise of the measurement justifies, as estimated from the samples or, if
@@ -100,15 +101,27 @@ targets! {
 /// Upper bound on the colour difference CIEDE2000 of every spectrum with enough measured wavelengths for a colour, and
 /// the illuminant to which the colours refer.
 ///
-/// In JSON a number (the illuminant is then D65), or an object with both fields.
+/// In JSON a number (the illuminant is then the default one), or an object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
 pub struct DeltaE {
     /// Largest CIEDE2000 colour difference allowed; about 1 is just noticeable.
-    #[cfg_attr(feature = "schema", schema(exclusive_minimum = 0.0, maximum = 100.0))]
     pub at_most: f64,
     /// Illuminant of reflection and transmission; for emission, the light whose chromaticity counts as white.
     pub illuminant: Illuminant,
+}
+
+impl From<f64> for DeltaE {
+    /// Makes the upper bound `at_most` on colour differences under the default illuminant.
+    fn from(at_most: f64) -> Self {
+        Self { at_most, illuminant: Illuminant::default() }
+    }
+}
+
+impl Default for Target {
+    /// Returns the target of a compression if the user states none: a bound on the root mean square relative error.
+    fn default() -> Self {
+        Self::ErL2(DEFAULT_ERROR)
+    }
 }
 
 /// Error of all samples in one number (for example er(L2)) that a target bounds, with its upper bound.
@@ -171,7 +184,7 @@ impl Target {
             (Some(&Declared { name, values: Values::Number { limits, .. }, .. }), Some(found))
                 if !limits.allow(found) =>
             {
-                Err(SettingError::Range { option: name, found, expected: limits.expected })
+                Err(SettingError::Range { option: name, found, limits })
             }
             _ => Ok(()),
         }
@@ -232,7 +245,7 @@ impl<'de> Deserialize<'de> for DeltaE {
             }
 
             fn visit_f64<E: Error>(self, at_most: f64) -> Result<DeltaE, E> {
-                Ok(DeltaE { at_most, illuminant: Illuminant::default() })
+                Ok(DeltaE::from(at_most))
             }
 
             fn visit_u64<E: Error>(self, at_most: u64) -> Result<DeltaE, E> {
@@ -266,7 +279,7 @@ impl utoipa::PartialSchema for Target {
         let mut target = OneOfBuilder::new().item(one_of(&help, texts.map(|declared| declared.name).collect()));
         for declared in Self::DECLARED.iter().filter(|declared| !is_text(declared)) {
             let mut object = object_of("target", declared);
-            if declared.name == Self::DeltaE(DeltaE { at_most: 1.0, illuminant: Illuminant::D65 }).name() {
+            if declared.name == Self::DeltaE(DeltaE::from(1.0)).name() {
                 let number = values_of(declared);
                 let whole = Ref::from_schema_name("DeltaE");
                 object.properties.insert(declared.name.to_owned(), OneOfBuilder::new().item(number).item(whole).into());
@@ -286,6 +299,45 @@ impl utoipa::ToSchema for Target {
     fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
         schemas.push(("DeltaE".to_owned(), <DeltaE as utoipa::PartialSchema>::schema()));
         <DeltaE as utoipa::ToSchema>::schemas(schemas);
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::PartialSchema for DeltaE {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        use crate::domain::values_of;
+        use utoipa::openapi::Ref;
+        use utoipa::openapi::schema::ObjectBuilder;
+        let declared = Target::DeltaE(Self::from(1.0)).declared();
+        let mut at_most = declared.map(values_of).unwrap_or_default();
+        at_most.description =
+            Some("Largest CIEDE2000 colour difference allowed; about 1 is just noticeable.".to_owned());
+        let light = format!(
+            "Illuminant of reflection and transmission; for emission, the light whose chromaticity counts as white. It is {} \
+             if the request names none.",
+            Illuminant::default()
+        );
+        let illuminant = Ref::builder().ref_location_from_schema_name("Illuminant").description(Some(light));
+        ObjectBuilder::new()
+            .description(Some(
+                "Upper bound on the colour difference CIEDE2000 of every spectrum with enough measured wavelengths for a \
+                 colour, and the illuminant to which the colours refer.",
+            ))
+            .property("at_most", at_most)
+            .property("illuminant", illuminant.build())
+            .required("at_most")
+            .into()
+    }
+}
+
+#[cfg(feature = "schema")]
+impl utoipa::ToSchema for DeltaE {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "DeltaE".into()
+    }
+
+    fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
+        schemas.push(("Illuminant".to_owned(), <Illuminant as utoipa::PartialSchema>::schema()));
     }
 }
 

@@ -5,6 +5,10 @@ use crate::numeric::wide;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// Relative error that a compression promises if the user states none: 0.01 is 1 %. It is also the error assumed for
+/// data that promise none. Raising it makes smaller files and brings fewer warnings.
+pub const DEFAULT_ERROR: f64 = 0.01;
+
 /// Errors of decoded samples `s'` against the original samples `s`, computed in f64 from f32 samples.
 ///
 /// Relative errors are defined for scored samples: those with `s > 0` (and `s ≥ floor`, if a floor was declared).

@@ -37,7 +37,7 @@ pub use axis::check_axes;
 pub use axis::{Axis, AxisError, Layout};
 pub use direction::Direction;
 pub use direction_grid::{AzimuthExtent, Azimuths, DirectionGrid, DirectionGridError, Frame, Outside};
-pub use errors::{ErrorAccumulator, ErrorReport};
+pub use errors::{DEFAULT_ERROR, ErrorAccumulator, ErrorReport};
 pub use lattice::Symmetry;
 pub(crate) use lattice::{MOST_NEIGHBOURS, Neighbours};
 pub use lobe::{CENTRES, Lobe, LobeCentre, LobeError, LobeParameters, LobeUnder};

@@ -13,16 +13,17 @@ pub struct Declared {
     pub help: &'static str,
     /// Values that the option accepts.
     pub values: Values,
+    /// Makes the default value of the option; null if it has none.
+    pub default: fn() -> Value,
 }
 
 /// Values that an option accepts.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Values {
-    /// Switch, true or false, false by default. On the command line the option takes no value.
+    /// Switch, true or false. On the command line the option takes no value; `--no-NAME` makes a switch false that is
+    /// true by default.
     Switch,
-    /// Switch, true or false, true by default. On the command line `--no-NAME` makes it false.
-    SwitchOff,
     /// Option that takes a number within limits.
     Number {
         /// Placeholder in the help text for the number that the user gives as the option's value, such as `E`.
@@ -41,19 +42,16 @@ pub enum Values {
     },
     /// Option that takes one of a list of names.
     Name {
-        /// Placeholder in the help text for the name that the user gives as the option's value, such as `BASIS`.
-        shown: &'static str,
+        /// Placeholder in the help text for the name that the user gives as the option's value, such as `UNIT`. `None`
+        /// if the names themselves stand there.
+        shown: Option<&'static str>,
         /// Names that the option accepts.
         names: fn() -> Vec<&'static str>,
-        /// Name that is the default value of the option; `None` if there is no default.
-        default: Option<&'static str>,
     },
     /// Option that takes a text of the user, which a function checks.
     Text {
         /// Placeholder in the help text for the text that the user gives as the option's value, such as `NAME`.
         shown: &'static str,
-        /// Text that is the default value of the option; `None` if there is no default.
-        default: Option<&'static str>,
         /// Check of a text that the user gave. The error says what was expected.
         check: fn(&str) -> Result<(), String>,
     },
@@ -76,19 +74,39 @@ pub struct Limits {
     pub low: Bound<f64>,
     /// Upper end of the range of numbers that the option accepts.
     pub high: Bound<f64>,
-    /// Range of numbers that the option accepts, in words, as they follow "expected" in an error message.
-    pub expected: &'static str,
+    /// Remark after the range in messages, with the space or comma before it: a unit, or an example. Empty without one.
+    pub remark: &'static str,
 }
 
 impl Limits {
     /// Creates the range of numbers above 0 and up to `most`.
-    pub const fn up_to(most: f64, expected: &'static str) -> Self {
-        Self { low: Bound::Excluded(0.0), high: Bound::Included(most), expected }
+    pub const fn up_to(most: f64, remark: &'static str) -> Self {
+        Self { low: Bound::Excluded(0.0), high: Bound::Included(most), remark }
     }
 
     /// Creates the range of finite numbers above 0.
-    pub const fn positive(expected: &'static str) -> Self {
-        Self { low: Bound::Excluded(0.0), high: Bound::Unbounded, expected }
+    pub const fn positive(remark: &'static str) -> Self {
+        Self { low: Bound::Excluded(0.0), high: Bound::Unbounded, remark }
+    }
+
+    /// Describes the range in words, as they follow "expected" in an error message.
+    pub fn expected(&self) -> String {
+        let low = match self.low {
+            Bound::Included(low) => Some(format!("at least {low}")),
+            Bound::Excluded(low) => Some(format!("more than {low}")),
+            Bound::Unbounded => None,
+        };
+        let high = match self.high {
+            Bound::Included(high) => Some(format!("at most {high}")),
+            Bound::Excluded(high) => Some(format!("less than {high}")),
+            Bound::Unbounded => None,
+        };
+        let range = match (self.low, self.high) {
+            (Bound::Included(low), Bound::Included(high)) => format!("{low} to {high}"),
+            (Bound::Unbounded, Bound::Unbounded) => "a finite number".to_owned(),
+            _ => low.into_iter().chain(high).collect::<Vec<_>>().join(" and "),
+        };
+        format!("{range}{}", self.remark)
     }
 
     /// Returns true if `number` is finite and within the range.
@@ -101,13 +119,13 @@ impl Declared {
     /// Converts the text that the command line gives for an option to a JSON value. The error says what was expected.
     pub fn read(&self, text: &str) -> Result<Value, String> {
         match self.values {
-            Values::Switch | Values::SwitchOff => match text {
+            Values::Switch => match text {
                 "true" => Ok(Value::Bool(true)),
                 "false" => Ok(Value::Bool(false)),
                 _ => Err("expected true or false".to_owned()),
             },
             Values::Number { limits, .. } => {
-                let number = text.parse().map_err(|_| format!("expected a number {}", limits.expected));
+                let number = text.parse().map_err(|_| format!("expected a number {}", limits.expected()));
                 number.and_then(|number: f64| self.checked(Value::from(number)))
             }
             Values::Whole { .. } => {
@@ -127,10 +145,10 @@ impl Declared {
     /// Checks a JSON value of the right type against the limits of the option. The error says what was expected.
     pub fn check(&self, value: &Value) -> Result<(), String> {
         match self.values {
-            Values::Switch | Values::SwitchOff | Values::File { .. } | Values::Document { .. } => Ok(()),
+            Values::Switch | Values::File { .. } | Values::Document { .. } => Ok(()),
             Values::Number { limits, .. } => match value.as_f64() {
                 Some(number) if limits.allow(number) => Ok(()),
-                _ => Err(format!("expected {}", limits.expected)),
+                _ => Err(format!("expected {}", limits.expected())),
             },
             Values::Whole { least, most, .. } => match value.as_u64() {
                 Some(number) if (least..=most).contains(&number) => Ok(()),
@@ -160,29 +178,40 @@ mod tests {
         help: "",
         values: Values::Number {
             shown: "F",
-            limits: Limits {
-                low: Bound::Excluded(0.0),
-                high: Bound::Excluded(1.0),
-                expected: "more than 0, less than 1",
-            },
+            limits: Limits { low: Bound::Excluded(0.0), high: Bound::Excluded(1.0), remark: " (0.01 is 1 %)" },
         },
+        default: || Value::Null,
     };
 
     #[test]
     fn texts_become_values_within_the_limits() {
         assert_eq!(FRACTION.read("0.25"), Ok(Value::from(0.25)));
         for bad in ["0", "1", "nan", "inf", "-0.5", "x", ""] {
-            assert!(FRACTION.read(bad).unwrap_err().contains("more than 0, less than 1"), "{bad}");
+            assert!(FRACTION.read(bad).unwrap_err().contains("more than 0 and less than 1 (0.01 is 1 %)"), "{bad}");
         }
         let level = Declared { values: Values::Whole { shown: "N", least: 0, most: 8 }, ..FRACTION };
         assert_eq!(level.read("8"), Ok(Value::from(8)));
         for bad in ["9", "-1", "1.5", ""] {
             assert_eq!(level.read(bad), Err("expected a whole number from 0 to 8".to_owned()));
         }
-        let name = Values::Name { shown: "NAME", names: || vec!["a", "b"], default: None };
+        let name = Values::Name { shown: None, names: || vec!["a", "b"] };
         let name = Declared { values: name, ..FRACTION };
         assert_eq!(name.read("b"), Ok(Value::from("b")));
         assert_eq!(name.read("c"), Err("expected one of a, b".to_owned()));
         assert_eq!(Declared { values: Values::Switch, ..FRACTION }.read("true"), Ok(Value::Bool(true)));
+    }
+    #[test]
+    fn ranges_are_told_in_words() {
+        let limits = |low, high| Limits { low, high, remark: "" }.expected();
+        for (words, found) in [
+            ("more than 0 and at most 10", Limits::up_to(10.0, "").expected()),
+            ("more than 0 nm", Limits::positive(" nm").expected()),
+            ("at least 1", limits(Bound::Included(1.0), Bound::Unbounded)),
+            ("less than 2", limits(Bound::Unbounded, Bound::Excluded(2.0))),
+            ("0.000001 to 64", limits(Bound::Included(1e-6), Bound::Included(64.0))),
+            ("a finite number", limits(Bound::Unbounded, Bound::Unbounded)),
+        ] {
+            assert_eq!(found, words);
+        }
     }
 }

@@ -28,6 +28,12 @@ macro_rules! named {
                 match self { $(Self::$variant => $name),+ }
             }
 
+            #[doc(hidden)]
+            #[allow(dead_code, reason = "not every list is that of an option")]
+            pub fn all_names() -> Vec<&'static str> {
+                Self::ALL.iter().map(|known| known.name()).collect()
+            }
+
             #[allow(dead_code, reason = "not every list is stored")]
             pub(crate) fn code(self) -> u8 {
                 self as u8
@@ -51,7 +57,7 @@ macro_rules! named {
                 Self::ALL.iter().copied().find(|known| known.name() == name).ok_or_else(|| $crate::domain::UnknownName {
                     what: $what,
                     found: name.to_owned(),
-                    expected: Self::ALL.iter().map(|known| known.name()).collect::<Vec<_>>().join(", "),
+                    expected: Self::all_names().join(", "),
                 })
             }
         }

@@ -8,8 +8,7 @@ macro_rules! schema_of_names {
     ($type:ident, $what:literal) => {
         impl $crate::domain::utoipa::PartialSchema for $type {
             fn schema() -> $crate::domain::utoipa::openapi::RefOr<$crate::domain::utoipa::openapi::schema::Schema> {
-                let names: Vec<&'static str> = Self::ALL.iter().map(|known| known.name()).collect();
-                $crate::domain::one_of(concat!("Name of the ", $what, "."), names).into()
+                $crate::domain::one_of(concat!("Name of the ", $what, "."), Self::all_names()).into()
             }
         }
 
@@ -47,12 +46,7 @@ mod described {
     /// Returns the JSON schema of a declared option, with its help text. An option without a default also accepts null.
     pub fn schema_of(declared: &Declared) -> Schema {
         let described = values_of(declared);
-        let has_default = match declared.values {
-            Values::Switch | Values::SwitchOff => true,
-            Values::Number { .. } | Values::Whole { .. } | Values::File { .. } | Values::Document { .. } => false,
-            Values::Name { default, .. } | Values::Text { default, .. } => default.is_some(),
-        };
-        if has_default {
+        if !(declared.default)().is_null() {
             return described.into();
         }
         let nothing = ObjectBuilder::new().schema_type(Type::Null);
@@ -62,10 +56,10 @@ mod described {
     /// Returns the JSON schema of the values of a declared option, with its help text.
     pub fn values_of(declared: &Declared) -> Object {
         let help = declared.help.trim();
-        let described = ObjectBuilder::new().description(Some(help));
+        let default = Some((declared.default)()).filter(|default| !default.is_null());
+        let described = ObjectBuilder::new().description(Some(help)).default(default);
         match declared.values {
-            Values::Switch => described.schema_type(Type::Boolean).default(Some(false.into())),
-            Values::SwitchOff => described.schema_type(Type::Boolean).default(Some(true.into())),
+            Values::Switch => described.schema_type(Type::Boolean),
             Values::Number { limits, .. } => {
                 let mut number = described.schema_type(Type::Number);
                 number = number.format(Some(SchemaFormat::KnownFormat(KnownFormat::Double)));
@@ -84,11 +78,8 @@ mod described {
                 let number = described.schema_type(Type::Integer).minimum(Some(least as f64));
                 if most == u64::MAX { number } else { number.maximum(Some(most as f64)) }
             }
-            Values::Name { names, default, .. } => {
-                described.schema_type(Type::String).enum_values(Some(names())).default(default.map(Into::into))
-            }
-            Values::Text { default, .. } => described.schema_type(Type::String).default(default.map(Into::into)),
-            Values::File { .. } => described.schema_type(Type::String),
+            Values::Name { names, .. } => described.schema_type(Type::String).enum_values(Some(names())),
+            Values::Text { .. } | Values::File { .. } => described.schema_type(Type::String),
             Values::Document { .. } => described,
         }
         .build()

@@ -13,6 +13,11 @@ macro_rules! writers {
             /// All export formats, in the order in which their writers are listed.
             pub const ALL: &'static [Self] = &[$(Self::$format),+];
 
+            #[doc(hidden)]
+            pub fn all_names() -> Vec<&'static str> {
+                Self::ALL.iter().map(|known| known.name()).collect()
+            }
+
             fn writer(self) -> &'static writer::Writer {
                 match self { $(Self::$format => &$writer),+ }
             }
@@ -64,7 +69,7 @@ macro_rules! writers {
                     crate::domain::UnknownName {
                         what: "export format",
                         found: name.to_owned(),
-                        expected: Self::ALL.iter().map(|known| known.name()).collect::<Vec<_>>().join(", "),
+                        expected: Self::all_names().join(", "),
                     }
                 })
             }

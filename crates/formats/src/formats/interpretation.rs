@@ -38,7 +38,12 @@ macro_rules! reading {
             /// Options for reading a measured file, in the order of the help text: the option for a lamp's spectrum
             /// first, then one option for each declared field.
             pub const OPTIONS: &'static [Declared] = &[Self::SPECTRUM, $(
-                Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
+                Declared {
+                    name: stringify!($name),
+                    help: concat!($($help),+),
+                    values: $values,
+                    default: || serde_json::Value::Null,
+                },
             )+];
 
             /// Returns the names of the stated options, each with its value to be shown.
@@ -68,32 +73,20 @@ reading! {
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     pub struct Interpretation {
-        /// Quantity, if the file does not state it or states it wrongly: spectrum, reflectance, edf, brdf, btdf, bsdf,
-        /// phase, or reflectance-factor (BRF, HCRF), which is divided by π to give a BRDF in 1/sr.
-        pub quantity: StatedQuantity => Values::Name {
-            shown: "QUANTITY",
-            names: || StatedQuantity::ALL.iter().map(|known| known.name()).collect(),
-            default: None,
-        },
-        /// Unit of the values, e.g. 1/sr, cd, mW/sr.
-        pub unit: Unit => Values::Name {
-            shown: "UNIT",
-            names: || Unit::ALL.iter().map(|known| known.name()).collect(),
-            default: None,
-        },
+        /// Quantity, if the file does not state it or states it wrongly. A reflectance factor (BRF, HCRF) is divided by
+        /// π to give a BRDF in 1/sr.
+        pub quantity: StatedQuantity => Values::Name { shown: Some("QUANTITY"), names: StatedQuantity::all_names },
+        /// Unit of the values.
+        pub unit: Unit => Values::Name { shown: Some("UNIT"), names: Unit::all_names },
         /// Unit of the wavelengths in a spectral table: `nm`, `um`, `angstrom` or `1/cm`.
-        pub wavelength_unit: String => Values::Text { shown: "UNIT", default: None, check: any_text },
+        pub wavelength_unit: String => Values::Text { shown: "UNIT", check: any_text },
         /// Column of values of a spectral table, by name or by number from 1 (wavelengths are not counted).
-        pub column: String => Values::Text { shown: "COLUMN", default: None, check: any_text },
-        /// Integral of the values of a phase table over the sphere: `1`, `4pi`, `vsf` (a volume scattering function) or
-        /// `relative`.
-        pub normalization: Normalization => Values::Name {
-            shown: "1|4pi|vsf|relative",
-            names: || Normalization::ALL.iter().map(|known| known.name()).collect(),
-            default: None,
-        },
+        pub column: String => Values::Text { shown: "COLUMN", check: any_text },
+        /// Integral of the values of a phase table over the sphere; `vsf` is that of a volume scattering function,
+        /// `relative` an arbitrary one.
+        pub normalization: Normalization => Values::Name { shown: None, names: Normalization::all_names },
         /// File of a zip archive, by name; `inspect` lists them.
-        pub member: String => Values::Text { shown: "NAME", default: None, check: any_text },
+        pub member: String => Values::Text { shown: "NAME", check: any_text },
         /// Manifest of an array's axes; by default NAME.axes.json beside NAME.npy, in a directory or in an archive.
         pub axes: serde_json::Value => Values::Document { shown: "MANIFEST" },
     } beside {
@@ -109,6 +102,7 @@ impl Interpretation {
         name: "spectrum",
         help: "Spectrum to join with a luminaire: its file, or over HTTP the id of the uploaded measurement.",
         values: Values::File { shown: "SPD" },
+        default: || serde_json::Value::Null,
     };
 
     /// Returns the radiometric quantity, such as BRDF, that the user states for the values in a file; `None` if the

@@ -27,7 +27,7 @@ pub struct Restatement<'a> {
     pub dialect: &'a str,
     /// Keywords and header fields of the source file, as kept by its reader, in order.
     pub metadata: &'a [(String, String)],
-    /// Rule for the number of digits of the samples.
+    /// Rule for the number of significant digits with which the samples are written.
     pub digits: Digits,
 }
 

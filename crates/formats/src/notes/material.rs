@@ -44,6 +44,9 @@ wavelume_core::declare_notes! {
             } else {
                 advice_for_less(lobe_reduced_percent)
             };
+        Warning StatedFitUnread { reason: String } =>
+            "the metadata of the material state the error at scattered samples in a way that this program does not \
+             understand: {reason}";
         Warning AlbedoAboveOne { albedo: f64, places: usize, theta_i_degrees: Option<f64> } =>
             "the samples have an albedo above 1 under {under}: {albedo:.3}{incidence}; the scale, the cosine or the reference \
              may be wrong",

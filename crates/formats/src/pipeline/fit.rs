@@ -3,7 +3,7 @@
 use super::sample_light::{IncidenceLight, LightSums, SampleLight};
 use super::uncertainty::Within;
 use crate::compress::Target;
-use crate::domain::{ErrorAccumulator, ErrorReport};
+use crate::domain::{DEFAULT_ERROR, ErrorAccumulator, ErrorReport};
 use crate::evaluate::{Directions, Interpolation, Material, Pairs, Place};
 use crate::formats::{Acquisition, with_digits};
 use crate::projection::{Projected, Rejected, ScatterReport, ScatteredSamples, scattered_samples};
@@ -12,9 +12,6 @@ use serde::{Deserialize, Serialize};
 /// Number of values of the samples and of the material that are compared at a time. Raising it uses more memory: two
 /// arrays of float32.
 const PIECE: usize = 1 << 20;
-/// Relative error assumed for a compression target that promises none: 0.01 is 1 %. Raising it allows materials a
-/// larger error at scattered samples.
-const PROMISED: f64 = 0.01;
 
 /// Errors of a compressed material at samples of scattered directions. All numbers are relative: 0.01 is 1 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -130,7 +127,7 @@ impl FitReport {
 pub(super) fn promised(target: Target, reached: f64) -> f64 {
     match target {
         Target::ErL1(error) | Target::ErL2(error) | Target::MaxRelativeError(error) => error,
-        _ => reached.max(PROMISED),
+        _ => reached.max(DEFAULT_ERROR),
     }
 }
 

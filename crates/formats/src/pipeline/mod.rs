@@ -41,4 +41,4 @@ pub use restated::{Restated, restate};
 pub use sample_light::{IncidenceLight, SampleLight};
 pub use source::{Input, Source, read};
 pub use sparse::{sparse, sparse_measurement};
-pub use stated::{Stated, StatedOrigin, samples_of, stated};
+pub use stated::{Stated, StatedOrigin, samples_of, stated, stated_in_header};

@@ -128,38 +128,33 @@ fn compressed(
     let Projected { measurement, coverage, filled, scattered, numbers, lobe } = projected;
     let on_grid = measurement.tensor.axes().iter().any(|axis| matches!(axis, Axis::Grid(_)));
     let provenance = |fit: Option<(&FitReport, &[&str])>| provenance(source, request, &filled, (on_grid, fit));
+    let opened = PipelineError::Opened;
     let mut settings = Settings {
-        target: request.target,
-        policy: request.policy,
-        basis: request.basis.clone(),
-        floor: request.floor,
-        albedo_error: request.albedo_error,
         metadata: request.metadata.then(|| provenance(None)),
-        random_access: request.random_access,
-        // If no interpolant can be made of the measurement, there is no flux to keep.
         straight_lines: match request.interpolation {
-            Curve::Cubic => straight_lines_for_flux(&measurement).unwrap_or(0),
+            Curve::Cubic => straight_lines_for_flux(&measurement).map_err(opened)?,
             Curve::Linear => u8::MAX,
         },
         between: match request.interpolation {
-            Curve::Cubic => interpolation_between(&measurement).unwrap_or_default(),
+            Curve::Cubic => interpolation_between(&measurement).map_err(opened)?,
             Curve::Linear => Between::default(),
         },
         lobe: lobe.as_ref().map(|carried| carried.lobe.clone()),
+        ..request.settings()
     };
     let auto = AutoReport::of(&settings, acquisition, &measurement, scatter.noise);
     settings.target = auto.map_or(settings.target, |auto| auto.target());
     let target = settings.target;
     let stated = numbers.as_ref().map(|found| Numbers { values: found.tensor.samples(), factor: found.factor });
     let mut compressed = light::compress(&measurement, stated, &settings, progress)?;
-    if on_grid && let Ok(bytes) = state_levels(compressed.bytes.clone(), &measurement) {
-        compressed.bytes = bytes;
+    if on_grid {
+        compressed.bytes = state_levels(std::mem::take(&mut compressed.bytes), &measurement).map_err(opened)?;
     }
     // Frees the measurement: evaluation needs the memory.
     drop((measurement, numbers));
     let decoded = compressed.take_decoded().map_err(|error| PipelineError::Opened(error.into()))?;
     let samples = decoded.measurement.tensor.len();
-    let within_2u = within_on_grid(acquisition, request, &decoded.measurement.tensor);
+    let within_2u = within_on_grid(acquisition, request, &decoded.measurement.tensor)?;
     let is_averaged = !on_grid && matches!(acquisition.samples, Samples::Grid(_));
     let at_cells = if is_averaged { projection::error_at_samples(acquisition, &decoded.measurement) } else { None };
     let is_opened = scattered.is_some() || has_lobes(decoded.measurement.tensor.axes());

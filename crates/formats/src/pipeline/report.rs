@@ -198,9 +198,9 @@ pub(super) fn report(
         axes: summary.axes.iter().map(Axis::describe).collect(),
         bytes: compressed.bytes.len() as u64,
         kept_coefficients: summary.kept_coefficients,
-        ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+        ratio_coefficients: ratio_coefficients(summary.kept_coefficients, samples),
         step: summary.step,
-        ratio_bytes: 4.0 * samples / compressed.bytes.len() as f64,
+        ratio_bytes: ratio_bytes(&compressed.bytes, samples),
         errors: at_samples.unwrap_or(summary.errors),
         errors_at: errors_at(acquisition, &summary.axes),
         cells: at_samples.map(|_| CellErrors::of(&summary.errors)),
@@ -217,6 +217,16 @@ pub(super) fn report(
         notes: acquisition.report.notes_of(on_grid).cloned().chain(warnings.into_iter().flatten()).collect(),
         levels: compress::levels(&compressed.bytes).map_err(opened)?,
     })
+}
+
+/// Returns the number of samples divided by that of kept coefficients; `None` if the policy keeps no coefficients.
+pub(super) fn ratio_coefficients(kept: Option<u64>, samples: f64) -> Option<f64> {
+    kept.map(|kept| samples / kept.max(1) as f64)
+}
+
+/// Returns the compression ratio of a file: bytes of its samples as float32 divided by its own.
+pub(super) fn ratio_bytes(file: &[u8], samples: f64) -> f64 {
+    4.0 * samples / file.len() as f64
 }
 
 /// Describes the values at which the errors of a material on `axes` are measured. Returns `None` if these are the

@@ -1,11 +1,10 @@
 //! Compression requests.
 
-use crate::compress::{ALBEDO_ERROR, FLOOR, Policy, Target, check_basis};
+use crate::compress::{ALBEDO_ERROR, AUTO_BASIS, FLOOR, Policy, Settings, Target, check_basis};
 use crate::domain::limits::MAX_LEVEL;
 use crate::domain::{Declared, Values, WavelengthError, WavelengthGrid, named};
 use crate::projection::{AxesRequest, DirectionDomain};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// Interpolation method between the listed directions of a grid of angles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -53,15 +52,27 @@ macro_rules! options {
         impl Request {
             /// Options of a compression request besides the target, in the order of the help text.
             pub const OPTIONS: &'static [Declared] = &[$(
-                Declared { name: stringify!($name), help: concat!($($help),+), values: $values },
+                Declared {
+                    name: stringify!($name),
+                    help: concat!($($help),+),
+                    values: $values,
+                    default: || serde_json::json!(Defaults::$name()),
+                },
             )+];
             /// Help text of the compression target.
             pub const TARGET_HELP: &'static str = concat!($($target),+);
 
             /// Creates a compression request for `target` with defaults for all other options.
             pub fn to(target: Target) -> Self {
-                Self { target, $($name: $default,)+ }
+                Self { target, $($name: Defaults::$name(),)+ }
             }
+        }
+
+        /// Default values of the options of a compression, by the name of the option.
+        struct Defaults;
+
+        impl Defaults {
+            $(fn $name() -> $type { $default })+
         }
     };
 }
@@ -92,70 +103,61 @@ options! {
         /// Directions at which values are stored. `grid` keeps the grid of angles of the file; it is the default if
         /// there is one and no subdivision level is given. `triangles` averages samples over triangles, as a
         /// subdivision level also does.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub domain: Option<DirectionDomain> = None => Values::Name {
-            shown: "grid|triangles",
-            names: || DirectionDomain::ALL.iter().map(|known| known.name()).collect(),
-            default: None,
-        },
+        #[serde(default = "Defaults::domain", skip_serializing_if = "Option::is_none")]
+        pub domain: Option<DirectionDomain> = None =>
+            Values::Name { shown: None, names: DirectionDomain::all_names },
         /// Makes a BRDF on its own grid of angles reciprocal: replaces each value by its mean with the value for
         /// exchanged incoming and outgoing directions. Errors are then measured against these means.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        #[serde(default = "Defaults::reciprocal", skip_serializing_if = "std::ops::Not::not")]
         pub reciprocal: bool = false => Values::Switch,
         /// Subdivision level of the triangles of incoming directions; each level halves the side of a triangle.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(default = "Defaults::incoming_level", skip_serializing_if = "Option::is_none")]
         pub incoming_level: Option<u8> = None => LEVEL,
         /// Subdivision level of the triangles of outgoing directions; each level halves the side of a triangle.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(default = "Defaults::outgoing_level", skip_serializing_if = "Option::is_none")]
         pub outgoing_level: Option<u8> = None => LEVEL,
         /// Wavelengths to resample to: `START:STOP:STEP` in nm, both ends included.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(default = "Defaults::wavelengths", skip_serializing_if = "Option::is_none")]
         pub wavelengths: Option<String> = None =>
-            Values::Text { shown: "START:STOP:STEP", default: None, check: wavelengths },
+            Values::Text { shown: "START:STOP:STEP", check: wavelengths },
         /// Method that selects and codes the coefficients: rd (rate-distortion), lossless, or a method of Claustres et
         /// al. (2006). Those are conventional (one threshold), generic (one threshold for each axis of the samples) and
         /// adaptive (thresholds for each axis that grow with the range of the values).
-        #[serde(default)]
-        pub policy: Policy = Policy::Rd => Values::Name {
-            shown: "POLICY",
-            names: || Policy::ALL.iter().map(|known| known.name()).collect(),
-            default: Some("rd"),
-        },
+        #[serde(default = "Defaults::policy")]
+        pub policy: Policy = Policy::default() =>
+            Values::Name { shown: None, names: Policy::all_names },
         /// Basis that transforms the wavelength axis: auto, klt (computed from the data), identity, or a name that
         /// `wavelume bases` lists.
-        #[serde(default = "auto")]
-        pub basis: String = auto() => Values::Text { shown: "BASIS", default: Some("auto"), check: basis },
+        #[serde(default = "Defaults::basis")]
+        pub basis: String = AUTO_BASIS.to_owned() => Values::Text { shown: "BASIS", check: basis },
         /// Floor of the relative errors, as a fraction of the largest sample: smaller samples do not count in the
         /// relative errors, and their absolute error is at most the floor.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(default = "Defaults::floor", skip_serializing_if = "Option::is_none")]
         pub floor: Option<f64> = None => Values::Number { shown: "F", limits: FLOOR },
         /// Upper bound on the relative error of the directional albedo or flux of every incoming direction and
         /// wavelength; needs policy rd.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[serde(default = "Defaults::albedo_error", skip_serializing_if = "Option::is_none")]
         pub albedo_error: Option<f64> = None =>
             Values::Number { shown: "E", limits: ALBEDO_ERROR },
         /// Makes each incoming direction decodable without the other ones; needs policy rd. The material then has no
         /// coarser resolution levels.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        #[serde(default = "Defaults::random_access", skip_serializing_if = "std::ops::Not::not")]
         pub random_access: bool = false => Values::Switch,
         /// Method, stored in the file, for interpolating between the directions of a grid of angles. `cubic`
         /// interpolates logarithms of the values, blended with enough linear interpolation to keep the flux of
         /// luminaires and phase functions within 0.3 % of the zonal flux of the samples; `linear` interpolates
         /// linearly.
-        #[serde(default, skip_serializing_if = "Curve::is_default")]
-        pub interpolation: Curve = Curve::Cubic => Values::Name {
-            shown: "cubic|linear",
-            names: || Curve::ALL.iter().map(|known| known.name()).collect(),
-            default: Some("cubic"),
-        },
+        #[serde(default = "Defaults::interpolation", skip_serializing_if = "Curve::is_default")]
+        pub interpolation: Curve = Curve::default() =>
+            Values::Name { shown: None, names: Curve::all_names },
         /// Fails, instead of warning, if the material adds an error to the noise of scattered samples that exceeds both
         /// twice the promised error and half the noise. Also fails, instead of warning, if its total light differs from
         /// that of the samples.
-        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        #[serde(default = "Defaults::strict", skip_serializing_if = "std::ops::Not::not")]
         pub strict: bool = false => Values::Switch,
-        /// Stores the provenance in the file: source, options and program. This is the default; it can be switched off.
-        #[serde(default = "yes")]
-        pub metadata: bool = true => Values::SwitchOff,
+        /// Stores the provenance in the file: source, options and program.
+        #[serde(default = "Defaults::metadata")]
+        pub metadata: bool = true => Values::Switch,
     }
 }
 
@@ -179,14 +181,6 @@ pub struct OptionError {
     pub reason: String,
 }
 
-fn auto() -> String {
-    "auto".to_owned()
-}
-
-fn yes() -> bool {
-    true
-}
-
 impl Request {
     /// Creates a compression request for a root mean square relative error, er(L2), of at most `error`: 0.01 is 1 %.
     pub fn er_l2(error: f64) -> Self {
@@ -196,7 +190,8 @@ impl Request {
     /// Checks every option of a compression request against its declaration, before any measurement is read.
     pub fn check(&self) -> Result<(), OptionError> {
         self.target.check().map_err(|error| OptionError { option: "target", reason: error.to_string() })?;
-        let Ok(Value::Object(stated)) = serde_json::to_value(self) else { return Ok(()) };
+        let unwritten = |error: serde_json::Error| OptionError { option: "request", reason: error.to_string() };
+        let stated = serde_json::to_value(self).map_err(unwritten)?;
         for declared in Self::OPTIONS {
             let Some(found) = stated.get(declared.name).filter(|found| !found.is_null()) else { continue };
             declared.check(found).map_err(|expected| {
@@ -206,6 +201,20 @@ impl Request {
             })?;
         }
         Ok(())
+    }
+
+    /// Returns the settings of a compression that follow from the request alone. Metadata, interpolations and lobe,
+    /// which follow from the measurement, are those of [`Settings::default`].
+    pub fn settings(&self) -> Settings {
+        Settings {
+            target: self.target,
+            policy: self.policy,
+            basis: self.basis.clone(),
+            floor: self.floor,
+            albedo_error: self.albedo_error,
+            random_access: self.random_access,
+            ..Settings::default()
+        }
     }
 
     /// Returns the requested axes onto which the measurement is resampled before compression.
@@ -249,5 +258,27 @@ impl utoipa::ToSchema for Request {
     fn schemas(schemas: &mut Vec<(String, utoipa::openapi::RefOr<utoipa::openapi::schema::Schema>)>) {
         schemas.push(("Target".to_owned(), <Target as utoipa::PartialSchema>::schema()));
         <Target as utoipa::ToSchema>::schemas(schemas);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_request_of_its_target_alone_has_the_declared_defaults() {
+        let made = Request::to(Target::default());
+        let read: Request = serde_json::from_value(json!({ "target": Target::default() })).unwrap();
+        assert_eq!(read, made);
+        let stated = serde_json::to_value(&made).unwrap();
+        for declared in Request::OPTIONS {
+            let default = (declared.default)();
+            // Options at their default may be left out.
+            let found = stated.get(declared.name).unwrap_or(&default);
+            assert_eq!(found, &default, "{}", declared.name);
+            assert!(default.is_null() || declared.check(&default).is_ok(), "{}", declared.name);
+        }
+        assert_eq!(made.settings(), Settings::default());
     }
 }

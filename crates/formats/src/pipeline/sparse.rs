@@ -2,15 +2,12 @@
 
 use super::incidences::IncidenceReport;
 use crate::compress;
-use crate::domain::{Axis, Measurement, Note};
+use crate::domain::{Axis, DEFAULT_ERROR, Measurement, Note};
 use crate::evaluate::{EvaluateError, Material, interpolation_between};
 
 /// Upper bound on the number of pairs of stored incoming and outgoing directions of a material that is opened to check
 /// its incoming directions. Opening this many takes one or two seconds; raising it checks larger materials.
 const MOST_CELLS: usize = 1 << 17;
-/// Relative error assumed for materials and measurements that promise none: 0.01 is 1 %. Raising it warns less often of
-/// sparse incoming directions.
-const PROMISED: f64 = 0.01;
 
 /// Returns a warning if the incoming directions of a material are too sparse to interpolate its lobe between them.
 /// Materials with more than 131,072 pairs of stored incoming and outgoing directions are not checked.
@@ -19,7 +16,7 @@ pub fn sparse(bytes: &[u8]) -> Result<Option<Note>, EvaluateError> {
     if !has_lobes(&summary.axes) {
         return Ok(None);
     }
-    let promised = if summary.errors.er_l2 > 0.0 { summary.errors.er_l2 } else { PROMISED };
+    let promised = if summary.errors.er_l2 > 0.0 { summary.errors.er_l2 } else { DEFAULT_ERROR };
     let decoded = compress::decode(bytes)?;
     let noise = compress::estimate_noise(&decoded.measurement, 0.0);
     let report = IncidenceReport::of(&Material::decoded(decoded)?, noise);
@@ -35,7 +32,7 @@ pub fn sparse_measurement(measurement: Measurement) -> Result<Option<Note>, Eval
     let noise = compress::estimate_noise(&measurement, 0.0);
     let between = interpolation_between(&measurement)?;
     let report = IncidenceReport::of(&Material::with_between(measurement, between)?, noise);
-    Ok(report.and_then(|report| report.warning(PROMISED)))
+    Ok(report.and_then(|report| report.warning(DEFAULT_ERROR)))
 }
 
 /// Returns true if the axes have several incoming directions, each with outgoing ones, and few enough pairs of them to

@@ -4,12 +4,13 @@ use super::digest::digest;
 use super::error::PipelineError;
 use super::fit::FitReport;
 use super::incidences::IncidenceReport;
-use super::report::Report;
+use super::report::{Report, ratio_bytes, ratio_coefficients};
 use super::request::Request;
 use super::sparse::has_lobes;
-use crate::compress::{self, DecodeError, Decoded};
+use crate::compress::{self, DecodeError, Decoded, Summary};
 use crate::domain::{Axis, Note, NoteKind, Sampling};
 use crate::evaluate::Material;
+use crate::notes::MaterialNote;
 use crate::projection::Coverage;
 use serde_json::Value;
 
@@ -27,6 +28,8 @@ pub struct Stated {
     pub report: Report,
     /// Origin of the material according to its metadata.
     pub origin: StatedOrigin,
+    /// Facts of the header and text of the metadata.
+    pub summary: Summary,
 }
 
 /// Origin of a material according to the metadata of its file, which nobody has checked.
@@ -46,19 +49,36 @@ pub struct StatedOrigin {
 /// Decodes a material file wholly and opens it for evaluation, which finds any damage, and returns what it states about
 /// itself.
 pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
-    let damaged = |error: DecodeError| PipelineError::Opened(error.into());
     let decoded: Decoded = compress::decode(bytes).map_err(damaged)?;
     let summary = decoded.summary.clone();
-    let samples = decoded.measurement.tensor.len() as f64;
     let material = Material::decoded(decoded).map_err(PipelineError::Opened)?;
     let incidences = if has_lobes(&summary.axes) { IncidenceReport::of(&material, None) } else { None };
     drop(material);
+    stated_by(bytes, summary, incidences)
+}
+
+/// Returns what a material file states about itself, from its header and its metadata. No sample is decoded, so that
+/// the interpolation between incident directions is not reported; the checksum of every chunk is verified.
+pub fn stated_in_header(bytes: &[u8]) -> Result<Stated, PipelineError> {
+    stated_by(bytes, compress::inspect(bytes).map_err(damaged)?, None)
+}
+
+fn damaged(error: DecodeError) -> PipelineError {
+    PipelineError::Opened(error.into())
+}
+
+/// Makes the report of a material file from its `summary`.
+fn stated_by(bytes: &[u8], summary: Summary, incidences: Option<IncidenceReport>) -> Result<Stated, PipelineError> {
+    let samples = summary.axes.iter().map(|axis| axis.len() as f64).product::<f64>();
     // Metadata that are not JSON were refused by the decoder.
     let metadata: Value =
         summary.metadata.as_deref().and_then(|text| serde_json::from_str(text).ok()).unwrap_or_default();
     let text = |value: &Value| value.as_str().filter(|text| text.chars().count() <= LONGEST).map(str::to_owned);
     let source = &metadata["source"];
-    let fit: Option<FitReport> = serde_json::from_value(metadata["scattered"].clone()).ok();
+    let (fit, unread) = match serde_json::from_value::<Option<FitReport>>(metadata["scattered"].clone()) {
+        Ok(fit) => (fit, None),
+        Err(error) => (None, Some(MaterialNote::StatedFitUnread { reason: error.to_string() }.into())),
+    };
     let warnings = metadata["warnings"].as_array().into_iter().flatten().take(MOST_WARNINGS);
     let notes = warnings.filter_map(|warning| Some(Note::plain(NoteKind::Warning, text(warning)?)));
     let of_cells = summary.sampling == Sampling::Average;
@@ -70,14 +90,14 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         quantity: summary.quantity,
         unit: summary.unit,
         policy: summary.policy,
-        basis: summary.basis,
+        basis: summary.basis.clone(),
         basis_ranking: Vec::new(),
         axes: summary.axes.iter().map(Axis::describe).collect(),
         bytes: bytes.len() as u64,
         kept_coefficients: summary.kept_coefficients,
-        ratio_coefficients: summary.kept_coefficients.map(|kept| samples / kept.max(1) as f64),
+        ratio_coefficients: ratio_coefficients(summary.kept_coefficients, samples),
         step: summary.step,
-        ratio_bytes: 4.0 * samples / bytes.len() as f64,
+        ratio_bytes: ratio_bytes(bytes, samples),
         errors: summary.errors,
         errors_at: of_cells.then(|| "the averages over triangles from which the file was made".to_owned()),
         cells: None,
@@ -91,7 +111,7 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         auto: None,
         noise: None,
         coverage: Coverage::default(),
-        notes: notes.collect(),
+        notes: notes.chain(unread).collect(),
         levels: compress::levels(bytes).map_err(damaged)?,
     };
     let request: Option<Request> = serde_json::from_value(metadata["request"].clone()).ok();
@@ -101,7 +121,7 @@ pub fn stated(bytes: &[u8]) -> Result<Stated, PipelineError> {
         spectrum_digest: text(&source["spectrum_digest"]),
         request: request.filter(|request| request.check().is_ok()),
     };
-    Ok(Stated { report, origin })
+    Ok(Stated { report, origin, summary })
 }
 
 /// Returns the number of samples of a material file, from its header. Nothing is decoded; the checksum of every chunk
@@ -124,7 +144,9 @@ mod tests {
         let source = read(&Input { bytes: &bytes, spectrum: None, interpretation: &interpretation }).unwrap();
         let request = Request::er_l2(0.02);
         let made = source.compress(&request).unwrap();
-        let Stated { report, origin } = stated(&made.bytes).unwrap();
+        let Stated { report, origin, summary } = stated(&made.bytes).unwrap();
+        let in_header = stated_in_header(&made.bytes).unwrap();
+        assert_eq!((in_header.report, in_header.summary), (Report { incidences: None, ..report.clone() }, summary));
         assert_eq!((&report.digest, &report.payload_digest), (&made.report.digest, &made.report.payload_digest));
         assert_eq!((report.format, report.axes), (made.report.format, made.report.axes));
         assert!(

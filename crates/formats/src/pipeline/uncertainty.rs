@@ -1,5 +1,6 @@
 //! Uncertainties stated in a file: their size, and the fraction of material values within twice their uncertainty.
 
+use super::error::PipelineError;
 use super::request::Request;
 use crate::domain::Tensor;
 use crate::formats::{Acquisition, AngleGrid, ParseReport, Samples};
@@ -57,20 +58,32 @@ pub(super) fn relative(acquisition: &Acquisition) -> Option<f64> {
 
 /// Returns the fraction of the values of a file that the decoded material matches within twice their standard
 /// uncertainty. `None` if the file states none, or if the material is not on the grid of the file.
-pub(super) fn within_on_grid(acquisition: &Acquisition, request: &Request, decoded: &Tensor) -> Option<f64> {
-    let Samples::Grid(grid) = &acquisition.samples else { return None };
-    let sigma = grid.sigma.as_deref()?;
+pub(super) fn within_on_grid(
+    acquisition: &Acquisition,
+    request: &Request,
+    decoded: &Tensor,
+) -> Result<Option<f64>, PipelineError> {
+    let Samples::Grid(grid) = &acquisition.samples else { return Ok(None) };
+    let Some(sigma) = grid.sigma.as_deref() else { return Ok(None) };
+    // An infinite uncertainty says nothing, and is no sample of a tensor.
+    let finite = sigma.values.iter().map(|sigma| if sigma.is_finite() { *sigma } else { f32::NAN }).collect();
+    let sigma = AngleGrid { values: finite, ..sigma.clone() };
     let on_grid = |grid: AngleGrid| on_axes_of(acquisition, grid, request, decoded);
-    let (values, sigma) = (on_grid(grid.clone())?, on_grid(sigma.clone())?);
+    let (Some(values), Some(sigma)) = (on_grid(grid.clone())?, on_grid(sigma)?) else { return Ok(None) };
     let mut within = Within::default();
     within.add(values.samples(), decoded.samples(), sigma.samples());
-    within.share()
+    Ok(within.share())
 }
 
 /// Projects `grid`, the values or the uncertainties of a file, onto the axes of `request`, as the samples of the
 /// material were projected. Returns `None` unless the result is on a grid of directions and has the axes of `decoded`,
 /// the decoded material.
-fn on_axes_of(acquisition: &Acquisition, grid: AngleGrid, request: &Request, decoded: &Tensor) -> Option<Tensor> {
+fn on_axes_of(
+    acquisition: &Acquisition,
+    grid: AngleGrid,
+    request: &Request,
+    decoded: &Tensor,
+) -> Result<Option<Tensor>, PipelineError> {
     let numbers = Acquisition {
         format: acquisition.format,
         dialect: String::new(),
@@ -81,9 +94,9 @@ fn on_axes_of(acquisition: &Acquisition, grid: AngleGrid, request: &Request, dec
         instrument: acquisition.instrument,
         report: ParseReport::default(),
     };
-    let tensor = projection::project(&numbers, &request.axes().ok()?).ok()?.measurement.tensor;
+    let tensor = projection::project(&numbers, &request.axes()?)?.measurement.tensor;
     let is_on_grid = tensor.axes().iter().any(|axis| matches!(axis, crate::domain::Axis::Grid(_)));
-    (is_on_grid && tensor.axes() == decoded.axes()).then_some(tensor)
+    Ok((is_on_grid && tensor.axes() == decoded.axes()).then_some(tensor))
 }
 
 #[cfg(test)]

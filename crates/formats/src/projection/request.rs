@@ -1,7 +1,7 @@
 //! Axes that a user requests.
 
 use super::error::{DomainError, ProjectionError};
-use crate::domain::{WavelengthGrid, named};
+use crate::domain::{DEFAULT_ERROR, WavelengthGrid, named};
 
 /// Domain of directions onto which a measurement is resampled: a grid of angles or triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,12 +32,9 @@ pub struct AxesRequest {
     /// the sample spacing. Used if no level is requested; fewer if the tensor would become too large.
     pub finer: u8,
     /// Root mean square of the relative error that compression guarantees for the data resampled onto the requested
-    /// axes; 0.01 (1 %) by default.
+    /// axes: 0.01 is 1 %. `None` means [`DEFAULT_ERROR`].
     pub target: Option<f64>,
 }
-
-/// Relative error that the compression guarantees if the request gives none: 0.01 is 1 %.
-const TARGET: f64 = 0.01;
 
 impl AxesRequest {
     /// Returns the domain onto which the directions of a file with a grid of angles are resampled: its grid, or
@@ -52,8 +49,8 @@ impl AxesRequest {
     }
 
     /// Returns the root mean square of the relative error that compression guarantees for the data resampled onto the
-    /// requested axes: the requested one, or 0.01 (1 %).
+    /// requested axes: the requested one, or the default one.
     pub(super) fn target(&self) -> f64 {
-        self.target.unwrap_or(TARGET)
+        self.target.unwrap_or(DEFAULT_ERROR)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::error::CompressError;
 use super::super::setting_error::SettingError;
-use super::super::settings::Settings;
+use super::super::settings::{AUTO_BASIS, Settings};
 use super::super::spectral_basis::SpectralBasis;
 use super::super::target::Target;
 use super::chart::{ChartKind, has_chart};
@@ -89,7 +89,7 @@ pub(super) fn schemes(
     floor: f32,
 ) -> Result<Vec<Scheme>, CompressError> {
     let axes = measurement.tensor.axes();
-    let named = settings.basis != "auto";
+    let named = settings.basis != AUTO_BASIS;
     if let Some(shape) = GridShape::of(axes)
         && (!named || bases.contains(&SpectralBasis::Klt))
     {

@@ -374,11 +374,12 @@ fn first(level: u8) -> usize {
     ((1 << (2 * u32::from(level))) - 1) / 3
 }
 
-/// Two tables of the unfolded octahedron, in which two triangles form a square. The first lists the triangles of every
-/// level, coarsest first: for each, twice the number of its square, plus 1 for the upper half.
+/// Two tables of the unfolded octahedron, where two triangles form a square: from each triangle of every level to its
+/// half of a square, and from each half of a finest square back to its triangle.
 ///
-/// The second lists the halves of the finest squares, in the order of the squares: eight times the triangle's number,
-/// plus the number of the order of its vertices (right angle, then corners (0,0) and (1,1) of the square).
+/// The first lists the triangles of every level, coarsest first: for each, twice the number of its square, plus 1 for
+/// the upper half. The second lists the halves in the order of the squares: eight times the triangle's number, plus the
+/// number of the order of its vertices (right angle, then corners (0,0) and (1,1) of the square).
 fn places(mesh: TriangleMesh) -> (Vec<u32>, Vec<u32>) {
     let bases = mesh.bases();
     let mut squares: Vec<[(u32, Frame); 2]> = TOP[..bases / 2].to_vec();
