@@ -9,8 +9,9 @@ use utoipa::openapi::schema::{ObjectBuilder, Type};
 use utoipa::openapi::{ContentBuilder, Info, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Kinds of errors that every HTTP operation can return: an unaccepted host, a bad header, or a bug of the service.
-const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::Misdirected, Kind::Internal];
+/// Kinds of errors that every HTTP operation can return: an unaccepted host, a bad header, a key that a page of another
+/// origin sends, or a bug of the service.
+const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::CrossOriginRead, Kind::Misdirected, Kind::Internal];
 /// Names of the HTTP operations (health checks) that answer even when the service is at its limits.
 const HEALTH: &[&str] = &["healthz", "readyz"];
 /// Kinds of errors of all HTTP operations except health checks: too many simultaneous requests, in total or from one

@@ -24,8 +24,8 @@ const LOGGED_PATH: usize = 300;
 /// Upper bound in characters on a logged HTTP method.
 const LOGGED_METHOD: usize = 20;
 
-/// Refuses requests for other hosts and writes by web pages of other origins, and lets pages of allowed origins read
-/// the answers.
+/// Refuses requests for other hosts, and writes and reads with a key by web pages of other origins. Lets pages of
+/// allowed origins read the answers.
 async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
@@ -39,7 +39,7 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     let may = match &page {
         Page::Own => true,
         Page::Allowed(_) => request.method().is_safe() || asks(&request),
-        Page::Foreign => request.method().is_safe(),
+        Page::Foreign => request.method().is_safe() && !request.headers().contains_key(header::AUTHORIZATION),
     };
     let mut response = match &page {
         Page::Allowed(_) if preflight => StatusCode::NO_CONTENT.into_response(),
@@ -47,7 +47,8 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
         Page::Allowed(_) => refuse(request, Problem::new(Kind::CrossOrigin, "this origin may read, not write")).await,
         _ => {
             let detail = "the page that asks is of another origin than the service, and no --origin allows it to read";
-            refuse(request, Problem::new(Kind::CrossOrigin, detail)).await
+            let kind = if request.method().is_safe() { Kind::CrossOriginRead } else { Kind::CrossOrigin };
+            refuse(request, Problem::new(kind, detail)).await
         }
     };
     if access.varies() {
@@ -61,7 +62,7 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
                 (header::ACCESS_CONTROL_ALLOW_METHODS, "GET, HEAD, POST"),
                 (
                     header::ACCESS_CONTROL_ALLOW_HEADERS,
-                    "content-type, range, if-none-match, if-range, request-id, tus-resumable",
+                    "authorization, content-type, range, if-none-match, if-range, request-id, tus-resumable",
                 ),
                 (header::ACCESS_CONTROL_MAX_AGE, "600"),
             ]

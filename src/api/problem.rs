@@ -79,6 +79,7 @@ kinds! {
     EmptyBody = UNPROCESSABLE_ENTITY, "empty-body", "The body is empty";
     TooSlow = REQUEST_TIMEOUT, "too-slow", "The body did not arrive in time";
     CrossOrigin = FORBIDDEN, "cross-origin-write", "Web pages of other origins may not write";
+    CrossOriginRead = FORBIDDEN, "cross-origin-read", "Web pages of other origins may not read with a key";
     Misdirected = MISDIRECTED_REQUEST, "misdirected", "The service does not serve the host of the request";
     LongQuery = URI_TOO_LONG, "query-too-long", "The query string is longer than the limit";
     Unrecognised = UNPROCESSABLE_ENTITY, "unrecognised-format", "The file format is not recognised";

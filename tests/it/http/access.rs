@@ -109,6 +109,38 @@ async fn pages_of_other_origins_neither_read_nor_write() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn keys_are_taken_from_no_page_of_another_origin() {
+    let data = tempfile::tempdir().unwrap();
+    let mut open = config(data.path());
+    open.origins = vec!["https://app.example.org".to_owned()];
+    let service = Service::start(open).await;
+    let read = |path: &str| service.get(path).header("authorization", "Bearer x");
+    for path in ["/v1/formats", "/v1/materials", "/v1/nothing"] {
+        for origin in ["https://example.org", "null", "http://localhost:1"] {
+            problem(read(path).header("origin", origin), 403, "cross-origin-read").await;
+        }
+        problem(read(path).header("sec-fetch-site", "cross-site"), 403, "cross-origin-read").await;
+    }
+    let own = read("/v1/formats").header("origin", &service.base);
+    let app = read("/v1/formats").header("origin", "https://app.example.org");
+    for request in [read("/v1/formats"), own, app, read("/v1/formats").header("sec-fetch-site", "none")] {
+        let answer = request.send().await.unwrap();
+        assert_ne!(answer.status(), StatusCode::FORBIDDEN);
+        assert!(!answer.headers().contains_key("access-control-allow-credentials"));
+    }
+    let preflight = service
+        .request(Method::OPTIONS, "/v1/formats")
+        .header("origin", "https://app.example.org")
+        .header("access-control-request-method", "GET")
+        .header("access-control-request-headers", "authorization");
+    let preflight = preflight.send().await.unwrap();
+    let allowed = preflight.headers()["access-control-allow-headers"].to_str().unwrap();
+    assert!(allowed.split(", ").any(|name| name == "authorization"), "{allowed}");
+    assert!(!preflight.headers().contains_key("access-control-allow-credentials"));
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn every_answer_is_no_page_and_has_an_id_of_its_own() {
     let data = tempfile::tempdir().unwrap();
     let service = Service::start(config(data.path())).await;
