@@ -6,6 +6,7 @@ mod copies;
 mod crowd;
 mod exports;
 mod frames;
+mod heads;
 mod hostile;
 #[cfg(target_os = "linux")]
 mod isolation;
