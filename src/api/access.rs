@@ -15,6 +15,8 @@ use std::net::{IpAddr, SocketAddr};
 pub(crate) struct Access {
     /// True if the service listens on a loopback address.
     loopback: bool,
+    /// True if clients reach the service over TLS, which it ends itself.
+    secure: bool,
     /// Host names, besides those of the loopback interface, that requests may address: lower case, without a port.
     names: Vec<String>,
     /// Web origins whose pages may read answers, as browsers serialise origins.
@@ -33,9 +35,9 @@ pub(crate) enum Page {
 }
 
 impl Access {
-    /// Builds the rules for accepted hosts and origins of a service that listens on `address`. The error names the
-    /// invalid setting.
-    pub(crate) fn new(address: SocketAddr, names: &[String], origins: &[String]) -> Result<Self, String> {
+    /// Builds the rules for accepted hosts and origins of a service that listens on `address`, with TLS if it is
+    /// `secure`. The error names the invalid setting.
+    pub(crate) fn new(address: SocketAddr, secure: bool, names: &[String], origins: &[String]) -> Result<Self, String> {
         let names = names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).map(|name| {
             let (host, port) = split(name).unwrap_or_default();
             if host.is_empty() || port.is_some() || name.ends_with(':') {
@@ -54,6 +56,7 @@ impl Access {
         });
         Ok(Self {
             loopback: address.ip().to_canonical().is_loopback(),
+            secure,
             names: names.collect::<Result<_, _>>()?,
             origins: origins.collect::<Result<_, _>>()?,
         })
@@ -103,14 +106,19 @@ impl Access {
 
     /// Returns true if the service accepts `host` (lower case, without a port).
     fn answers(&self, host: &str) -> bool {
-        let address = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host).parse::<IpAddr>();
-        let loopback =
-            address.as_ref().is_ok_and(|address| address.to_canonical().is_loopback()) || host == "localhost";
-        if loopback || self.names.iter().any(|name| name == host) {
+        let address = address_of(host);
+        if is_loopback(host) || self.names.iter().any(|name| name == host) {
             return true;
         }
         // DNS rebinding needs a name, so a literal address is safe.
-        !self.loopback && (self.names.is_empty() || address.is_ok())
+        !self.loopback && (self.names.is_empty() || address.is_some())
+    }
+
+    /// Returns true if browsers may note to reach `host` over TLS only (RFC 6797). Names of the loopback interface are
+    /// left out, because a browser would apply the note to every other program on them.
+    pub(crate) fn is_secure_only(&self, host: Option<&HeaderValue>) -> bool {
+        let host = host.and_then(|host| host.to_str().ok()).and_then(split);
+        self.secure && host.is_some_and(|(host, _)| !is_loopback(&host))
     }
 
     /// Classifies the web page that makes a request with `headers` to `host`. Browsers send `Origin` with every request
@@ -125,9 +133,11 @@ impl Access {
             return Page::Foreign;
         };
         let host = host.and_then(|host| host.to_str().ok()).and_then(split);
-        let own = host.is_some_and(|(host, port)| {
-            host == parsed.host && port.or(parsed.default_port()) == parsed.port.or(parsed.default_port())
-        });
+        // A page without TLS may come from whoever is between the browser and the network.
+        let own = (!self.secure || parsed.scheme == "https")
+            && host.is_some_and(|(host, port)| {
+                host == parsed.host && port.or(parsed.default_port()) == parsed.port.or(parsed.default_port())
+            });
         if own {
             Page::Own
         } else if self.origins.contains(&parsed.text()) {
@@ -136,6 +146,15 @@ impl Access {
             Page::Foreign
         }
     }
+}
+
+/// Returns the address that a host (without a port) is, with or without brackets.
+fn address_of(host: &str) -> Option<IpAddr> {
+    host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host).parse().ok()
+}
+
+fn is_loopback(host: &str) -> bool {
+    address_of(host).is_some_and(|address| address.to_canonical().is_loopback()) || host == "localhost"
 }
 
 fn misdirected(found: &str) -> Problem {
@@ -213,7 +232,7 @@ mod tests {
 
     fn access(listen: &str, names: &[&str], origins: &[&str]) -> Access {
         let owned = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
-        Access::new(listen.parse().unwrap(), &owned(names), &owned(origins)).unwrap()
+        Access::new(listen.parse().unwrap(), false, &owned(names), &owned(origins)).unwrap()
     }
 
     fn status(access: &Access, version: Version, uri: &str, hosts: &[&str]) -> u16 {
@@ -288,13 +307,46 @@ mod tests {
     }
 
     #[test]
+    fn over_tls_a_page_without_it_is_foreign_and_names_are_for_tls_only() {
+        let plain = access("0.0.0.0:80", &[], &[]);
+        let secure = Access { secure: true, ..plain.clone() };
+        let page = |access: &Access, origin: &'static str, host: &'static str| {
+            let headers = HeaderMap::from_iter([(header::ORIGIN, HeaderValue::from_static(origin))]);
+            access.page(&headers, Some(&HeaderValue::from_static(host)))
+        };
+        for (origin, host, expected) in [
+            ("https://lab.example.org", "lab.example.org", Page::Own),
+            ("https://lab.example.org:8443", "lab.example.org:8443", Page::Own),
+            ("http://lab.example.org", "lab.example.org", Page::Foreign),
+            ("http://lab.example.org:8443", "lab.example.org:8443", Page::Foreign),
+        ] {
+            assert_eq!(page(&secure, origin, host), expected, "{origin}");
+            // A proxy may end TLS before the service.
+            assert_eq!(page(&plain, origin, host), Page::Own, "{origin}");
+        }
+        for (host, expected) in [
+            ("lab.example.org", true),
+            ("10.0.0.7:8443", true),
+            ("localhost:8443", false),
+            ("127.0.0.1", false),
+            ("[::1]:1", false),
+        ] {
+            assert_eq!(secure.is_secure_only(Some(&HeaderValue::from_static(host))), expected, "{host}");
+            assert!(!plain.is_secure_only(Some(&HeaderValue::from_static(host))));
+        }
+    }
+
+    #[test]
     fn wrong_settings_are_told() {
         let address: SocketAddr = "127.0.0.1:80".parse().unwrap();
         for name in ["http://x", "x:80", "a b", "*"] {
-            assert!(Access::new(address, &[name.to_owned()], &[]).unwrap_err().starts_with("--name: found"), "{name}");
+            assert!(
+                Access::new(address, false, &[name.to_owned()], &[]).unwrap_err().starts_with("--name: found"),
+                "{name}"
+            );
         }
         for origin in ["*", "null", "example.org", "https://example.org/", "https://a b", "https://example.org:"] {
-            let error = Access::new(address, &[], &[origin.to_owned()]).unwrap_err();
+            let error = Access::new(address, false, &[], &[origin.to_owned()]).unwrap_err();
             assert!(error.starts_with("--origin: found"), "{origin}");
         }
     }

@@ -5,6 +5,7 @@ use super::body::{Guarded, Passed};
 use super::patient::Patient;
 use super::places::{Full, Peer, Place, Places};
 use super::problem::Problem;
+use super::tls::{Handshake, Wire};
 use super::traffic::{Silence, Traffic};
 use crate::jobs::Limits;
 use axum::Router;
@@ -85,6 +86,8 @@ impl Entrance {
 /// Router and limits that all connections of a listener share.
 pub(crate) struct Host {
     router: Router,
+    /// Handshake that begins each connection; `None` serves plain HTTP.
+    handshake: Option<Handshake>,
     idle: Duration,
     first_bytes: Duration,
     http1: http1::Builder,
@@ -96,7 +99,13 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    pub(crate) fn new(router: Router, limits: &Limits, stop: CancellationToken, cut: CancellationToken) -> Arc<Self> {
+    pub(crate) fn new(
+        router: Router,
+        limits: &Limits,
+        handshake: Option<Handshake>,
+        stop: CancellationToken,
+        cut: CancellationToken,
+    ) -> Arc<Self> {
         let mut http1 = http1::Builder::new();
         http1
             .timer(TokioTimer::new())
@@ -118,7 +127,8 @@ impl Host {
             .initial_stream_window_size(RECEIVE_WINDOW)
             .initial_connection_window_size(RECEIVE_WINDOW)
             .max_send_buf_size(SEND_BUFFER);
-        Arc::new(Self { router, idle: limits.idle, first_bytes: limits.first_bytes, http1, http2, stop, cut })
+        let (idle, first_bytes) = (limits.idle, limits.first_bytes);
+        Arc::new(Self { router, handshake, idle, first_bytes, http1, http2, stop, cut })
     }
 
     /// Serves the requests of one TCP connection until the connection is closed.
@@ -135,16 +145,9 @@ impl Host {
         }
     }
 
-    async fn converse(&self, mut stream: TcpStream, peer: Peer, refusal: Option<Full>) -> Result<(), String> {
-        let opening = async {
-            tokio::select! {
-                () = self.stop.cancelled() => Err("the service stops".to_owned()),
-                opened = tokio::time::timeout(self.first_bytes, first_bytes(&mut stream)) => {
-                    opened.map_err(|_| "the first bytes did not come in time".to_owned())?.map_err(|e| e.to_string())
-                }
-            }
-        };
-        let Some(head) = opening.await? else { return Ok(()) };
+    async fn converse(&self, stream: TcpStream, peer: Peer, refusal: Option<Full>) -> Result<(), String> {
+        let Some(mut stream) = self.secured(stream).await? else { return Ok(()) };
+        let Some(head) = self.opening(first_bytes(&mut stream)).await? else { return Ok(()) };
         let is_http2 = head == PREFACE;
         let traffic = Traffic::new();
         let io = TokioIo::new(Patient::new(stream, head, self.idle));
@@ -166,6 +169,24 @@ impl Host {
             self.attend(self.http2.serve_connection(io, service), &traffic, refusal.is_some()).await
         } else {
             self.attend(self.http1.serve_connection(io, service), &traffic, false).await
+        }
+    }
+
+    /// Makes the handshake of TLS, if the service has a certificate. Returns `None` if the client has left, or does not
+    /// speak TLS and was told.
+    async fn secured(&self, stream: TcpStream) -> Result<Option<Wire>, String> {
+        let Some(handshake) = &self.handshake else { return Ok(Some(Wire::Plain(stream))) };
+        let made = self.opening(handshake.accept(stream)).await;
+        made.inspect_err(|_| metrics::counter!("wavelume_handshakes_failed_total").increment(1))
+    }
+
+    /// Waits for a step at the beginning of a connection, within the time `first_bytes` and while the service runs.
+    async fn opening<T>(&self, step: impl Future<Output = std::io::Result<T>>) -> Result<T, String> {
+        tokio::select! {
+            () = self.stop.cancelled() => Err("the service stops".to_owned()),
+            ended = tokio::time::timeout(self.first_bytes, step) => {
+                ended.map_err(|_| "the first bytes did not come in time".to_owned())?.map_err(|e| e.to_string())
+            }
         }
     }
 

@@ -12,7 +12,8 @@ use tokio::net::TcpListener;
 use tokio_util::task::AbortOnDropHandle;
 
 /// Names of counters that are set to 0 at the start, so that the first event shows as an increase.
-const COUNTERS: [&str; 6] = [
+const COUNTERS: [&str; 7] = [
+    "wavelume_handshakes_failed_total",
     "wavelume_jobs_left_to_newer_total",
     "wavelume_jobs_lost_total",
     "wavelume_damaged_blobs_total",

@@ -24,6 +24,10 @@ const LOGGED_PATH: usize = 300;
 /// Upper bound in characters on a logged HTTP method.
 const LOGGED_METHOD: usize = 20;
 
+/// Header value that lets browsers note, for a year, to reach the host over TLS only. Raising it lengthens the time in
+/// which a service cannot go back to plain HTTP for them.
+const SECURE_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
+
 /// Refuses requests for other hosts, and writes and reads with a key by web pages of other origins. Lets pages of
 /// allowed origins read the answers.
 async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) -> Response {
@@ -32,6 +36,7 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
         Err(problem) => return refuse(request, problem).await,
     };
     let page = access.page(request.headers(), host.as_ref());
+    let secure_only = access.is_secure_only(host.as_ref());
     // HTTP/2 carries the host in `:authority`.
     request.headers_mut().extend(host.map(|host| (header::HOST, host)));
     let preflight =
@@ -51,6 +56,9 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
             refuse(request, Problem::new(kind, detail)).await
         }
     };
+    if secure_only {
+        response.headers_mut().insert(header::STRICT_TRANSPORT_SECURITY, SECURE_ONLY);
+    }
     if access.varies() {
         response.headers_mut().append(header::VARY, HeaderValue::from_static("origin"));
     }

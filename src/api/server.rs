@@ -9,6 +9,7 @@ use super::places::Peer;
 use super::remembered::Remembered;
 use super::router::{openapi, router};
 use super::state::{App, Held, Shared};
+use super::tls::{Current, Handshake, TlsFiles};
 use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers, watch_jobs};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -34,6 +35,8 @@ pub struct ServeConfig {
     /// Web origins (`https://app.example.org`) whose pages may read answers and send queries; pages of other origins
     /// may not.
     pub origins: Vec<String>,
+    /// Files of the certificate with which connections are encrypted (TLS); `None` serves plain HTTP.
+    pub tls: Option<TlsFiles>,
     /// Configuration of stored data and of work: data directory, threads, workers and limits.
     pub work: WorkConfig,
 }
@@ -41,7 +44,7 @@ pub struct ServeConfig {
 impl ServeConfig {
     /// Builds a configuration with defaults for everything but the data directory and the address.
     pub fn new(data: impl Into<PathBuf>, listen: SocketAddr) -> Self {
-        Self { listen, names: Vec::new(), origins: Vec::new(), work: WorkConfig::new(data) }
+        Self { listen, names: Vec::new(), origins: Vec::new(), tls: None, work: WorkConfig::new(data) }
     }
 }
 
@@ -62,6 +65,9 @@ pub enum ServeError {
     /// The OpenAPI description of the HTTP interface cannot be written as JSON.
     #[error("the description of the HTTP interface cannot be written: {0}")]
     Description(serde_json::Error),
+    /// The certificate or its key cannot be used.
+    #[error("the certificate cannot be used: {0}")]
+    Certificate(String),
     /// The data directory cannot be used.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
@@ -91,6 +97,7 @@ pub struct Server {
     address: SocketAddr,
     listener: TcpListener,
     access: Arc<Access>,
+    certificate: Option<Arc<Current>>,
     engine: Arc<Engine>,
     workers: usize,
 }
@@ -98,20 +105,32 @@ pub struct Server {
 impl Server {
     /// Binds the address and opens the data directory.
     pub async fn bind(mut config: ServeConfig) -> Result<Self, ServeError> {
+        // Metrics of what follows would be lost without it.
+        recorder();
+        let certificate = config.tls.map(|files| Current::open(files).map(Arc::new)).transpose();
+        let certificate = certificate.map_err(ServeError::Certificate)?;
         let taken = |source| ServeError::Listen { address: config.listen, source };
         let listener = TcpListener::bind(config.listen).await.map_err(taken)?;
         let address = listener.local_addr().map_err(taken)?;
-        let access = Access::new(address, &config.names, &config.origins).map_err(ServeError::Setting)?;
+        let access =
+            Access::new(address, certificate.is_some(), &config.names, &config.origins).map_err(ServeError::Setting)?;
         if let Some(descriptors) = descriptors::limit() {
             descriptors::fit(&mut config.work.limits, descriptors);
         }
         let engine = Engine::open(&config.work).await?;
-        Ok(Self { address, listener, access: Arc::new(access), engine, workers: config.work.workers })
+        let workers = config.work.workers;
+        Ok(Self { address, listener, access: Arc::new(access), certificate, engine, workers })
     }
 
     /// Returns the socket address that the service is bound to, with the port actually in use.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Returns the address (URL) at which the service answers: `https://127.0.0.1:8443`.
+    pub fn url(&self) -> String {
+        let scheme = if self.certificate.is_some() { "https" } else { "http" };
+        format!("{scheme}://{}", self.address)
     }
 
     /// Serves until `shutdown` resolves and its notice period is over. Running requests and jobs may then end within
@@ -120,7 +139,9 @@ impl Server {
         self,
         shutdown: impl Future<Output = S> + Send + 'static,
     ) -> Result<(), ServeError> {
-        let Self { address, listener, access, engine, workers } = self;
+        let Self { address, listener, access, certificate, engine, workers } = self;
+        let handshake = certificate.clone().map(Handshake::new).transpose();
+        let handshake = handshake.map_err(|error| ServeError::Certificate(error.to_string()))?;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
         let json = openapi().to_json().map_err(ServeError::Description)?;
         let limits = &engine.limits;
@@ -143,6 +164,7 @@ impl Server {
         });
         let watching = AbortOnDropHandle::new(tokio::spawn(watch_jobs(Arc::clone(&engine), stop.clone())));
         let figures = app.metrics.clone().map(|metrics| AbortOnDropHandle::new(tokio::spawn(keep_up(metrics))));
+        let renewing = certificate.map(|certificate| AbortOnDropHandle::new(tokio::spawn(certificate.keep_up())));
         let notice = limits.notice;
         let closing = async move {
             let how: Stop = shutdown.await.into();
@@ -152,7 +174,7 @@ impl Server {
                 tokio::time::sleep(notice).await;
             }
         };
-        let host = Host::new(router(app), limits, stop.clone(), cut.clone());
+        let host = Host::new(router(app), limits, handshake, stop.clone(), cut.clone());
         let connections = accept(&listener, &host, &Entrance::new(limits), closing).await;
         drop(listener);
         tracing::info!("stopping: running requests and jobs may end");
@@ -166,7 +188,7 @@ impl Server {
         if let Err(error) = working.await {
             tracing::error!(%error, "the workers ended badly");
         }
-        drop((figures, watching));
+        drop((figures, watching, renewing));
         engine.archive.catalog.close().await;
         tracing::info!("stopped");
         Ok(())

@@ -9,6 +9,7 @@ use super::output::{print, print_json};
 use super::serve::ReachArgs;
 use super::settings::{self, Settings};
 use super::site::PlaceArgs;
+use super::tls::TlsArgs;
 use super::worker::MetricsArg;
 use crate::catalog::without_password;
 use clap::ArgMatches;
@@ -25,6 +26,8 @@ pub(crate) struct Args {
     url: UrlArg,
     #[command(flatten)]
     reach: ReachArgs,
+    #[command(flatten)]
+    tls: TlsArgs,
     #[command(flatten)]
     figures: MetricsArg,
     #[command(flatten)]

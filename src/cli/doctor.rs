@@ -3,9 +3,11 @@
 use super::failure::Failure;
 use super::output::{print, print_json};
 use super::runtime::block_on_and_abandon;
+use super::serve::ReachArgs;
 use super::settings::Settings;
 use super::site::PlaceArgs;
-use crate::api::descriptors_found;
+use super::tls::TlsArgs;
+use crate::api::{certificate_found, descriptors_found};
 use crate::catalog::without_password;
 use crate::jobs::{Database, Finding, Verdict, WorkConfig, examine};
 use serde_json::json;
@@ -23,6 +25,10 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    reach: ReachArgs,
+    #[command(flatten)]
+    tls: TlsArgs,
+    #[command(flatten)]
     settings: Settings,
 }
 
@@ -30,8 +36,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let mut config = WorkConfig::new(&args.places.directory);
     config.site = args.places.site();
     args.settings.apply(&mut config);
+    let certificate = args.tls.files()?;
     let mut findings = block_on_and_abandon(async { Ok(examine(&config, args.processes).await) })?;
     findings.push(descriptors_found(&config.limits));
+    findings.extend(certificate.map(|files| certificate_found(&files, &args.reach.names)));
     if let Some(file) = &args.places.file.config {
         findings.push(configuration(file, config.site.database.as_ref()));
     }

@@ -50,6 +50,7 @@ mod serve;
 mod settings;
 mod site;
 mod table;
+mod tls;
 mod viewing;
 mod worker;
 

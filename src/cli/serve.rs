@@ -6,6 +6,7 @@ use super::output::print;
 use super::runtime::{block_on, stop_signal};
 use super::settings::Settings;
 use super::site::SiteArgs;
+use super::tls::TlsArgs;
 use crate::api::{ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
 use std::net::SocketAddr;
@@ -16,6 +17,8 @@ use std::net::SocketAddr;
 pub(crate) struct Args {
     #[command(flatten)]
     site: Place,
+    #[command(flatten)]
+    tls: TlsArgs,
     #[command(flatten)]
     isolation: IsolateArgs,
     #[command(flatten)]
@@ -62,10 +65,11 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
         let mut config = args.site.config();
+        config.tls = args.tls.files()?;
         config.work.isolate = args.isolation.program()?;
         args.settings.apply(&mut config.work);
         let server = bind(config).await?;
-        print(&format!("listening on http://{}\n", server.address()))?;
+        print(&format!("listening on {}\n", server.url()))?;
         server.run(stop).await.map_err(Failure::failed)
     })
 }

@@ -171,7 +171,8 @@ limits! {
         requests: usize = 1024, Count >= 1;
         /// Upper bound on the requests that are under way at once from one address.
         requests_each: usize = 256, Count >= 1;
-        /// Time within which a new connection must send its first bytes, which tell HTTP/1 and HTTP/2 apart.
+        /// Time within which a new connection must send its first bytes, which tell HTTP/1 and HTTP/2 apart. The
+        /// handshake of TLS, which comes before, has the same time.
         first_bytes: Duration = Duration::from_secs(10), Time >= 100;
         /// Time after which a connection without progress is closed. Progress is a request, a complete header, a piece
         /// of a body, or a client that reads its answer.

@@ -157,6 +157,7 @@ async fn every_answer_is_no_page_and_has_an_id_of_its_own() {
         assert_eq!(headers["cross-origin-resource-policy"], "same-origin");
         assert_eq!(headers["referrer-policy"], "no-referrer");
         assert_eq!(headers["request-id"].len(), 36);
+        assert!(!headers.contains_key("strict-transport-security"), "plain HTTP");
     }
     let long = "x".repeat(20_000);
     for (sent, kept) in [("trace-7", true), ("a b", false), (long.as_str(), false)] {

@@ -15,6 +15,7 @@ mod made_elsewhere;
 mod nodes;
 mod queries;
 mod resumable;
+mod secure;
 mod state;
 mod streams;
 mod uploads;

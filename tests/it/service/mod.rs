@@ -1,6 +1,8 @@
 //! A real server on a free port, and a client that knows what answers look like.
 
-use reqwest::{Client, Method, RequestBuilder, Response, StatusCode};
+pub(crate) mod certificates;
+
+use reqwest::{Client, ClientBuilder, Method, RequestBuilder, Response, StatusCode};
 use serde_json::{Value, json};
 use sqlx::Connection;
 use std::path::Path;
@@ -108,15 +110,20 @@ pub(crate) async fn damage(place: &str, bytes: Option<&'static [u8]>) {
 
 impl Service {
     pub(crate) async fn start(config: ServeConfig) -> Self {
+        Self::start_for(config, Client::builder().no_proxy()).await
+    }
+
+    /// Starts a service that is asked by this client.
+    pub(crate) async fn start_for(config: ServeConfig, client: ClientBuilder) -> Self {
         wavelume::store::provide_tls();
         prepare(&config).await;
         let server = Server::bind(config).await.unwrap();
-        let base = format!("http://{}", server.address());
+        let base = server.url();
         let (stop, stopped) = oneshot::channel();
         let running = tokio::spawn(server.run(async {
             let _ = stopped.await;
         }));
-        Self { base, client: Client::builder().no_proxy().build().unwrap(), stop, running }
+        Self { base, client: client.build().unwrap(), stop, running }
     }
 
     pub(crate) async fn stop(self) {

@@ -1,0 +1,106 @@
+//! Verdict on the files of a certificate, for `wavelume doctor`.
+
+use super::certificate::{Certificate, date};
+use super::pair::{Pair, TlsFiles};
+use crate::jobs::Finding;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::time::SystemTime;
+
+/// Rest of a certificate's validity in seconds below which a warning is given, the same as that of the alert
+/// `WavelumeCertificateEnds`. Raising it warns earlier.
+const SOON: i64 = 14 * DAY;
+
+/// Seconds of a day.
+const DAY: i64 = 24 * 60 * 60;
+
+const CHECK: &str = "local certificate";
+
+/// Judges the files of a certificate: pair, time, names and permissions. `names` are the hosts that requests may
+/// address.
+pub(crate) fn certificate_found(files: &TlsFiles, names: &[String]) -> Finding {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+    let is_public = |path: &Path| path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o004 != 0);
+    match files.load() {
+        Ok(pair) => judge(files, &pair, names, now.cast_signed(), is_public(&files.key)),
+        Err(reason) => Finding::fault(CHECK, reason, "serve does not start with these files"),
+    }
+}
+
+fn judge(files: &TlsFiles, pair: &Pair, names: &[String], now: i64, is_public: bool) -> Finding {
+    let own = &pair.chain[..1];
+    let names_of = |certificates: &[Certificate]| {
+        let names: Vec<&str> =
+            certificates.iter().flat_map(|certificate| &certificate.names).map(String::as_str).collect();
+        if names.is_empty() { "no name".to_owned() } else { names.join(", ") }
+    };
+    let found = format!("for {}, until {}", names_of(own), date(pair.ends()));
+    if let Some(late) = pair.chain.iter().find(|certificate| certificate.begins > now) {
+        let remedy = format!("it is valid from {} on: is the clock of this machine right?", date(late.begins));
+        return Finding::fault(CHECK, found, remedy);
+    }
+    let which = if pair.ends() == own[0].ends { "it" } else { "a certificate of its chain" };
+    if pair.ends() <= now {
+        return Finding::fault(CHECK, found, format!("{which} has expired: get a new one"));
+    }
+    if pair.ends() - now < SOON {
+        let left = (pair.ends() - now) / DAY;
+        return Finding::warning(CHECK, found, format!("{which} expires in {left} days: get a new one"));
+    }
+    let missing: Vec<&str> =
+        names.iter().map(|name| name.trim()).filter(|name| !name.is_empty() && !own[0].covers(name)).collect();
+    if !missing.is_empty() {
+        let remedy = format!("clients refuse it for {}: get one with that name (subjectAltName)", missing.join(", "));
+        return Finding::warning(CHECK, found, remedy);
+    }
+    if own[0].names.is_empty() {
+        let remedy = "clients refuse it: get one with the host's name (subjectAltName)";
+        return Finding::warning(CHECK, found, remedy);
+    }
+    if is_public {
+        let remedy = format!("every user may read the private key: chmod o= {}", files.key.display());
+        return Finding::warning(CHECK, found, remedy);
+    }
+    Finding::ok(CHECK, found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::made::made;
+    use super::*;
+    use crate::jobs::Verdict;
+
+    fn pair(names: &[&str], chain: &[(i64, i64)]) -> Pair {
+        let directory = tempfile::tempdir().unwrap();
+        let files = made(directory.path(), "a", "subjectAltName=DNS:a.example", 90);
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let certificates =
+            chain.iter().map(|(begins, ends)| Certificate { begins: *begins, ends: *ends, names: names.clone() });
+        Pair { chain: certificates.collect(), ..files.load().unwrap() }
+    }
+
+    #[test]
+    fn each_fault_of_a_certificate_is_told() {
+        let files = TlsFiles { chain: "cert.pem".into(), key: "key.pem".into() };
+        let now = 1_800_000_000;
+        let good = (now - DAY, now + 90 * DAY);
+        for (names, chain, wanted, is_public, verdict, words) in [
+            (&["a.example"][..], &[good][..], &["A.example"][..], false, Verdict::Ok, ""),
+            (&["*.example"], &[good], &["a.example", ""], false, Verdict::Ok, ""),
+            (&["a.example"], &[good], &["a.example", "b.example"], false, Verdict::Warning, "refuse it for b.example:"),
+            (&[], &[good], &[], false, Verdict::Warning, "with the host's name"),
+            (&["a.example"], &[good], &[], true, Verdict::Warning, "chmod o= key.pem"),
+            (&["a.example"], &[(now - DAY, now + 13 * DAY)], &[], false, Verdict::Warning, "it expires in 13 days"),
+            (&["a.example"], &[(now - DAY, now - 1)], &[], false, Verdict::Fault, "it has expired"),
+            (&["a.example"], &[good, (0, now)], &[], false, Verdict::Fault, "a certificate of its chain has expired"),
+            (&["a.example"], &[(now + 60, now + 90 * DAY)], &[], false, Verdict::Fault, "is the clock"),
+        ] {
+            let wanted: Vec<String> = wanted.iter().map(|name| (*name).to_owned()).collect();
+            let finding = judge(&files, &pair(names, chain), &wanted, now, is_public);
+            assert_eq!((finding.verdict, finding.remedy.is_empty()), (verdict, verdict == Verdict::Ok), "{finding:?}");
+            assert!(finding.remedy.contains(words), "{finding:?}");
+        }
+        let missing = certificate_found(&TlsFiles { chain: "/nowhere/cert".into(), ..files }, &[]);
+        assert!(missing.verdict == Verdict::Fault && missing.found.contains("/nowhere/cert: No such file"));
+    }
+}
