@@ -1,9 +1,25 @@
 //! Requests to a running service, and its answers as JSON.
 
 use super::failure::Failure;
-use super::health::reason;
 use reqwest::{RequestBuilder, Response};
 use serde_json::Value;
+
+/// Returns the innermost cause of a failed HTTP request, the one that a user can act on.
+pub(crate) fn reason(error: &reqwest::Error) -> String {
+    if error.is_timeout() {
+        return "no answer in time".to_owned();
+    }
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    let cause = cause.to_string();
+    // The name that rustls gives this fault.
+    if cause.contains("UnknownIssuer") {
+        return format!("{cause}: name the authority of the service's certificate with --ca-cert FILE");
+    }
+    cause
+}
 
 /// Sends an HTTP request to a service.
 pub(super) async fn send(request: RequestBuilder) -> Result<Response, Failure> {

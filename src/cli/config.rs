@@ -9,7 +9,7 @@ use super::output::{print, print_json};
 use super::serve::ReachArgs;
 use super::settings::{self, Settings};
 use super::site::PlaceArgs;
-use super::tls::TlsArgs;
+use super::tls::{TlsArgs, TrustArg};
 use super::worker::MetricsArg;
 use crate::catalog::without_password;
 use clap::ArgMatches;
@@ -24,6 +24,8 @@ pub(crate) struct Args {
     places: PlaceArgs,
     #[command(flatten)]
     url: UrlArg,
+    #[command(flatten)]
+    trust: TrustArg,
     #[command(flatten)]
     reach: ReachArgs,
     #[command(flatten)]

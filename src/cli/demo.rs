@@ -1,8 +1,7 @@
 //! `wavelume demo`: the service on real measurements, uploaded and compressed through its own HTTP interface.
 
-use super::answer::{escaped, read, send, text};
+use super::answer::{escaped, read, reason, send, text};
 use super::failure::Failure;
-use super::health::reason;
 use super::output::{Table, count, per_cent, print, three_digits};
 use super::runtime::{block_on, stop_signal};
 use super::serve;

@@ -1,9 +1,13 @@
 //! `wavelume health`: checks the health of a running service; exit code 0 or 1.
 
+use super::answer::reason;
 use super::failure::Failure;
 use super::output::print;
+use super::pinned;
 use super::runtime::block_on;
 use super::serve::DEFAULT_LISTEN;
+use super::tls::TrustArg;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// Longest wait for the answer to a health check. Raising it tolerates slower services.
@@ -17,15 +21,25 @@ pub(crate) struct Args {
     /// URL at which to reach the running service, in place of --listen
     #[arg(value_name = "URL")]
     url: Option<String>,
+    /// Certificate of the service in PEM: it is asked over HTTPS and must show this certificate, under any name
+    #[arg(long, value_name = "FILE", env = "WAVELUME_TLS_CERT", hide_env_values = true)]
+    tls_cert: Option<PathBuf>,
+    #[command(flatten)]
+    trust: TrustArg,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let base = args.url.clone().unwrap_or_else(|| format!("http://{}", reachable(&args.listen)));
+    let scheme = if args.tls_cert.is_some() { "https" } else { "http" };
+    let base = args.url.clone().unwrap_or_else(|| format!("{scheme}://{}", reachable(&args.listen)));
     let url = format!("{}/healthz", base.trim_end_matches('/').trim_end_matches("/healthz"));
     block_on(async {
         let refuse = |error: &reqwest::Error| Failure::failed(format!("{url}: {}", reason(error)));
-        let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build();
-        let answer = client.map_err(|e| refuse(&e))?.get(&url).send().await.map_err(|e| refuse(&e))?;
+        let mut builder = reqwest::Client::builder().timeout(PATIENCE).no_proxy();
+        if let Some(file) = &args.tls_cert {
+            builder = builder.tls_backend_preconfigured(pinned::trusting(file)?);
+        }
+        let client = args.trust.client(builder)?;
+        let answer = client.get(&url).send().await.map_err(|e| refuse(&e))?;
         match answer.status() {
             status if status.is_success() => print("ok\n"),
             status => Err(Failure::failed(format!("{url}: answered {status}"))),
@@ -42,18 +56,6 @@ pub(crate) fn reachable(listen: &str) -> String {
         Ok(address) if address.ip().is_unspecified() => format!("127.0.0.1:{}", address.port()),
         _ => listen.to_owned(),
     }
-}
-
-/// Returns the innermost cause of a failed HTTP request, the one that a user can act on.
-pub(crate) fn reason(error: &reqwest::Error) -> String {
-    if error.is_timeout() {
-        return "no answer in time".to_owned();
-    }
-    let mut cause: &dyn std::error::Error = error;
-    while let Some(inner) = cause.source() {
-        cause = inner;
-    }
-    cause.to_string()
 }
 
 #[cfg(test)]

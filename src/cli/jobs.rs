@@ -2,10 +2,10 @@
 
 use super::answer::{escaped, read, send};
 use super::failure::Failure;
-use super::health::reason;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::ConfigArg;
+use super::tls::TrustArg;
 use crate::catalog::Priority;
 use reqwest::Client;
 use serde::Deserialize;
@@ -63,6 +63,8 @@ struct ServiceArgs {
     file: ConfigArg,
     #[command(flatten)]
     address: UrlArg,
+    #[command(flatten)]
+    trust: TrustArg,
 }
 
 /// Option for the address (URL) of the running service.
@@ -116,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
 }
 
 async fn show(list: &List) -> Result<(), Failure> {
-    let client = client()?;
+    let client = list.service.client()?;
     let mut query = vec![("limit", list.limit.min(1000).to_string())];
     query.extend(list.state.iter().map(|state| ("state", state.clone())));
     query.extend(list.measurement.iter().map(|id| ("measurement", id.clone())));
@@ -154,7 +156,7 @@ async fn show(list: &List) -> Result<(), Failure> {
 }
 
 async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
-    let client = client()?;
+    let client = chosen.service.client()?;
     let mut failed = None;
     for id in &chosen.jobs {
         let request = client.post(format!("{}/v1/jobs/{id}/{action}", chosen.service.address.url));
@@ -170,6 +172,8 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
     failed.map_or(Ok(()), Err)
 }
 
-fn client() -> Result<Client, Failure> {
-    Client::builder().timeout(PATIENCE).build().map_err(|error| Failure::failed(reason(&error)))
+impl ServiceArgs {
+    fn client(&self) -> Result<Client, Failure> {
+        self.trust.client(Client::builder().timeout(PATIENCE))
+    }
 }

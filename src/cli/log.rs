@@ -27,7 +27,9 @@ pub enum LogFormat {
 /// beginning of a module name). Without this variable, `level` is the lowest severity that is logged.
 pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let asked = std::env::var("RUST_LOG").ok().and_then(|levels| levels.parse::<Targets>().ok());
-    let log = registry().with(asked.unwrap_or_else(|| Targets::new().with_default(level)));
+    // It logs what its caller, the command, reports on the same stderr.
+    let usual = || Targets::new().with_default(level).with_target("rustls_platform_verifier", LevelFilter::OFF);
+    let log = registry().with(asked.unwrap_or_else(usual));
     let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
     let events = fmt::layer().with_ansi(colours);
     let to = Output::stderr();

@@ -34,6 +34,7 @@ mod openapi;
 mod output;
 mod paper;
 mod physics;
+mod pinned;
 mod preview;
 mod project;
 mod query;

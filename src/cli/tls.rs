@@ -1,7 +1,9 @@
-//! Options for the certificate of a service.
+//! Options for the certificate of a service, and for the certificates that its clients trust.
 
+use super::answer::reason;
 use super::failure::Failure;
 use crate::api::TlsFiles;
+use reqwest::{Certificate, Client, ClientBuilder};
 use std::path::PathBuf;
 
 /// Options for the certificate with which a service encrypts its connections.
@@ -27,5 +29,30 @@ impl TlsArgs {
             (Some(_), None) => lacks("--tls-cert", "--tls-key"),
             (None, Some(_)) => lacks("--tls-key", "--tls-cert"),
         }
+    }
+}
+
+/// Option for the certificates that a client of a service trusts.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TrustArg {
+    /// Certificates in PEM that are trusted instead of those of the system, for a service whose certificate is of an
+    /// authority of its own
+    #[arg(long, value_name = "FILE", env = "WAVELUME_CA_CERT", hide_env_values = true)]
+    ca_cert: Option<PathBuf>,
+}
+
+impl TrustArg {
+    /// Builds an HTTP client that trusts these certificates, or else those of the system.
+    pub(crate) fn client(&self, mut builder: ClientBuilder) -> Result<Client, Failure> {
+        if let Some(file) = &self.ca_cert {
+            let at = |reason: &dyn std::fmt::Display| Failure::failed(format!("{}: {reason}", file.display()));
+            let text = std::fs::read(file).map_err(|error| at(&error))?;
+            let certificates = Certificate::from_pem_bundle(&text).map_err(|error| at(&reason(&error)))?;
+            if certificates.is_empty() {
+                return Err(at(&"found no certificate, expected PEM that begins with BEGIN CERTIFICATE"));
+            }
+            builder = builder.tls_certs_only(certificates);
+        }
+        builder.build().map_err(|error| Failure::failed(reason(&error)))
     }
 }

@@ -8,6 +8,7 @@ mod refusals;
 mod scans;
 mod service;
 mod settings;
+mod tls;
 mod views;
 
 pub(crate) use scans::noisy_lobe;
