@@ -5,12 +5,13 @@ against those that a running service shows.
 Usage: rules.py BINARY
 
 Most metrics with labels are shown only once they have counted, so the service is made to do what they count: an upload,
-a job, a refusal and damaged bytes.
+a job, a refusal and damaged bytes. It has a certificate, made by openssl, whose end is a metric.
 """
 import json
 import os
 import re
 import shutil
+import ssl
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,9 @@ TESTS = os.path.join(ROOT, "tests", "acceptance", "rules.yml")
 # The metric that Prometheus itself makes for each target.
 OWN = {"up"}
 LAMP = os.path.join(ROOT, "data", "aerolamp.ies")
-opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+# Without checks: the certificate is not what is tested here.
+UNCHECKED = ssl._create_unverified_context()
+opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), urllib.request.HTTPSHandler(context=UNCHECKED))
 
 
 def call(url, body=None, **headers):
@@ -66,7 +69,11 @@ def shown(base):
 def counted(binary, scratch):
     """Metrics of a service that has had an upload, a job, a refusal and damaged bytes."""
     data = os.path.join(scratch, "data")
+    cert, key = os.path.join(scratch, "cert.pem"), os.path.join(scratch, "key.pem")
+    make = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    subprocess.run([*make, "-keyout", key, "-out", cert, "-subj", "/CN=localhost"], check=True, stderr=subprocess.DEVNULL)
     command = [binary, "serve", "--data", data, "--listen", "127.0.0.1:0", "--exports-each", "0", "--content-bytes", "0"]
+    command += ["--tls-cert", cert, "--tls-key", key]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("WAVELUME_")}
     with open(os.path.join(scratch, "log"), "w") as log:
         service = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=environment)
@@ -95,6 +102,8 @@ def main():
         sys.exit(__doc__.splitlines()[3])
     if not shutil.which("promtool"):
         sys.exit("rules.py: promtool is missing; install Prometheus (Debian: apt install prometheus)")
+    if not shutil.which("openssl"):
+        sys.exit("rules.py: openssl is missing (Debian: apt install openssl)")
     for command in (["check", "rules", RULES], ["test", "rules", TESTS]):
         if subprocess.run(["promtool", *command]).returncode != 0:
             sys.exit(1)
