@@ -49,9 +49,9 @@ impl Catalog {
     pub(crate) async fn intend_all(&self, objects: &[(Object, u64)], time: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         let until = write.now.saturating_add(time.as_millis() as i64);
-        let rows = objects
-            .iter()
-            .map(|(object, bytes)| json!([object.to_string(), "default", object.digest().to_string(), bytes, until]));
+        let rows = objects.iter().map(|(object, bytes)| {
+            json!([object.to_string(), object.tenant().as_str(), object.digest().to_string(), bytes, until])
+        });
         let columns = ["object", "tenant", "digest", "bytes", "expires_at"].map(str::to_owned);
         insert(&mut write, "intents", &columns, &rows.collect::<Vec<_>>()).await?;
         write.commit().await
@@ -72,7 +72,8 @@ impl Catalog {
         }
         let now = write.now;
         let rows = objects.iter().map(|(object, bytes, created_at)| {
-            json!(["default", object.digest().to_string(), object.generation(), bytes, 0, now, created_at])
+            let tenant = object.tenant().as_str();
+            json!([tenant, object.digest().to_string(), object.generation(), bytes, 0, now, created_at])
         });
         insert(&mut write, "blobs", &blob_columns(), &rows.collect::<Vec<_>>()).await?;
         write.commit().await?;
@@ -99,8 +100,14 @@ impl Filling {
     /// Adds the row of stored bytes that could not be copied. The next upload of the same bytes stores them.
     pub(crate) async fn insert_lost(&mut self, object: &Object) -> Result<(), CatalogError> {
         let now = self.0.now;
-        let row = json!(["default", object.digest().to_string(), object.generation(), -1, 1, now, now]);
+        let tenant = object.tenant().as_str();
+        let row = json!([tenant, object.digest().to_string(), object.generation(), -1, 1, now, now]);
         insert(&mut self.0, "blobs", &blob_columns(), &[row]).await
+    }
+
+    /// Makes the rows added so far visible; the copy goes on.
+    pub(crate) async fn pause(self) -> Result<(), CatalogError> {
+        self.0.commit().await
     }
 
     /// Joins a measurement with its spectrum.

@@ -4,6 +4,7 @@ use super::blobs::Claim;
 use super::materials::NewMaterial;
 use super::priority::Priority;
 use crate::store::Digest;
+use crate::trust::Tenant;
 use std::fmt;
 use std::time::Duration;
 
@@ -92,6 +93,8 @@ pub(crate) enum Enqueued {
 pub(crate) struct Claimed {
     /// Id of the job.
     pub id: String,
+    /// Owner of the job, of what it reads and of what it makes.
+    pub tenant: Tenant,
     /// Arguments of the job, encoded as a text for the queue.
     pub frame: String,
     /// Fencing epoch: a number that rises with each claim of the job, and that every later write of the worker must

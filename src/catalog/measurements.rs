@@ -111,8 +111,9 @@ impl Catalog {
             return Ok(Added::Unpublished);
         }
         if let Some(spectrum) = new.spectrum {
-            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = 'default' AND id = $1")
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = $2 AND id = $1")
                 .bind(spectrum.to_string())
+                .bind(self.tenant.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             if there.is_none() {
@@ -128,7 +129,7 @@ impl Catalog {
         let inserted = sqlx::query(
             "INSERT INTO measurements \
              (tenant, id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
-             VALUES ('default', $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (tenant, id) DO NOTHING",
+             VALUES ($12, $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (tenant, id) DO NOTHING",
         )
         .bind(new.id.to_string())
         .bind(new.content.to_string())
@@ -141,14 +142,15 @@ impl Catalog {
         .bind(search)
         .bind(new.document.clone())
         .bind(write.now)
+        .bind(self.tenant.to_string())
         .execute(&mut *write.transaction)
         .await?
         .rows_affected();
-        let row =
-            sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
-                .bind(new.id.to_string())
-                .fetch_one(&mut *write.transaction)
-                .await?;
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $2 AND id = $1"))
+            .bind(new.id.to_string())
+            .bind(self.tenant.to_string())
+            .fetch_one(&mut *write.transaction)
+            .await?;
         let row = read(&row)?;
         write.commit().await?;
         Ok(Added::Row(row, inserted == 1))
@@ -156,8 +158,9 @@ impl Catalog {
 
     /// Returns the measurement with the given id, if it exists.
     pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
-        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
+        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $2 AND id = $1"))
             .bind(id.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?
             .map(|row| read(&row))
@@ -173,11 +176,7 @@ impl Catalog {
     ) -> Result<Page<MeasurementRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
         let statement = filtered(
-            concat!(
-                "SELECT ",
-                columns!(),
-                " FROM measurements WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
-            ),
+            concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $7 AND (created_at, id) < ($1, $2)"),
             &[
                 (filter.quantity.is_some(), "quantity = $3"),
                 (filter.format.is_some(), "format = $4"),
@@ -193,6 +192,7 @@ impl Catalog {
             .bind(filter.format.clone())
             .bind(filter.q.as_deref().map(pattern))
             .bind(limit as i64 + 1)
+            .bind(self.tenant.to_string())
             .fetch_all(&mut *list)
             .await?;
         list.commit().await?;
@@ -219,24 +219,26 @@ impl Catalog {
         let mut write = self.write().await?;
         let id = id.to_string();
         let used = sqlx::query(
-            "SELECT 'material ' || material FROM material_sources WHERE tenant = 'default' AND measurement = $1 \
-             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = 'default' AND spectrum = $1 \
-             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = 'default' AND needs = $1 LIMIT 1",
+            "SELECT 'material ' || material FROM material_sources WHERE tenant = $2 AND measurement = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = $2 AND spectrum = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = $2 AND needs = $1 LIMIT 1",
         )
         .bind(id.clone())
+        .bind(self.tenant.to_string())
         .fetch_optional(&mut *write.transaction)
         .await?;
         if let Some(row) = used {
             let by: String = row.try_get(0)?;
             return Ok(Deleted::InUse(format!("{by} depends on measurement {id}")));
         }
-        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = 'default' AND id = $1 RETURNING content")
+        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = $2 AND id = $1 RETURNING content")
             .bind(id)
+            .bind(self.tenant.to_string())
             .fetch_optional(&mut *write.transaction)
             .await?;
         // A repeated deletion has found its own work.
         let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
-        unname(&mut write, row.try_get(0)?).await?;
+        unname(&mut write, self.tenant.to_string(), row.try_get(0)?).await?;
         write.commit().await?;
         Ok(Deleted::Done)
     }

@@ -43,6 +43,9 @@ mod result_code;
 mod retention;
 mod schema;
 mod snapshot;
+#[cfg(test)]
+mod tenant_tests;
+mod tenants;
 mod uploaded;
 mod watch;
 
@@ -54,6 +57,7 @@ pub(crate) use blobs::{Blob, Claim, Doom, Namer};
 pub(crate) use database::Catalog;
 pub(crate) use dialect::Dialect;
 pub(crate) use examine::{Engine as EngineFacts, Examined, OLDEST_SERVER, Server as ServerFacts};
+pub(crate) use filling::Filling;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub(crate) use jobs::{JobFilter, Retried};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
@@ -131,9 +135,16 @@ pub(crate) mod testing {
 
     /// Announces to the catalog, for a test, that an object with this digest and size in bytes is about to be written.
     pub(crate) async fn publish(catalog: &Catalog, digest: Digest, bytes: u64) -> Claim {
-        let object = Object::fresh(digest);
+        let object = Object::fresh(catalog.tenant(), digest);
         catalog.intend(&object, bytes, Duration::from_mins(1)).await.unwrap();
         Claim::Written(object, bytes)
+    }
+
+    /// Adds a tenant to a test's catalog, and returns the catalog as the tenant sees it.
+    pub(crate) async fn other(catalog: &Catalog, id: &str) -> Catalog {
+        let insert = "INSERT INTO tenants (id, name, created_at) VALUES ($1, $1, 0) ON CONFLICT DO NOTHING";
+        sqlx::query(insert).bind(id).execute(&catalog.pool).await.unwrap();
+        catalog.of(&id.parse().unwrap())
     }
 
     /// Stores a measurement in a test's catalog, as an upload does.

@@ -176,7 +176,7 @@ async fn work(on: &mut Explained) {
     let catalog = on.catalog.clone();
     let lamp = measurement(&format!("lamp {}", on.about));
     let claim = on.check("intend", FEW, false, publish(&catalog, lamp.content, 9)).await;
-    let object = Object::fresh(lamp.content);
+    let object = Object::fresh(catalog.tenant(), lamp.content);
     catalog.intend(&object, 9, MINUTE).await.unwrap();
     assert!(on.check("prolong", FEW, false, catalog.prolong(&object, MINUTE)).await.unwrap());
     on.check("name", FEW, false, catalog.add_measurement(&lamp, &claim)).await.unwrap();
@@ -301,7 +301,8 @@ async fn sweep(on: &mut Explained) {
     assert!(on.check("expired intents", FEW, false, catalog.doom_expired(1000, DAY)).await.unwrap() > 9);
     let unnamed = on.check("unnamed", FEW, false, catalog.unnamed(1000)).await.unwrap();
     assert!(unnamed.len() > 9);
-    assert_eq!(on.check("named", FEW, false, catalog.doom_unnamed(unnamed[0], DAY)).await.unwrap(), Doom::Named);
+    let (_, unnamed) = unnamed[0];
+    assert_eq!(on.check("named", FEW, false, catalog.doom_unnamed(unnamed, DAY)).await.unwrap(), Doom::Named);
     let due: Vec<Object> = on
         .check("doomed", FEW, false, catalog.take_doomed(1000, MINUTE))
         .await

@@ -21,8 +21,8 @@ pub(crate) struct Retention {
 }
 
 impl Catalog {
-    /// Deletes ended jobs and idempotency keys that are older than `ages`, and returns the number of deleted jobs. The
-    /// next sweep removes the reports of the deleted jobs.
+    /// Deletes ended jobs and idempotency keys of all tenants that are older than `ages`, and returns the number of
+    /// deleted jobs. The next sweep removes the reports of the deleted jobs.
     pub(crate) async fn forget(&self, ages: &Retention) -> Result<u64, CatalogError> {
         let mut forgotten = 0;
         for (state, age) in [
@@ -66,7 +66,7 @@ impl Catalog {
         let rows = sqlx::query(write.sql(
             "WITH old AS MATERIALIZED (SELECT id FROM jobs WHERE state = $1 AND state NOT IN ('queued', 'running') \
              AND updated_at < $2 ORDER BY updated_at LIMIT $3{skip}) \
-             DELETE FROM jobs WHERE id {among SELECT id FROM old} RETURNING report",
+             DELETE FROM jobs WHERE id {among SELECT id FROM old} RETURNING tenant, report",
         ))
         .bind(state)
         .bind(write.now.saturating_sub(age.as_millis() as i64))
@@ -74,8 +74,8 @@ impl Catalog {
         .fetch_all(&mut *write.transaction)
         .await?;
         for row in &rows {
-            if let Some(report) = row.try_get::<Option<String>, _>(0)? {
-                unname(&mut write, report).await?;
+            if let Some(report) = row.try_get::<Option<String>, _>(1)? {
+                unname(&mut write, row.try_get(0)?, report).await?;
             }
         }
         write.commit().await?;
@@ -85,9 +85,8 @@ impl Catalog {
     async fn forget_keys(&self, age: Duration) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let gone = sqlx::query(self.sql(
-            "WITH old AS MATERIALIZED (SELECT name FROM idempotency_keys WHERE tenant = 'default' \
-             AND created_at < {now} - $1 ORDER BY created_at LIMIT $2) \
-             DELETE FROM idempotency_keys WHERE tenant = 'default' AND name {among SELECT name FROM old}",
+            "WITH old AS MATERIALIZED (SELECT job FROM idempotency_keys WHERE created_at < {now} - $1 \
+             ORDER BY created_at LIMIT $2) DELETE FROM idempotency_keys WHERE job {among SELECT job FROM old}",
         ))
         .bind(age.as_millis() as i64)
         .bind(MOST)

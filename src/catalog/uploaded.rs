@@ -37,8 +37,9 @@ impl Catalog {
             return Ok(Uploaded::Unpublished);
         }
         for measurement in &new.measurements {
-            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = 'default' AND id = $1")
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = $2 AND id = $1")
                 .bind(measurement.to_string())
+                .bind(self.tenant.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             if there.is_none() {
@@ -54,10 +55,11 @@ impl Catalog {
     /// options with which the content is read.
     pub(crate) async fn measurements_of(&self, content: Digest, most: u32) -> Result<Vec<Digest>, CatalogError> {
         let rows = sqlx::query(
-            "SELECT id FROM measurements WHERE tenant = 'default' AND content = $1 ORDER BY created_at, id LIMIT $2",
+            "SELECT id FROM measurements WHERE tenant = $3 AND content = $1 ORDER BY created_at, id LIMIT $2",
         )
         .bind(content.to_string())
         .bind(i64::from(most))
+        .bind(self.tenant.to_string())
         .fetch_all(&self.pool)
         .await?;
         let ids = rows.iter().map(|row| {

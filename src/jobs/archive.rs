@@ -7,6 +7,7 @@
 use super::site::Site;
 use crate::catalog::{Catalog, CatalogError, Database, Dialect};
 use crate::store::{Place, Staging, Store, StoreError};
+use crate::trust::Tenant;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -143,6 +144,11 @@ impl Archive {
         let archive = Self { data: root, store, staging, catalog, database, place, seen: Arc::default() };
         archive.claim(site.adopt.as_deref()).await?;
         Ok(archive)
+    }
+
+    /// Returns the archive as another tenant sees it: rows and stored bytes of others do not exist there.
+    pub(crate) fn of(&self, tenant: &Tenant) -> Self {
+        Self { catalog: self.catalog.of(tenant), ..self.clone() }
     }
 
     /// Returns the places of the catalog's database and of the store.

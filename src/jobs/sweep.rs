@@ -92,16 +92,16 @@ impl Archive {
         Ok(report)
     }
 
-    /// Lists for deletion the objects to which no row of the catalog refers any more.
+    /// Lists for deletion the objects of all tenants to which no row of the catalog refers any more.
     async fn doom(&self, grace: Duration, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
         loop {
             let unnamed = self.catalog.unnamed(AT_ONCE).await?;
-            for &digest in &unnamed {
+            for (tenant, digest) in &unnamed {
                 if stopped() {
                     return Ok(());
                 }
-                if let Doom::Doomed(bytes) = self.catalog.doom_unnamed(digest, grace).await? {
-                    tracing::debug!(%digest, bytes, "no row names these bytes any more");
+                if let Doom::Doomed(bytes) = self.catalog.of(tenant).doom_unnamed(*digest, grace).await? {
+                    tracing::debug!(%tenant, %digest, bytes, "no row names these bytes any more");
                 }
             }
             if unnamed.len() < AT_ONCE as usize {

@@ -93,6 +93,7 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
 /// Runs one attempt at a job, from its claim until its end is recorded.
 async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) {
     let start = Instant::now();
+    let engine = &engine.of(&job.tenant);
     let control = engine.hub.enter(&job.id);
     // A panic outside the maths must not take the worker with it.
     let running = tokio::spawn({

@@ -39,6 +39,7 @@ ROOMS = {
     "jobs": (2, 60, "work beyond one request:", "queue, leases, workers", 2),
     "catalog": (3, 60, "descriptions by digest,", "in SQL", 5),
     "store": (3, 148, "bytes under their digest", "", 4),
+    "trust": (1, 148, "tenants, keys, and what", "they allow", None),
     "reading": (3, 296, "reads a file by its path", "", None),
     "pipeline": (2, 296, "bytes and a request in,", "a material and its report out", 6),
     "projection": (1, 370, "samples as measured →", "a tensor on chosen axes", 7),
