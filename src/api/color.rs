@@ -4,13 +4,12 @@ use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{compute, direction, indices, open, read};
 use super::schemas::{DirectionText, IlluminantText, IndexText, ObserverText};
-use super::state::App;
+use super::state::{App, Service};
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
 use crate::evaluate::Material;
 use crate::jobs::Text;
 use crate::preview::{self, Question, Viewing};
 use crate::store::Digest;
-use axum::extract::State;
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -19,7 +18,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of the colours of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(color))
 }
 
@@ -113,7 +112,7 @@ struct Color {
     params(("id" = Digest, Path, description = "The material"), ColorQuery),
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
-async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {
+async fn color(app: App, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {
     let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
     let wo = read(query.wo.as_deref(), |text| direction("wo", text))?;
     let index = read(query.index.as_deref(), indices)?;

@@ -8,7 +8,6 @@ use super::schemas::{EventText, JobIdText};
 use super::state::App;
 use crate::catalog::JobState;
 use crate::jobs::Following;
-use axum::extract::State;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
 use std::convert::Infallible;
@@ -38,7 +37,7 @@ struct Told {
     responses((status = 200, description = "Server-sent events", body = EventText, content_type = "text/event-stream"))
 )]
 pub(super) async fn get_job_events(
-    State(app): State<App>,
+    app: App,
     peer: Peer,
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {

@@ -7,13 +7,12 @@ use super::materials::known;
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
-use super::state::App;
+use super::state::{App, Service};
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -30,7 +29,7 @@ pub(crate) const EXPORT_ERROR: HeaderName = HeaderName::from_static("wavelume-ex
 const PIECE: usize = 1 << 20;
 
 /// HTTP routes of exports to other file formats.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
@@ -55,7 +54,7 @@ struct ExportQuery {
     responses(ExportedFile)
 )]
 async fn export(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     peer: Peer,
     Query(query): Query<ExportQuery>,

@@ -3,7 +3,7 @@
 use super::pace::Pace;
 use super::places::{KIB, Peer, Place};
 use super::problem::{Kind, Problem};
-use super::state::App;
+use super::state::{App, Service};
 use crate::store::Digest;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
@@ -178,19 +178,19 @@ const FIRST: usize = 16 << 10;
 /// Upper bound in bytes on a JSON request body that is not a batch evaluation.
 const SMALL: usize = 512 << 10;
 
-impl FromRequest<App> for JsonBytes {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+impl JsonBytes {
+    /// Receives a JSON body within the limit of the service.
+    pub(crate) async fn receive(request: Request, app: &App) -> Result<Self, Problem> {
         read_json(request, app, app.engine.limits.json_bytes).await
     }
 }
 
-impl FromRequest<App> for SmallJson {
+impl FromRequest<Service> for SmallJson {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        read_json(request, app, SMALL.min(app.engine.limits.json_bytes)).await.map(Self)
+    async fn from_request(request: Request, service: &Service) -> Result<Self, Problem> {
+        let app = service.of(request.extensions());
+        read_json(request, &app, SMALL.min(app.engine.limits.json_bytes)).await.map(Self)
     }
 }
 

@@ -7,12 +7,11 @@ use super::measurements::page;
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::JobIdText;
-use super::state::App;
+use super::state::{App, Service};
 use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Retried};
 use crate::jobs::{JobRequest, KindOnly, Queued, RequestError, Source};
 use crate::store::Digest;
 use axum::Json;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
@@ -23,7 +22,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of jobs.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(list_jobs, post_job))
         .routes(routes!(get_job))
@@ -59,7 +58,7 @@ impl Source for JsonBytes {
     )
 )]
 async fn post_job(
-    State(app): State<App>,
+    app: App,
     peer: Peer,
     headers: HeaderMap,
     SmallJson(body): SmallJson,
@@ -151,7 +150,7 @@ struct JobPage {
     get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
     responses((status = 200, description = "A page", body = JobPage))
 )]
-async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
+async fn list_jobs(app: App, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let state = query.state.as_deref().map(|name| {
         JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| {
@@ -172,7 +171,7 @@ async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Re
     post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses((status = 202, description = "It waits again", body = Job))
 )]
-async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+async fn retry_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
     match app.engine.retry(&id).await? {
         Retried::Queued(row) => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
         Retried::Unended(state) => Err(Problem::new(
@@ -191,7 +190,7 @@ async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response,
     get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Its id")),
     responses((status = 200, description = "The job", body = Job))
 )]
-async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
+async fn get_job(app: App, JobId(id): JobId) -> Result<Json<Job>, Problem> {
     Ok(Json(Job::of(find(&app, &id).await?)))
 }
 
@@ -203,7 +202,7 @@ async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, 
         (status = 202, description = "Its worker was asked", body = Job),
     )
 )]
-async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+async fn cancel_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
     let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
     match row.state {
         JobState::Cancelled => Ok(Json(Job::of(row)).into_response()),

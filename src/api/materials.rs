@@ -5,14 +5,13 @@ use super::extract::{Id, Query, word};
 use super::measurements::{deleted, page};
 use super::problem::{Kind, Problem};
 use super::schemas::{Binary, CursorText, Word};
-use super::state::App;
+use super::state::{App, Service};
 use crate::catalog::{MaterialFilter, MaterialRow, Namer};
 use crate::domain::Quantity;
 use crate::jobs::Manifest;
 use crate::paper::Table;
 use crate::store::{Digest, StoreError};
 use axum::Json;
-use axum::extract::State;
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
@@ -21,7 +20,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(list_materials))
         .routes(routes!(get_material, delete_material))
@@ -103,7 +102,7 @@ struct MaterialPage {
     get, path = "/v1/materials", tag = "materials", params(ListQuery),
     responses((status = 200, description = "A page", body = MaterialPage))
 )]
-async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
+async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json<MaterialPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter =
         MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
@@ -117,7 +116,7 @@ async fn list_materials(State(app): State<App>, Query(query): Query<ListQuery>) 
     get, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 200, description = "The manifest", body = Material))
 )]
-async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Material>, Problem> {
+async fn get_material(app: App, Id(id): Id) -> Result<Json<Material>, Problem> {
     Material::of(row(&app, id).await?).map(Json)
 }
 
@@ -126,7 +125,7 @@ async fn get_material(State(app): State<App>, Id(id): Id) -> Result<Json<Materia
     delete, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
     responses((status = 204, description = "Gone"))
 )]
-async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+async fn delete_material(app: App, Id(id): Id) -> Result<StatusCode, Problem> {
     let outcome = app.engine.archive.catalog.delete_material(id).await?;
     forget(&app, id).await;
     deleted(outcome, &absent(id))
@@ -142,7 +141,7 @@ async fn delete_material(State(app): State<App>, Id(id): Id) -> Result<StatusCod
     )
 )]
 async fn get_material_content(
-    State(app): State<App>,
+    app: App,
     method: Method,
     headers: HeaderMap,
     Id(id): Id,
@@ -170,7 +169,7 @@ async fn get_material_content(
     )
 )]
 async fn get_blob(
-    State(app): State<App>,
+    app: App,
     method: Method,
     headers: HeaderMap,
     Id(digest): Id,
@@ -203,7 +202,7 @@ pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Probl
 /// Frees the memory that an opened material occupies after it was deleted.
 async fn forget(app: &App, id: Digest) {
     app.engine.close_material(id).await;
-    app.contents.forget(id).await;
+    app.contents.forget(app.engine.archive.catalog.tenant(), id).await;
 }
 
 fn absent(id: Digest) -> String {

@@ -3,6 +3,7 @@
 mod access;
 mod admit;
 mod body;
+mod caller;
 mod color;
 mod connection;
 mod content;
@@ -36,6 +37,8 @@ mod router;
 mod schemas;
 mod server;
 mod state;
+#[cfg(test)]
+mod tenant_tests;
 mod traffic;
 mod upload;
 mod upload_query;

@@ -6,11 +6,10 @@ use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
 use super::schemas::{Binary, IlluminantText, IndexText, ObserverText};
-use super::state::App;
+use super::state::{App, Service};
 use crate::jobs::Text;
 use crate::preview::{DEFAULT_SIZE, SIZES, picture};
 use crate::store::Digest;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -19,7 +18,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of preview pictures of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(preview))
 }
 
@@ -58,7 +57,7 @@ struct PreviewQuery {
     )
 )]
 async fn preview(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(query): Query<PreviewQuery>,
     headers: HeaderMap,

@@ -4,15 +4,14 @@ use super::figures::page;
 use super::places::Places;
 use super::problem::{Kind, Problem};
 use super::schemas::Described;
-use super::state::App;
-use axum::extract::State;
+use super::state::{App, Service};
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of the start page (first commands to try), the health checks, the metrics and the OpenAPI description.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(index))
         .routes(routes!(healthz))
@@ -61,7 +60,7 @@ async fn healthz() -> &'static str {
     get, path = "/readyz", tag = "root",
     responses((status = 200, description = "It is: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
 )]
-async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
+async fn readyz(app: App) -> Result<&'static str, Problem> {
     if app.stopping.is_cancelled() {
         return Err(Problem::new(Kind::Unavailable, "stopping: running requests and jobs end"));
     }
@@ -81,7 +80,7 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     get, path = "/metrics", tag = "root",
     responses((status = 200, description = "The figures", body = String, content_type = "text/plain"))
 )]
-async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
+async fn metrics_page(app: App) -> Result<Response, Problem> {
     let jobs = app.engine.archive.catalog.job_counts().await?;
     metrics::gauge!("wavelume_jobs", "state" => "queued").set(jobs.queued as f64);
     metrics::gauge!("wavelume_jobs", "state" => "running").set(jobs.running as f64);
@@ -102,7 +101,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     get, path = "/openapi.json", tag = "root",
     responses((status = 200, description = "OpenAPI 3.1", body = Described))
 )]
-async fn openapi_json(State(app): State<App>) -> Response {
+async fn openapi_json(app: App) -> Response {
     let json = HeaderValue::from_static("application/json");
     ([(header::CONTENT_TYPE, json)], app.openapi.to_string()).into_response()
 }

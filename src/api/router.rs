@@ -1,6 +1,6 @@
 //! The router: every route as a table of contents, the layers around it, and the description generated from it.
 
-use super::state::App;
+use super::state::{App, Service};
 use super::{admit, description, layers};
 use axum::Router;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use utoipa::openapi::{OpenApi, OpenApiBuilder};
 use utoipa_axum::router::OpenApiRouter;
 
 /// Returns every HTTP route of the service, grouped by resource.
-fn routes() -> OpenApiRouter<App> {
+fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::with_openapi(OpenApiBuilder::new().info(description::info()).build())
         .merge(super::root::routes())
         .merge(super::measurements::routes())
@@ -31,7 +31,7 @@ pub(super) fn router(app: App) -> Router {
     router
         .fallback(layers::no_route)
         .method_not_allowed_fallback(layers::no_method)
-        .with_state(app.clone())
+        .with_state(Service::new(app.clone()))
         .layer(axum::middleware::from_fn_with_state(app, admit::admit))
         .layer(axum::extract::DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(layers::panicked))

@@ -1,16 +1,28 @@
 //! State that every handler shares.
 
 use super::access::Access;
+use super::caller::Caller;
 use super::content_cache::Contents;
 use super::places::{KIB, Places};
 use crate::jobs::{Engine, Limits};
+use crate::trust::Tenant;
+use axum::extract::FromRequestParts;
+use axum::http::Extensions;
+use axum::http::request::Parts;
 use metrics_exporter_prometheus::PrometheusHandle;
+use std::convert::Infallible;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// State that every HTTP handler shares; cheap to clone.
+/// State of the router. A handler asks for [`App`] instead, and so cannot reach the data of a tenant other than its
+/// caller's.
+#[derive(Clone)]
+pub(crate) struct Service(App);
+
+/// State that every HTTP handler shares, for the tenant of its caller; cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
+    /// Engine for the data of the caller's tenant.
     pub(crate) engine: Arc<Engine>,
     /// Rules for the request hosts and page origins that are accepted.
     pub(crate) access: Arc<Access>,
@@ -26,6 +38,32 @@ pub(crate) struct App {
     pub(crate) metrics: Option<PrometheusHandle>,
     /// OpenAPI description of the interface in JSON, rendered once.
     pub(crate) openapi: Arc<str>,
+}
+
+impl Service {
+    pub(crate) fn new(app: App) -> Self {
+        Self(app)
+    }
+
+    /// Returns the state for the caller of the request with these extensions.
+    pub(crate) fn of(&self, extensions: &Extensions) -> App {
+        self.0.of(&Caller::of_extensions(extensions).tenant)
+    }
+}
+
+impl App {
+    /// Returns the state for the data of a tenant.
+    pub(crate) fn of(&self, tenant: &Tenant) -> Self {
+        Self { engine: self.engine.of(tenant), ..self.clone() }
+    }
+}
+
+impl FromRequestParts<Service> for App {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, service: &Service) -> Result<Self, Infallible> {
+        Ok(service.of(&parts.extensions))
+    }
 }
 
 /// Counters of everything that requests occupy, each limited in total and per client.

@@ -152,16 +152,17 @@ impl Engine {
 
     /// Asks a job to stop. Returns the job afterwards, if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
-        let row = self.archive.catalog.cancel(id).await?;
+        // Another tenant's job is not stopped.
+        let Some(row) = self.archive.catalog.cancel(id).await? else { return Ok(None) };
         self.hub.stop(id);
-        if row.as_ref().is_some_and(|row| row.state == JobState::Running && self.hub.progress(id).is_none()) {
+        if row.state == JobState::Running && self.hub.progress(id).is_none() {
             // Its worker finds the request by itself, only later.
             if let Err(error) = self.archive.catalog.tell_stop(id).await {
                 tracing::warn!(job = id, %error, "the job's worker was not told to stop");
             }
         }
         self.hub.changed(id);
-        Ok(row)
+        Ok(Some(row))
     }
 
     /// Puts a job that has failed, died or was cancelled back to the queue.
