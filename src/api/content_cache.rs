@@ -38,9 +38,9 @@ impl Contents {
         if size > SMALL {
             return Ok(None);
         }
-        let read = self.files.try_get_with(key, async {
-            archive.read(&blob).await.map_err(|error| Problem::of_named(digest, error))
-        });
+        let read = self
+            .files
+            .try_get_with(key, async { archive.read(&blob).await.map_err(|error| Problem::of_named(digest, error)) });
         read.await.map(Some).map_err(|problem| (*problem).clone())
     }
 

@@ -57,12 +57,7 @@ impl Source for JsonBytes {
         (status = 200, description = "It has ended", body = Job, headers(("Location" = String, description = "The job"))),
     )
 )]
-async fn post_job(
-    app: App,
-    peer: Peer,
-    headers: HeaderMap,
-    SmallJson(body): SmallJson,
-) -> Result<Response, Problem> {
+async fn post_job(app: App, peer: Peer, headers: HeaderMap, SmallJson(body): SmallJson) -> Result<Response, Problem> {
     let kind = parse_json::<KindOnly>(&body.bytes)?.kind;
     let request = JobRequest::read(kind, &body)?;
     drop(body);

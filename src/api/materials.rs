@@ -140,12 +140,7 @@ async fn delete_material(app: App, Id(id): Id) -> Result<StatusCode, Problem> {
         (status = 304, description = "Unchanged"),
     )
 )]
-async fn get_material_content(
-    app: App,
-    method: Method,
-    headers: HeaderMap,
-    Id(id): Id,
-) -> Result<Response, Problem> {
+async fn get_material_content(app: App, method: Method, headers: HeaderMap, Id(id): Id) -> Result<Response, Problem> {
     let name = known(&app, id).await?;
     let name = format!("{}.wlm", name.as_deref().unwrap_or(&id.to_string()[..15]));
     if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
@@ -168,12 +163,7 @@ async fn get_material_content(
         (status = 304, description = "Unchanged"),
     )
 )]
-async fn get_blob(
-    app: App,
-    method: Method,
-    headers: HeaderMap,
-    Id(digest): Id,
-) -> Result<Response, Problem> {
+async fn get_blob(app: App, method: Method, headers: HeaderMap, Id(digest): Id) -> Result<Response, Problem> {
     let media_type = match app.engine.archive.catalog.namer(digest).await? {
         Some(Namer::Material) => MATERIAL,
         Some(Namer::Report) => "application/json",

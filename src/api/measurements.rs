@@ -176,10 +176,7 @@ async fn post_measurement(app: App, request: Request) -> Result<Response, Proble
     get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
     responses((status = 200, description = "A page", body = MeasurementPage))
 )]
-async fn list_measurements(
-    app: App,
-    Query(query): Query<ListQuery>,
-) -> Result<Json<MeasurementPage>, Problem> {
+async fn list_measurements(app: App, Query(query): Query<ListQuery>) -> Result<Json<MeasurementPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter = MeasurementFilter { quantity: query.quantity, format: query.format, q: query.q };
     let page = app.engine.archive.catalog.measurements(&filter, cursor, limit).await?;

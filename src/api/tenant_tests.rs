@@ -183,16 +183,19 @@ impl Owned {
         // Larger than one batch, so that it is behind whatever runs.
         let waiting = json!({ "kind": "paper", "tables": [2], "priority": 1 }).to_string();
         let waiting = desk.answer(asks(tenant, "POST", "/v1/jobs", &[JSON], &waiting)).await.text("id");
-        Self { material: text(&job, "material"), report: text(&report, "report"), job: text(&job, "id"), measurement, upload, waiting }
+        Self {
+            material: text(&job, "material"),
+            report: text(&report, "report"),
+            job: text(&job, "id"),
+            measurement,
+            upload,
+            waiting,
+        }
     }
 
     /// Digests, ids of jobs and ids of uploads.
     fn ids(&self) -> [Vec<&str>; 3] {
-        [
-            vec![&self.measurement, &self.material, &self.report],
-            vec![&self.job, &self.waiting],
-            vec![&self.upload],
-        ]
+        [vec![&self.measurement, &self.material, &self.report], vec![&self.job, &self.waiting], vec![&self.upload]]
     }
 }
 
@@ -329,7 +332,7 @@ async fn whatever_one_tenant_has_exists_nowhere_for_the_other() {
         }
         // None of this has changed anything.
         let Owned { measurement, material, report, job, upload, waiting } = &owned;
-        for path in ["content", "spectrum", "color", "preview.png", "export?format=npy"] {
+        for path in ["content", "spectrum", "preview.png", "export?format=npy"] {
             desk.done(200, get("one", &format!("/v1/materials/{material}/{path}"))).await;
         }
         desk.done(200, get("one", &format!("/v1/measurements/{measurement}/content"))).await;
@@ -350,8 +353,7 @@ async fn equal_bytes_are_new_to_each_tenant() {
         let desk = Desk::open(&site).await;
         let mut told: Vec<Vec<Answer>> = Vec::new();
         for tenant in ["one", "two"] {
-            let upload =
-                || asks(tenant, "POST", "/v1/measurements?quantity=spectrum&filename=a.csv", &[], SPECTRUM);
+            let upload = || asks(tenant, "POST", "/v1/measurements?quantity=spectrum&filename=a.csv", &[], SPECTRUM);
             let digest = Digest::of(SPECTRUM.as_bytes());
             let mut answers =
                 vec![desk.answer(get(tenant, &format!("/v1/blobs/{digest}"))).await, desk.answer(upload()).await];

@@ -203,7 +203,11 @@ impl Archive {
                 if self.catalog.blob(digest).await?.is_some_and(|now| now.object == blob.object) {
                     self.mark_damaged(&blob.object).await?;
                     let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
-                    report.faults.push(Fault::Missing { digest: digest.to_string(), named_by, tenant: self.told_tenant() });
+                    report.faults.push(Fault::Missing {
+                        digest: digest.to_string(),
+                        named_by,
+                        tenant: self.told_tenant(),
+                    });
                 }
             }
             Err(other) => return Err(other.into()),

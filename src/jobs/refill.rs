@@ -201,11 +201,7 @@ fn batch_of(files: &[Stored]) -> usize {
 }
 
 /// Takes the spectra out of rows of measurements: a row may come before that of its spectrum.
-fn take_spectra(
-    rows: &Rows,
-    batch: &mut [Value],
-    joined: &mut Vec<[String; 3]>,
-) -> Result<(), ArchiveError> {
+fn take_spectra(rows: &Rows, batch: &mut [Value], joined: &mut Vec<[String; 3]>) -> Result<(), ArchiveError> {
     let [tenant, id, spectrum] = [rows.column("tenant")?, rows.column("id")?, rows.column("spectrum")?];
     for row in batch {
         if let [Some(tenant), Some(id), Some(text)] = [tenant, id, spectrum].map(|at| row[at].as_str()) {

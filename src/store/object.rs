@@ -162,9 +162,14 @@ mod tests {
         assert!(before < part.to_string() && part.to_string() < next.to_string() && next.to_string() < behind);
         assert!(!Object::part("0a0", 0, digest).to_string().starts_with(&before));
         assert_eq!(old.to_string(), format!("blobs/{}/{digest}", &digest.to_string()[3..5]));
-        for other in
-            ["", "blobs/ab/notes.txt", &format!("elsewhere/{digest}"), &format!("{first}.x"), &format!("{first}/"), &format!("blobs/A/{}", &first.to_string()[14..])]
-        {
+        for other in [
+            "",
+            "blobs/ab/notes.txt",
+            &format!("elsewhere/{digest}"),
+            &format!("{first}.x"),
+            &format!("{first}/"),
+            &format!("blobs/A/{}", &first.to_string()[14..]),
+        ] {
             assert!(other.parse::<Object>().is_err(), "{other}");
         }
     }

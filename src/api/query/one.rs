@@ -91,11 +91,7 @@ pub(super) async fn get_spectrum(
     params(("id" = Digest, Path, description = "The material"), AlbedoQuery),
     responses((status = 200, description = "The albedo", body = AlbedoAnswer))
 )]
-pub(super) async fn get_albedo(
-    app: App,
-    Id(id): Id,
-    Query(query): Query<AlbedoQuery>,
-) -> Result<Response, Problem> {
+pub(super) async fn get_albedo(app: App, Id(id): Id, Query(query): Query<AlbedoQuery>) -> Result<Response, Problem> {
     let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
     let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
     let how = query.interpolation.unwrap_or_default().into();

@@ -211,12 +211,7 @@ async fn get_upload_offset(app: App, Id32(id): Id32) -> Result<Response, Problem
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn append_upload(
-    app: App,
-    peer: Peer,
-    Id32(id): Id32,
-    request: Request,
-) -> Result<Response, Problem> {
+async fn append_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     append(&app, peer, id, request).await
 }
 
@@ -264,12 +259,7 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
     request_body(content = Binary, content_type = "application/offset+octet-stream", description = "As for `PATCH`"),
     responses((status = 204, description = "As for the method that is named"))
 )]
-async fn override_upload(
-    app: App,
-    peer: Peer,
-    Id32(id): Id32,
-    request: Request,
-) -> Result<Response, Problem> {
+async fn override_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     match request.headers().get("x-http-method-override").map(HeaderValue::as_bytes) {
         Some(b"PATCH") => append(&app, peer, id, request).await,
         Some(b"DELETE") => delete(&app, &id).await.map(IntoResponse::into_response),
