@@ -107,6 +107,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("list_materials", &[QUERY, CATALOG]),
     ("get_material", &[ONE, CATALOG]),
     ("delete_material", &[WRITES, ONE, CATALOG]),
+    ("change_material", &[WRITES, ONE, CATALOG, JSON]),
     ("get_material_content", &[ONE, CATALOG, BYTES]),
     ("get_blob", &[ONE, CATALOG, BYTES]),
     ("get_spectrum", &[ONE, QUERY, CATALOG, OPENS]),

@@ -3,10 +3,10 @@
 use super::content::not_modified;
 use super::export_description::{ExportParams, ExportedFile};
 use super::extract::{Id, Query};
-use super::materials::known;
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
+use super::seen::seen;
 use super::state::{App, Service};
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
@@ -74,7 +74,7 @@ async fn export(
         // An exported file stays within the upload limit, so that it can be uploaded again.
         most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
     };
-    known(&app, id).await?;
+    let seen = seen(&app, id).await?;
     // The version is part of the key: another version may write another file.
     let what = format!("{id} export {format:?} {options:?} {}", env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -82,14 +82,14 @@ async fn export(
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         match format {
-            Some(format) => file(&app, peer, id, format, options).await?,
-            None => manifest(&app, id, options).await?,
+            Some(format) => file(&seen.app, peer, id, format, options).await?,
+            None => manifest(&seen.app, id, options).await?,
         }
     };
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
-    Ok(response)
+    Ok(seen.mark(response))
 }
 
 fn unknown(name: &str) -> Problem {
@@ -122,7 +122,7 @@ async fn file(
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
         app.engine.exports.run(move || (export::samples(&measurement, format, &options), place)).await?
     } else {
-        known(app, id).await?;
+        self::seen(app, id).await?;
         let bytes = app.engine.bytes(id).await.map_err(|error| Problem::from(&error))?;
         let how = options.clone();
         let (on_grid, place) = app.engine.exports.run(move || (export_on_grid(&bytes, format, &how), place)).await?;

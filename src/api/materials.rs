@@ -1,16 +1,18 @@
 //! `/v1/materials` and `/v1/blobs`: compressed materials, their manifests and their bytes.
 
 use super::content::{self, MATERIAL};
-use super::extract::{Id, Query, word};
+use super::extract::{Id, Query, SmallJson, parse_json, word};
 use super::measurements::{deleted, page};
 use super::problem::{Kind, Problem};
-use super::schemas::{Binary, CursorText, Word};
+use super::schemas::{Binary, CursorText, TenantText, Word};
+use super::seen::{absent, find, forget, seen};
 use super::state::{App, Service};
-use crate::catalog::{MaterialFilter, MaterialRow, Namer};
+use crate::catalog::{MaterialFilter, MaterialRow, Namer, Opened, Opening, Sight};
 use crate::domain::Quantity;
 use crate::jobs::Manifest;
 use crate::paper::Table;
 use crate::store::{Digest, StoreError};
+use crate::trust::Tenant;
 use axum::Json;
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
@@ -23,7 +25,7 @@ use utoipa_axum::routes;
 pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(list_materials))
-        .routes(routes!(get_material, delete_material))
+        .routes(routes!(get_material, delete_material, change_material))
         .routes(routes!(get_material_content))
         .routes(routes!(get_blob))
 }
@@ -51,7 +53,48 @@ struct ListQuery {
     #[serde(default, deserialize_with = "word")]
     #[param(value_type = Option<Word>)]
     q: Option<String>,
+    /// Materials to list: one's own (`own`, the default), those that other tenants share (`shared`), or the public ones
+    /// of other tenants (`public`).
+    visible: Option<VisibleText>,
 }
+
+/// Reason for which a caller may read a material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = Visible)]
+enum VisibleText {
+    /// The caller's tenant owns the material.
+    #[default]
+    Own,
+    /// Another tenant shares the material with the caller's.
+    Shared,
+    /// The material of another tenant is public.
+    Public,
+}
+
+/// Right of others to read a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Visibility {
+    /// Only the owner and the tenants that it names may read the material.
+    Private,
+    /// Everybody may read the material.
+    Public,
+}
+
+/// Change of the right of others to read a material. A field that is absent changes nothing.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+struct MaterialChange {
+    /// Right of everybody to read the material.
+    visibility: Option<Visibility>,
+    /// Ids of all tenants that may read the material although it is private; at most 100.
+    #[schema(value_type = Option<Vec<TenantText>>, max_items = 100)]
+    shared_with: Option<Vec<String>>,
+}
+
+/// Upper bound on the tenants with which a material is shared. Raising it lengthens the manifest for its owner.
+const MOST_READERS: usize = 100;
 
 /// Description of a material (a compressed measurement): its content, its errors and its provenance.
 #[derive(Debug, Serialize, ToSchema)]
@@ -62,8 +105,13 @@ pub(super) struct Material {
     name: Option<String>,
     /// Tags that jobs and uploads gave to the material.
     tags: Vec<String>,
+    /// Right of others to read the material.
+    visibility: Visibility,
+    /// Ids of the tenants that may read the material although it is private; only its owner sees them.
+    #[schema(value_type = Vec<TenantText>)]
+    shared_with: Vec<String>,
     /// Ids of the stored measurements that the material was made from; several if their compression gave equal bytes,
-    /// none if it was uploaded without a stored measurement.
+    /// none if it was uploaded without a stored measurement. Only the owner of the material sees them.
     measurements: Vec<Digest>,
     #[serde(flatten)]
     manifest: Manifest,
@@ -106,8 +154,21 @@ async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter =
         MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
-    let page = app.engine.archive.catalog.materials(&filter, cursor, limit).await?;
-    let items = page.items.into_iter().map(Material::of).collect::<Result<_, _>>()?;
+    let catalog = &app.engine.archive.catalog;
+    let (page, shown): (_, fn(MaterialRow) -> Result<Material, Problem>) = match query.visible.unwrap_or_default() {
+        VisibleText::Own => (catalog.materials(&filter, cursor, limit).await?, Material::of),
+        others if filter.measurement.is_some() => {
+            let detail = format!("measurement: the sources of {} materials are hidden", others.text());
+            return Err(Problem::new(Kind::BadQuery, detail));
+        }
+        VisibleText::Shared => {
+            (catalog.visible_materials(Sight::Shared, &filter, cursor, limit).await?, Material::of_another)
+        }
+        VisibleText::Public => {
+            (catalog.visible_materials(Sight::Public, &filter, cursor, limit).await?, Material::of_another)
+        }
+    };
+    let items = page.items.into_iter().map(shown).collect::<Result<_, _>>()?;
     Ok(Json(MaterialPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
 }
 
@@ -117,7 +178,48 @@ async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json
     responses((status = 200, description = "The manifest", body = Material))
 )]
 async fn get_material(app: App, Id(id): Id) -> Result<Json<Material>, Problem> {
-    Material::of(row(&app, id).await?).map(Json)
+    if let Some(row) = app.engine.archive.catalog.material(id).await? {
+        return Material::of(row).map(Json);
+    }
+    let seen = seen(&app, id).await?;
+    let row = seen.app.engine.archive.catalog.material(id).await?;
+    let row = row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))?;
+    if seen.sight == Sight::Own { Material::of(row) } else { Material::of_another(row) }.map(Json)
+}
+
+/// Change who may read a material: everybody, or the tenants that are named. A reader sees the manifest without the
+/// measurements, and asks it everything; a material that is made private again is theirs no longer.
+#[utoipa::path(
+    patch, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Its id")),
+    request_body = MaterialChange,
+    responses((status = 200, description = "Changed", body = Material))
+)]
+async fn change_material(app: App, Id(id): Id, SmallJson(body): SmallJson) -> Result<Json<Material>, Problem> {
+    let change: MaterialChange = parse_json(&body.bytes)?;
+    let readers = change.shared_with.map(|ids| readers(&app, &ids)).transpose()?;
+    let opening = Opening { is_public: change.visibility.map(|visibility| visibility == Visibility::Public), readers };
+    match app.engine.archive.catalog.open_material(id, &opening).await? {
+        Opened::Done => {}
+        Opened::Absent => return Err(Problem::new(Kind::NotFound, absent(id))),
+        Opened::NoTenant(tenant) => {
+            return Err(Problem::invalid(format!("shared_with: there is no tenant {tenant}")));
+        }
+    }
+    tracing::info!(material = %id, ?opening, "the readers of a material were changed");
+    let row = app.engine.archive.catalog.material(id).await?;
+    Material::of(row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))?).map(Json)
+}
+
+/// Reads the ids of tenants, without the caller's own.
+fn readers(app: &App, ids: &[String]) -> Result<Vec<Tenant>, Problem> {
+    if ids.len() > MOST_READERS {
+        return Err(Problem::invalid(format!("shared_with: {} tenants, expected at most {MOST_READERS}", ids.len())));
+    }
+    let parsed = ids.iter().map(|id| id.parse::<Tenant>());
+    let mut readers =
+        parsed.collect::<Result<Vec<_>, _>>().map_err(|error| Problem::invalid(format!("shared_with: {error}")))?;
+    readers.retain(|reader| reader != app.engine.archive.catalog.tenant());
+    Ok(readers)
 }
 
 /// Delete a material. The next clean-up of the store removes its bytes.
@@ -141,12 +243,15 @@ async fn delete_material(app: App, Id(id): Id) -> Result<StatusCode, Problem> {
     )
 )]
 async fn get_material_content(app: App, method: Method, headers: HeaderMap, Id(id): Id) -> Result<Response, Problem> {
-    let name = known(&app, id).await?;
-    let name = format!("{}.wlm", name.as_deref().unwrap_or(&id.to_string()[..15]));
-    if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
-        return content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers);
-    }
-    content::respond_named(&app, id, MATERIAL, Some(&name), &method, &headers).await
+    let seen = seen(&app, id).await?;
+    let (app, name) = (&seen.app, seen.name.as_deref());
+    let name = format!("{}.wlm", name.unwrap_or(&id.to_string()[..15]));
+    let response = if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
+        content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers)?
+    } else {
+        content::respond_named(app, id, MATERIAL, Some(&name), &method, &headers).await?
+    };
+    Ok(seen.mark(response))
 }
 
 /// Get stored bytes by their digest: a material's file, a measurement's content or a report (`application/json`). Bytes
@@ -168,38 +273,35 @@ async fn get_blob(app: App, method: Method, headers: HeaderMap, Id(digest): Id) 
         Some(Namer::Material) => MATERIAL,
         Some(Namer::Report) => "application/json",
         Some(Namer::Measurement) => "application/octet-stream",
-        // The bytes may exist until the next sweep, but nobody may read them.
-        None => return Err(StoreError::NotFound(digest).into()),
+        // The bytes may exist until the next sweep, but nobody may read them. Others' materials may be read.
+        None => {
+            let seen = find(&app, digest).await?.ok_or(StoreError::NotFound(digest))?;
+            let response = content::respond(&seen.app, digest, MATERIAL, None, &method, &headers).await?;
+            return Ok(seen.mark(response));
+        }
     };
     content::respond(&app, digest, media_type, None, &method, &headers).await
 }
 
-async fn row(app: &App, id: Digest) -> Result<MaterialRow, Problem> {
-    let row = app.engine.archive.catalog.material(id).await?;
-    row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
-}
-
-/// Returns the name, if any, of the material `id`; fails if the catalog does not list the material. Every answer about
-/// a material asks the catalog first, even if the material is in memory: another process may have deleted it.
-pub(super) async fn known(app: &App, id: Digest) -> Result<Option<String>, Problem> {
-    if let Some(name) = app.engine.archive.catalog.material_name(id).await? {
-        return Ok(name);
+impl VisibleText {
+    /// Returns the value of the query parameter.
+    fn text(self) -> &'static str {
+        match self {
+            Self::Own => "own",
+            Self::Shared => "shared",
+            Self::Public => "public",
+        }
     }
-    forget(app, id).await;
-    Err(Problem::new(Kind::NotFound, absent(id)))
-}
-
-/// Frees the memory that an opened material occupies after it was deleted.
-async fn forget(app: &App, id: Digest) {
-    app.engine.close_material(id).await;
-    app.contents.forget(app.engine.archive.catalog.tenant(), id).await;
-}
-
-fn absent(id: Digest) -> String {
-    format!("there is no material {id}")
 }
 
 impl Material {
+    /// Builds the description of another tenant's material, without its measurements and readers.
+    fn of_another(row: MaterialRow) -> Result<Self, Problem> {
+        let mut material = Self::of(MaterialRow { measurements: Vec::new(), readers: Vec::new(), ..row })?;
+        material.manifest.hide_measurements();
+        Ok(material)
+    }
+
     pub(super) fn of(row: MaterialRow) -> Result<Self, Problem> {
         let mut manifest = Manifest::read(&row.document)
             .map_err(|error| Problem::internal(&format!("manifest of material {}: {error}", row.id)))?;
@@ -227,6 +329,8 @@ impl Material {
             id: row.id,
             name: row.name,
             tags: row.tags,
+            visibility: if row.is_public { Visibility::Public } else { Visibility::Private },
+            shared_with: row.readers.iter().map(ToString::to_string).collect(),
             measurements: row.measurements,
             manifest,
             created_ms: row.created_ms,

@@ -35,6 +35,7 @@ mod rolling_tests;
 mod root;
 mod router;
 mod schemas;
+mod seen;
 mod server;
 mod state;
 #[cfg(test)]

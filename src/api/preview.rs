@@ -6,6 +6,7 @@ use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
 use super::schemas::{Binary, IlluminantText, IndexText, ObserverText};
+use super::seen::seen;
 use super::state::{App, Service};
 use crate::jobs::Text;
 use crate::preview::{DEFAULT_SIZE, SIZES, picture};
@@ -69,7 +70,8 @@ async fn preview(
     }
     let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
     let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
-    let material = open(&app, id).await?;
+    let seen = seen(&app, id).await?;
+    let material = open(&seen.app, id).await?;
     // The version is part of the key: another version may draw another picture.
     let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -84,5 +86,5 @@ async fn preview(
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
-    Ok(response)
+    Ok(seen.mark(response))
 }

@@ -19,8 +19,9 @@ const NEXT: Edition = Edition {
         EDITION.migrations[0],
         EDITION.migrations[1],
         EDITION.migrations[2],
-        ("0004_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
-        ("0005_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
+        EDITION.migrations[3],
+        ("0005_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
+        ("0006_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
     level: 2,
 };

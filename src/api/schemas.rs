@@ -44,6 +44,9 @@ macro_rules! described {
 }
 
 described! {
+    /// Schema of the id of a tenant.
+    TenantText = "TenantId", text("1 to 40 of a–z, 0–9 and `-`, the first one a letter.")
+        .pattern(Some("^[a-z][a-z0-9-]{0,39}$"));
     /// Schema of the id of a job.
     JobIdText = "JobId", text("A UUID.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));

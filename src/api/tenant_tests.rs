@@ -225,6 +225,7 @@ const PATHS: &[Ask] = &[
     (0, "GET", "/v1/measurements/ID/content", &[ANY], ""),
     (0, "GET", "/v1/materials/ID", &[], ""),
     (0, "DELETE", "/v1/materials/ID", &[], ""),
+    (0, "PATCH", "/v1/materials/ID", &[JSON], "{\"visibility\":\"public\"}"),
     (0, "GET", "/v1/materials/ID/content", &[], ""),
     (0, "GET", "/v1/materials/ID/content", &[ANY], ""),
     (0, "GET", "/v1/materials/ID/content", &[RANGE], ""),
@@ -407,5 +408,65 @@ fn forget_times(value: &mut Value) {
         }
         Value::Array(items) => items.iter_mut().for_each(forget_times),
         _ => {}
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_material_is_read_by_those_whom_its_owner_lets_and_by_nobody_else_afterwards() {
+    for (site, _guard) in sites().await {
+        let desk = Desk::open(&site).await;
+        let owned = Owned::of(&desk, "one").await;
+        let id = owned.material.as_str();
+        let reads: Vec<_> = PATHS
+            .iter()
+            .filter(|(kind, method, uri, ..)| {
+                *kind == 0 && !uri.contains("/measurements/") && !["DELETE", "PATCH"].contains(method)
+            })
+            .collect();
+        // Some questions do not fit a spectrum.
+        let readable = async || {
+            let mut readable = Vec::new();
+            for (_, method, uri, headers, body) in &reads {
+                let status = desk.answer(asks("two", method, &uri.replace("ID", id), headers, body)).await.status;
+                assert!(!status.is_server_error(), "{method} {uri}: {status}");
+                readable.push(status != 404);
+            }
+            readable
+        };
+        let change = async |change: Value| {
+            let ask = asks("one", "PATCH", &format!("/v1/materials/{id}"), &[JSON], &change.to_string());
+            desk.answer(ask).await
+        };
+        assert_eq!(readable().await, vec![false; reads.len()]);
+        for opened in [json!({ "shared_with": ["two", "one"] }), json!({ "shared_with": [], "visibility": "public" })] {
+            let answer = change(opened.clone()).await;
+            assert_eq!(answer.status, 200, "{answer:?}");
+            let shared = opened["shared_with"].as_array().unwrap().len().saturating_sub(1);
+            assert_eq!(answer.json()["shared_with"].as_array().unwrap().len(), shared, "{answer:?}");
+            assert_eq!(readable().await, vec![true; reads.len()]);
+
+            // The reader sees no measurement, and may change nothing.
+            let seen = desk.done(200, get("two", &format!("/v1/materials/{id}"))).await;
+            assert!(!seen.body.contains(&owned.measurement), "{seen:?}");
+            let (own, seen) = (desk.done(200, get("one", &format!("/v1/materials/{id}"))).await.json(), seen.json());
+            assert_eq!((&seen["er_l2"], &seen["name"]), (&own["er_l2"], &own["name"]));
+            assert_eq!((&seen["measurements"], &seen["shared_with"]), (&json!([]), &json!([])));
+            for (method, body) in [("DELETE", ""), ("PATCH", "{}")] {
+                desk.done(404, asks("two", method, &format!("/v1/materials/{id}"), &[JSON], body)).await;
+            }
+            desk.done(404, get("two", &format!("/v1/measurements/{}", owned.measurement))).await;
+            let listed = async |whose: &str| {
+                let list = desk.done(200, get("two", &format!("/v1/materials?visible={whose}"))).await;
+                assert!(!list.body.contains(&owned.measurement), "{list:?}");
+                list.json()["items"].as_array().unwrap().len()
+            };
+            let public = usize::from(shared == 0);
+            assert_eq!([listed("own").await, listed("shared").await, listed("public").await], [0, 1 - public, public]);
+        }
+        assert_eq!(change(json!({ "visibility": "private" })).await.text("visibility"), "private");
+        assert_eq!(readable().await, vec![false; reads.len()], "nothing stays open");
+        let unknown = change(json!({ "shared_with": ["nobody"] })).await;
+        assert_eq!((unknown.status.as_u16(), unknown.body.contains("there is no tenant nobody")), (422, true));
+        desk.stop.cancel();
     }
 }

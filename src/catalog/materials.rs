@@ -2,11 +2,12 @@
 
 use super::blobs::unname;
 use super::database::{Catalog, Write};
-use super::error::{CatalogError, digest};
+use super::error::{CatalogError, digest, tenant};
 use super::measurements::Deleted;
 use super::page::{Cursor, Page, filtered, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
+use crate::trust::Tenant;
 use serde_json::{Map, Value, json};
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -48,6 +49,10 @@ pub(crate) struct MaterialRow {
     pub document: String,
     /// Time at which the material was first stored, ms of the Unix epoch.
     pub created_ms: i64,
+    /// True if everybody may read the material.
+    pub is_public: bool,
+    /// Tenants with which the material is shared, in their order.
+    pub readers: Vec<Tenant>,
 }
 
 /// Filter of a list of materials.
@@ -65,7 +70,7 @@ pub(crate) struct MaterialFilter {
 
 macro_rules! columns {
     () => {
-        "id, name, document, created_at"
+        "id, name, document, created_at, visibility"
     };
 }
 
@@ -155,9 +160,9 @@ impl Catalog {
         .await
     }
 
-    /// Reads rows of materials together with their tags and source measurements, in two further queries for any number
-    /// of rows.
-    async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
+    /// Reads rows of this tenant's materials together with their tags, source measurements and readers, in three further
+    /// queries for any number of rows.
+    pub(super) async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
         let mut materials = Vec::with_capacity(rows.len());
         for row in rows {
             let id: String = row.try_get("id")?;
@@ -168,13 +173,15 @@ impl Catalog {
                 measurements: Vec::new(),
                 document: row.try_get("document")?,
                 created_ms: row.try_get("created_at")?,
+                is_public: row.try_get::<String, _>("visibility")? == PUBLIC,
+                readers: Vec::new(),
             });
         }
         let ids = json!(materials.iter().map(|material| material.id.to_string()).collect::<Vec<_>>()).to_string();
         let at: HashMap<Digest, usize> = materials.iter().enumerate().map(|(at, material)| (material.id, at)).collect();
-        let tenant = self.tenant.to_string();
+        let owner = self.tenant.to_string();
         let tags = self.sql("SELECT material, tag FROM material_tags WHERE tenant = $2 AND material {among $1}");
-        for row in sqlx::query(tags).bind(ids.clone()).bind(tenant.clone()).fetch_all(&self.pool).await? {
+        for row in sqlx::query(tags).bind(ids.clone()).bind(owner.clone()).fetch_all(&self.pool).await? {
             let id: String = row.try_get(0)?;
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].tags.push(row.try_get(1)?);
@@ -182,10 +189,18 @@ impl Catalog {
         }
         let sources =
             self.sql("SELECT material, measurement FROM material_sources WHERE tenant = $2 AND material {among $1}");
-        for row in sqlx::query(sources).bind(ids).bind(tenant).fetch_all(&self.pool).await? {
+        for row in sqlx::query(sources).bind(ids.clone()).bind(owner.clone()).fetch_all(&self.pool).await? {
             let (id, source): (String, String) = (row.try_get(0)?, row.try_get(1)?);
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].measurements.push(digest("materials", &id, &source)?);
+            }
+        }
+        let shares =
+            self.sql("SELECT material, reader FROM shares WHERE tenant = $2 AND material {among $1} ORDER BY reader");
+        for row in sqlx::query(shares).bind(ids).bind(owner).fetch_all(&self.pool).await? {
+            let (id, reader): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+            if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
+                materials[at].readers.push(tenant("shares", &id, &reader)?);
             }
         }
         for material in &mut materials {
@@ -195,6 +210,9 @@ impl Catalog {
         Ok(materials)
     }
 }
+
+/// Value of the column `visibility` of a material that everybody may read.
+pub(super) const PUBLIC: &str = "public";
 
 /// Key of a manifest under which the errors of an uploaded material against stored measurements are.
 pub(crate) const COMPARED: &str = "measured_again";
@@ -214,7 +232,7 @@ const UNFILLED: &str = "\u{1}";
 ///
 /// The claim on the material's file must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool, CatalogError> {
-    let (id, tenant) = (new.id.to_string(), write.tenant.to_string());
+    let (id, owner) = (new.id.to_string(), write.tenant.to_string());
     // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
     // The update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
     let row = sqlx::query(
@@ -229,7 +247,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     .bind(Value::Object(new.document.clone()).to_string())
     .bind(write.now)
     .bind(UNFILLED.to_owned())
-    .bind(tenant.clone())
+    .bind(owner.clone())
     .fetch_one(&mut *write.transaction)
     .await?;
     let is_new = row.try_get::<String, _>("search")? == UNFILLED;
@@ -253,7 +271,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
         )
         .bind(id.clone())
         .bind(measurement.to_string())
-        .bind(tenant.clone())
+        .bind(owner.clone())
         .execute(&mut *write.transaction)
         .await?;
     }
@@ -261,13 +279,13 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
         sqlx::query("INSERT INTO material_tags (tenant, material, tag) VALUES ($3, $1, $2) ON CONFLICT DO NOTHING")
             .bind(id.clone())
             .bind(tag.clone())
-            .bind(tenant.clone())
+            .bind(owner.clone())
             .execute(&mut *write.transaction)
             .await?;
     }
     let tags = sqlx::query("SELECT tag FROM material_tags WHERE tenant = $2 AND material = $1 ORDER BY tag")
         .bind(id.clone())
-        .bind(tenant.clone())
+        .bind(owner.clone())
         .fetch_all(&mut *write.transaction)
         .await?;
     let mut words = names;
@@ -279,7 +297,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
         .bind(name)
         .bind(words.join("\n").to_lowercase())
         .bind(Value::Object(document).to_string())
-        .bind(tenant)
+        .bind(owner)
         .execute(&mut *write.transaction)
         .await?;
     Ok(is_new)

@@ -42,6 +42,7 @@ mod ready;
 mod result_code;
 mod retention;
 mod schema;
+mod sight;
 mod snapshot;
 #[cfg(test)]
 mod tenant_tests;
@@ -70,6 +71,7 @@ pub(crate) use schema::EDITION;
 pub(crate) use schema::VERSION as SCHEMA;
 #[cfg(test)]
 pub(crate) use schema::{Edition, PROGRAM};
+pub(crate) use sight::{Opened, Opening, Sight};
 pub(crate) use snapshot::TABLES;
 pub(crate) use uploaded::Uploaded;
 pub(crate) use watch::Notice;

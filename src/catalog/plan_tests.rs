@@ -289,6 +289,17 @@ async fn look(on: &mut Explained) {
     let made = page.items[0].id;
     on.check("material", FEW, false, catalog.material(made)).await.unwrap().unwrap();
     on.check("namer", FEW, true, catalog.namer(made)).await.unwrap().unwrap();
+    let reader = testing::other(&catalog, "reader").await;
+    assert_eq!(on.check("hidden", FEW, true, reader.sees(made)).await.unwrap(), None);
+    let opening = Opening { is_public: Some(true), readers: Some(vec![reader.tenant().clone()]) };
+    let opened = on.check("open", FEW, false, catalog.open_material(made, &opening)).await.unwrap();
+    assert_eq!(opened, Opened::Done);
+    on.check("sees", FEW, true, reader.sees(made)).await.unwrap().unwrap();
+    let all = MaterialFilter::default();
+    for sight in [Sight::Shared, Sight::Public] {
+        let page = reader.visible_materials(sight, &all, None, 100);
+        assert_eq!(on.check("visible", on.most, true, page).await.unwrap().items.len(), 1);
+    }
     let blob = on.check("blob", FEW, false, catalog.blob(made)).await.unwrap().unwrap();
     assert!(on.check("knows", FEW, false, catalog.knows(&blob.object)).await.unwrap());
     assert_eq!(on.check("delete", FEW, false, catalog.delete_material(made)).await.unwrap(), Deleted::Done);

@@ -20,6 +20,7 @@ pub(crate) const EDITION: Edition = Edition {
         ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
         ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
         ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
+        ("0004_trust", include_str!("../../migrations/0004_trust.sql")),
     ],
     level: 1,
 };
