@@ -4,7 +4,7 @@ use super::content::{self, MATERIAL};
 use super::extract::{Id, Query, SmallJson, parse_json, word};
 use super::measurements::{deleted, page};
 use super::problem::{Kind, Problem};
-use super::schemas::{Binary, CursorText, TenantText, Word};
+use super::schemas::{Binary, CursorText, TenantText, VisibleText, Word};
 use super::seen::{absent, find, forget, seen};
 use super::state::{App, Service};
 use crate::catalog::{MaterialFilter, MaterialRow, Namer, Opened, Opening, Sight};
@@ -55,14 +55,14 @@ struct ListQuery {
     q: Option<String>,
     /// Materials to list: one's own (`own`, the default), those that other tenants share (`shared`), or the public ones
     /// of other tenants (`public`).
-    visible: Option<VisibleText>,
+    #[param(value_type = Option<VisibleText>)]
+    visible: Option<Whose>,
 }
 
-/// Reason for which a caller may read a material.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+/// Materials to list, by the reason for which the caller may read them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-#[schema(as = Visible)]
-enum VisibleText {
+enum Whose {
     /// The caller's tenant owns the material.
     #[default]
     Own,
@@ -156,15 +156,15 @@ async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json
         MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
     let catalog = &app.engine.archive.catalog;
     let (page, shown): (_, fn(MaterialRow) -> Result<Material, Problem>) = match query.visible.unwrap_or_default() {
-        VisibleText::Own => (catalog.materials(&filter, cursor, limit).await?, Material::of),
+        Whose::Own => (catalog.materials(&filter, cursor, limit).await?, Material::of),
         others if filter.measurement.is_some() => {
             let detail = format!("measurement: the sources of {} materials are hidden", others.text());
             return Err(Problem::new(Kind::BadQuery, detail));
         }
-        VisibleText::Shared => {
+        Whose::Shared => {
             (catalog.visible_materials(Sight::Shared, &filter, cursor, limit).await?, Material::of_another)
         }
-        VisibleText::Public => {
+        Whose::Public => {
             (catalog.visible_materials(Sight::Public, &filter, cursor, limit).await?, Material::of_another)
         }
     };
@@ -283,7 +283,7 @@ async fn get_blob(app: App, method: Method, headers: HeaderMap, Id(digest): Id) 
     content::respond(&app, digest, media_type, None, &method, &headers).await
 }
 
-impl VisibleText {
+impl Whose {
     /// Returns the value of the query parameter.
     fn text(self) -> &'static str {
         match self {

@@ -47,6 +47,8 @@ described! {
     /// Schema of the id of a tenant.
     TenantText = "TenantId", text("1 to 40 of a–z, 0–9 and `-`, the first one a letter.")
         .pattern(Some("^[a-z][a-z0-9-]{0,39}$"));
+    /// Schema of the choice of materials that a list has.
+    VisibleText = "Visible", one_of("Whose materials are listed.", ["own", "shared", "public"]);
     /// Schema of the id of a job.
     JobIdText = "JobId", text("A UUID.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
