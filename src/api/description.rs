@@ -52,6 +52,8 @@ const FILE: &[Kind] = &[
     Kind::Overloaded,
     Kind::Corrupt,
 ];
+/// Kinds of errors of HTTP operations that add to what a tenant has.
+const ADDS: &[Kind] = &[Kind::QuotaExceeded];
 /// Kinds of errors of uploads of a measurement, besides those of any file.
 const MEASUREMENT: &[Kind] =
     &[Kind::Unrecognised, Kind::Malformed, Kind::Unsupported, Kind::OverLimit, Kind::NeedsOption, Kind::Spectrum];
@@ -86,9 +88,9 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("readyz", &[CATALOG]),
     ("metrics_page", &[CATALOG]),
     ("openapi_json", &[]),
-    ("post_measurement", &[WRITES, QUERY, CATALOG, FILE, MEASUREMENT, USES]),
+    ("post_measurement", &[WRITES, QUERY, CATALOG, FILE, MEASUREMENT, USES, ADDS]),
     ("upload_options", &[]),
-    ("create_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
+    ("create_upload", &[WRITES, CATALOG, TUS, PART, HOLDS, ADDS]),
     ("get_upload_offset", &[CATALOG, TUS, HOLDS]),
     ("append_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
     ("delete_upload", &[WRITES, CATALOG, TUS, ONE]),
@@ -103,7 +105,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("get_job_events", &[ONE, CATALOG]),
     ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
     ("retry_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
-    ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES]),
+    ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES, ADDS]),
     ("list_materials", &[QUERY, CATALOG]),
     ("get_material", &[ONE, CATALOG]),
     ("delete_material", &[WRITES, ONE, CATALOG]),
@@ -119,6 +121,10 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("color", &[ONE, QUERY, CATALOG, OPENS]),
     ("preview", &[ONE, QUERY, CATALOG, OPENS]),
     ("export", &[ONE, QUERY, CATALOG, OPENS, EXPORT]),
+    ("list_tenants", &[CATALOG]),
+    ("create_tenant", &[WRITES, CATALOG, JSON, &[Kind::InUse]]),
+    ("get_tenant", &[ONE, CATALOG]),
+    ("change_tenant", &[WRITES, ONE, CATALOG, JSON, &[Kind::InUse]]),
     ("list_formats", &[]),
     ("get_template", &[ONE]),
     ("list_bases", &[]),

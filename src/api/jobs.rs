@@ -84,6 +84,7 @@ async fn post_job(app: App, peer: Peer, headers: HeaderMap, SmallJson(body): Sma
             let detail = format!("measurement: there is no measurement {measurement}");
             return Err(Problem::new(Kind::InvalidRequest, detail));
         }
+        Enqueued::Over(over) => return Err(over.into()),
         Enqueued::Full => {
             let detail = format!("{} jobs are waiting already", app.engine.limits.queued_jobs);
             return Err(Problem::new(Kind::TooManyJobs, detail));

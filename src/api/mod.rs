@@ -40,6 +40,7 @@ mod server;
 mod state;
 #[cfg(test)]
 mod tenant_tests;
+mod tenants;
 mod traffic;
 mod upload;
 mod upload_query;

@@ -2,7 +2,7 @@
 //! goes to the log.
 
 use super::words::shown;
-use crate::catalog::CatalogError;
+use crate::catalog::{CatalogError, Limited, OverQuota};
 use crate::evaluate::EvaluateError;
 use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
@@ -25,6 +25,8 @@ pub(crate) struct Problem {
     detail: String,
     /// Extra header of an error response: `Content-Range` for status 416, `Allow` for status 405.
     header: Option<(header::HeaderName, HeaderValue)>,
+    /// Limit of the tenant that the request would exceed, and the use before it.
+    quota: Option<(u64, u64)>,
 }
 
 /// JSON body of an error response (RFC 9457, `application/problem+json`).
@@ -40,6 +42,14 @@ pub(crate) struct ProblemBody {
     pub(crate) status: u16,
     /// Description of this occurrence of the error.
     pub(crate) detail: String,
+    /// Limit of the tenant that the request would exceed; absent for other errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    limit: Option<u64>,
+    /// Use of the tenant before the request; absent for other errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    used: Option<u64>,
 }
 
 macro_rules! kinds {
@@ -94,6 +104,7 @@ kinds! {
     UnreachableTarget = UNPROCESSABLE_ENTITY, "unreachable-target", "No file meets the target";
     UnfitQuery = UNPROCESSABLE_ENTITY, "unfit-query", "The query does not fit the material";
     NotAvailable = UNPROCESSABLE_ENTITY, "not-available", "This is not available yet";
+    QuotaExceeded = FORBIDDEN, "quota-exceeded", "This would exceed a limit of the tenant";
     InUse = CONFLICT, "in-use", "Something depends on it";
     WrongOffset = CONFLICT, "wrong-offset", "The upload has received another number of bytes";
     IncompleteUpload = CONFLICT, "incomplete-upload", "The upload has not received all its bytes";
@@ -116,7 +127,7 @@ kinds! {
 
 impl Problem {
     pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: shown(&detail.into(), LONGEST_DETAIL), header: None }
+        Self { kind, detail: shown(&detail.into(), LONGEST_DETAIL), header: None, quota: None }
     }
 
     pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
@@ -171,6 +182,8 @@ impl Problem {
             title: self.kind.title(),
             status: self.kind.status().as_u16(),
             detail: self.detail.clone(),
+            limit: self.quota.map(|(limit, _)| limit),
+            used: self.quota.map(|(_, used)| used),
         }
     }
 }
@@ -319,6 +332,7 @@ impl From<IngestError> for Problem {
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
             IngestError::Foreign(reason) => Self::foreign(&reason),
+            IngestError::Over(over) => over.into(),
         }
     }
 }
@@ -337,6 +351,16 @@ impl From<MaterialError> for Problem {
     }
 }
 
+impl From<OverQuota> for Problem {
+    fn from(over: OverQuota) -> Self {
+        let kind = match over.what {
+            Limited::Bytes | Limited::Materials => Kind::QuotaExceeded,
+            Limited::Queued => Kind::TooManyJobs,
+        };
+        Self { quota: Some((over.limit, over.used)), ..Self::new(kind, over.to_string()) }
+    }
+}
+
 impl From<JobProblem> for Problem {
     fn from(problem: JobProblem) -> Self {
         let kind = match problem.code {
@@ -349,6 +373,7 @@ impl From<JobProblem> for Problem {
             Code::Unavailable => Kind::Unavailable,
             Code::OutOfMemory => Kind::OutOfMemory,
             Code::WorkerLost => Kind::WorkerLost,
+            Code::QuotaExceeded => Kind::QuotaExceeded,
         };
         // Transient and internal failures were logged where they happened.
         match problem.code {

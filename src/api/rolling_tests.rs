@@ -13,7 +13,7 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 /// The next program: it adds a column that may be null and an index, which is made while others write, and understands
-/// jobs of level 2.
+/// jobs of one more level.
 const NEXT: Edition = Edition {
     migrations: &[
         EDITION.migrations[0],
@@ -23,7 +23,7 @@ const NEXT: Edition = Edition {
         ("0005_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
         ("0006_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
-    level: 2,
+    level: EDITION.level + 1,
 };
 
 /// Arguments of a job that makes the second table of the paper.

@@ -21,6 +21,7 @@ fn routes() -> OpenApiRouter<Service> {
         .merge(super::color::routes())
         .merge(super::preview::routes())
         .merge(super::export::routes())
+        .merge(super::tenants::routes())
         .merge(super::known::routes())
 }
 

@@ -294,8 +294,8 @@ fn the_walk_asks_every_route_that_has_an_identifier() {
     let described = serde_json::to_value(openapi()).unwrap();
     for (path, methods) in described["paths"].as_object().unwrap() {
         let (Some(start), Some(end)) = (path.find('{'), path.find('}')) else { continue };
-        // Templates belong to nobody.
-        if path.starts_with("/v1/formats/") {
+        // Templates belong to nobody, and tenants to those who administer the service.
+        if path.starts_with("/v1/formats/") || path.starts_with("/v1/tenants/") {
             continue;
         }
         let path = format!("{}ID{}", &path[..start], &path[end + 1..]);
@@ -346,6 +346,63 @@ async fn whatever_one_tenant_has_exists_nowhere_for_the_other() {
         assert_eq!(kept.header("upload-offset"), Some("0"));
         desk.stop.cancel();
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_tenant_is_refused_more_than_its_limits_allow() {
+    for (site, _guard) in sites().await {
+        let desk = Desk::open(&site).await;
+        let set = async |change: Value| {
+            desk.done(200, asks("", "PATCH", "/v1/tenants/one", &[JSON], &change.to_string())).await.json()
+        };
+        let new = json!({ "id": "three", "name": "Third", "max_queued": 7 }).to_string();
+        desk.done(201, asks("", "POST", "/v1/tenants", &[JSON], &new)).await;
+        desk.done(409, asks("", "POST", "/v1/tenants", &[JSON], &new)).await;
+        let listed = desk.done(200, get("", "/v1/tenants")).await.json();
+        assert_eq!(listed["items"].as_array().unwrap().len(), 4, "{listed}");
+
+        let measurement = desk.measurement("one", SPECTRUM).await;
+        let bytes = SPECTRUM.len() as u64;
+        let about = set(json!({ "max_bytes": bytes + 10, "max_queued": 0 })).await;
+        assert_eq!((&about["used_bytes"], &about["max_bytes"]), (&json!(bytes), &json!(bytes + 10)));
+        let upload = |tenant: &str, declared: bool| {
+            let text = "wavelength,a\n400,5\n500,6\n600,7\n";
+            let length = text.len().to_string();
+            let headers = [("content-length", length.as_str())];
+            asks(tenant, "POST", "/v1/measurements?quantity=spectrum", if declared { &headers } else { &[] }, text)
+        };
+        for declared in [true, false] {
+            let refused = desk.done(403, upload("one", declared)).await.json();
+            assert_eq!(refused["type"], "urn:wavelume:problem:quota-exceeded");
+            assert_eq!((&refused["limit"], &refused["used"]), (&json!(bytes + 10), &json!(bytes)));
+        }
+        desk.done(201, upload("two", true)).await;
+        let begun = asks("one", "POST", "/v1/uploads", &[TUS, ("upload-length", "99")], "");
+        desk.done(403, begun).await;
+        let job = json!({ "measurement": measurement, "target": { "er_l2": 0.01 } });
+        let refused = desk.done(429, asks("one", "POST", "/v1/jobs", &[JSON], &job.to_string())).await.json();
+        assert_eq!((&refused["type"], &refused["limit"]), (&json!("urn:wavelume:problem:too-many-jobs"), &json!(0)));
+
+        // The result of a job is held to the limits, too.
+        set(json!({ "max_queued": null, "max_materials": 0, "max_bytes": null })).await;
+        let headers = [JSON, ("prefer", "wait=60")];
+        let ended = desk.done(200, asks("one", "POST", "/v1/jobs", &headers, &job.to_string())).await.json();
+        assert_eq!((&ended["state"], &ended["problem"]["status"]), (&json!("failed"), &json!(403)), "{ended}");
+        set(json!({ "max_materials": 1 })).await;
+        desk.job("one", &job).await;
+        let about = desk.done(200, get("", "/v1/tenants/one")).await.json();
+        assert_eq!(about["used_materials"], 1);
+        desk.done(204, asks("one", "DELETE", &format!("/v1/materials/{}", only_material(&desk).await), &[], "")).await;
+        desk.done(204, asks("one", "DELETE", &format!("/v1/measurements/{measurement}"), &[], "")).await;
+        let about = desk.done(200, get("", "/v1/tenants/one")).await.json();
+        assert_eq!((&about["used_bytes"], &about["used_materials"]), (&json!(0), &json!(0)), "at once");
+        desk.stop.cancel();
+    }
+}
+
+/// Returns the id of the only material of the tenant `one`.
+async fn only_material(desk: &Desk) -> String {
+    desk.done(200, get("one", "/v1/materials")).await.json()["items"][0]["id"].as_str().unwrap().to_owned()
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -127,6 +127,9 @@ mod tests {
             // Broken off.
             "UPDATE pg_index SET indisvalid = false WHERE indexrelid = CAST('measurements_by_format' AS regclass)",
             "ALTER TABLE keys DROP COLUMN verifier",
+            "ALTER TABLE tenants DROP COLUMN most_bytes, DROP COLUMN most_materials, DROP COLUMN most_queued, \
+             DROP COLUMN counted_at",
+            "ALTER TABLE usage DROP COLUMN materials",
             "DELETE FROM _sqlx_migrations WHERE version > 2",
         ] {
             catalog.pool.execute(statement).await.unwrap();

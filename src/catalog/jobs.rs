@@ -10,6 +10,7 @@ use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
 use super::page::{Cursor, Page, filtered};
 use super::priority::Priority;
+use super::usage::{Limited, OverQuota};
 use crate::store::Digest;
 use crate::trust::Tenant;
 use sqlx::Row;
@@ -25,6 +26,12 @@ macro_rules! columns {
 /// Cost of a job that reads no measurement: the distance by which it moves later jobs of its share (jobs of one client)
 /// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
 pub(super) const COST: i64 = 8;
+
+/// Weight of a tenant with the usual share of the workers: each unit of its jobs' cost is [`STEP`] ranks.
+const USUAL: i64 = 100;
+
+/// Ranks for each unit of cost of a job of usual weight. Raising it tells greater weights apart.
+const STEP: i64 = 100;
 
 /// Part of the free places in the queue that a process fills before it counts the waiting jobs of all processes again:
 /// one in this number. Raising it keeps to the limit more exactly where several processes queue jobs, and counts more
@@ -93,6 +100,19 @@ impl Catalog {
             let Some(row) = row else { return Ok(Enqueued::NoMeasurement) };
             cost = 1 + (row.try_get::<i64, _>(0)? >> 20);
         }
+        let limits = sqlx::query("SELECT weight, most_queued FROM tenants WHERE id = $1")
+            .bind(self.tenant.to_string())
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        if let Some(row) = limits {
+            // Heavier tenants go on by smaller steps.
+            cost = (cost * STEP * USUAL / row.try_get::<i64, _>(0)?.max(1)).max(1);
+            if let Some(most) = row.try_get::<Option<i64>, _>(1)?
+                && let Some(over) = self.lacks_places(&mut write, most.max(0)).await?
+            {
+                return Ok(Enqueued::Over(over));
+            }
+        }
         if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(1)).is_err() {
             let waiting: i64 =
                 sqlx::query("SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE state = 'queued' LIMIT $1) AS waiting")
@@ -151,6 +171,20 @@ impl Catalog {
         let row = read(&row)?;
         write.commit().await?;
         Ok(Enqueued::New(row))
+    }
+
+    /// Returns the limit on this tenant's waiting jobs, `most`, if no further one fits.
+    async fn lacks_places(&self, write: &mut Write, most: i64) -> Result<Option<OverQuota>, CatalogError> {
+        let waiting: i64 = sqlx::query(
+            "SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE tenant = $1 AND state = 'queued' LIMIT $2) AS waiting",
+        )
+        .bind(self.tenant.to_string())
+        .bind(most)
+        .fetch_one(&mut *write.transaction)
+        .await?
+        .try_get(0)?;
+        let over = OverQuota { what: Limited::Queued, limit: most as u64, used: waiting.max(0) as u64 };
+        Ok((waiting >= most).then_some(over))
     }
 
     /// Looks up the idempotency key of a request for a job, and returns the answer to the request if the key was used

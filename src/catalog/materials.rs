@@ -5,6 +5,7 @@ use super::database::{Catalog, Write};
 use super::error::{CatalogError, digest, tenant};
 use super::measurements::Deleted;
 use super::page::{Cursor, Page, filtered, pattern};
+use super::usage::{Change, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use crate::trust::Tenant;
@@ -144,16 +145,16 @@ impl Catalog {
     pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         self.repeat(|again| async move {
             let mut write = self.write().await?;
-            let gone = sqlx::query("DELETE FROM materials WHERE tenant = $2 AND id = $1")
+            let gone = sqlx::query("DELETE FROM materials WHERE tenant = $2 AND id = $1 RETURNING bytes")
                 .bind(id.to_string())
                 .bind(self.tenant.to_string())
-                .execute(&mut *write.transaction)
+                .fetch_optional(&mut *write.transaction)
                 .await?;
-            if gone.rows_affected() == 0 {
-                // A repeated deletion has found its own work.
-                return Ok(if again { Deleted::Done } else { Deleted::Absent });
-            }
+            // A repeated deletion has found its own work.
+            let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
             unname(&mut write, self.tenant.to_string(), id.to_string()).await?;
+            let bytes = row.try_get::<i64, _>(0)?.max(0) as u64;
+            charge(&mut write, id, Change::material(bytes).undone()).await?;
             write.commit().await?;
             Ok(Deleted::Done)
         })

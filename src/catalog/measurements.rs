@@ -4,6 +4,7 @@ use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
 use super::page::{Cursor, Page, filtered, pattern};
+use super::usage::{Change, OverQuota, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use sqlx::Row;
@@ -69,6 +70,8 @@ pub(crate) enum Added {
     Row(MeasurementRow, bool),
     /// The spectrum to which the measurement refers was deleted meanwhile, so nothing was written.
     NoSpectrum,
+    /// The measurement would exceed a limit of the tenant, so nothing was written.
+    Over(OverQuota),
     /// The measurement's stored content was deleted, or the permission to refer to it has expired, so no row was
     /// written. The content must be stored again.
     Unpublished,
@@ -152,6 +155,11 @@ impl Catalog {
             .fetch_one(&mut *write.transaction)
             .await?;
         let row = read(&row)?;
+        if inserted == 1
+            && let Some(over) = charge(&mut write, new.id, Change::measurement(row.bytes)).await?
+        {
+            return Ok(Added::Over(over));
+        }
         write.commit().await?;
         Ok(Added::Row(row, inserted == 1))
     }
@@ -217,13 +225,12 @@ impl Catalog {
 
     async fn try_delete(&self, id: Digest, again: bool) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
-        let id = id.to_string();
         let used = sqlx::query(
             "SELECT 'material ' || material FROM material_sources WHERE tenant = $2 AND measurement = $1 \
              UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = $2 AND spectrum = $1 \
              UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = $2 AND needs = $1 LIMIT 1",
         )
-        .bind(id.clone())
+        .bind(id.to_string())
         .bind(self.tenant.to_string())
         .fetch_optional(&mut *write.transaction)
         .await?;
@@ -231,14 +238,16 @@ impl Catalog {
             let by: String = row.try_get(0)?;
             return Ok(Deleted::InUse(format!("{by} depends on measurement {id}")));
         }
-        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = $2 AND id = $1 RETURNING content")
-            .bind(id)
+        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = $2 AND id = $1 RETURNING content, bytes")
+            .bind(id.to_string())
             .bind(self.tenant.to_string())
             .fetch_optional(&mut *write.transaction)
             .await?;
         // A repeated deletion has found its own work.
         let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
         unname(&mut write, self.tenant.to_string(), row.try_get(0)?).await?;
+        let bytes = row.try_get::<i64, _>(1)?.max(0) as u64;
+        charge(&mut write, id, Change::measurement(bytes).undone()).await?;
         write.commit().await?;
         Ok(Deleted::Done)
     }

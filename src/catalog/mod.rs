@@ -48,6 +48,7 @@ mod snapshot;
 mod tenant_tests;
 mod tenants;
 mod uploaded;
+mod usage;
 mod watch;
 
 pub use error::CatalogError;
@@ -67,13 +68,15 @@ pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use partial::{Begun, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
-pub(crate) use schema::EDITION;
 pub(crate) use schema::VERSION as SCHEMA;
+pub(crate) use schema::{EDITION, OTHER_TENANTS};
 #[cfg(test)]
 pub(crate) use schema::{Edition, PROGRAM};
 pub(crate) use sight::{Opened, Opening, Sight};
 pub(crate) use snapshot::TABLES;
+pub(crate) use tenants::{MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
 pub(crate) use uploaded::Uploaded;
+pub(crate) use usage::{Limited, OverQuota};
 pub(crate) use watch::Notice;
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, tenant};
 use super::job::{Beat, Claimed, Ended, Ending, JobState};
 use super::materials::insert;
+use super::usage::{Change, charge};
 use sqlx::Row;
 use std::time::Duration;
 
@@ -118,10 +119,11 @@ impl Catalog {
         {
             return Ok(Ending::Unpublished);
         }
-        let (mut material, mut report) = (None, None);
+        let (mut material, mut report, mut change) = (None, None, None);
         let (state, problem, wait, attempts) = match ended {
             Ended::Material(new, _) => {
-                insert(&mut write, new).await?;
+                let is_new = insert(&mut write, new).await?;
+                change = is_new.then(|| (new.id, Change::material(new.bytes)));
                 material = Some(new.id.to_string());
                 (JobState::Succeeded, None, 0, job.attempts)
             }
@@ -164,6 +166,12 @@ impl Catalog {
         if written.rows_affected() != 1 {
             write.undo().await?;
             return Ok(Ending::Lost);
+        }
+        if let Some((id, change)) = change
+            && let Some(over) = charge(&mut write, id, change).await?
+        {
+            write.undo().await?;
+            return Ok(Ending::Over(over));
         }
         write.commit().await?;
         Ok(Ending::Now(state))

@@ -115,3 +115,38 @@ async fn jobs_keys_and_uploads_belong_to_one_tenant_and_workers_serve_all() {
         assert!(mine.partial("0a").await.unwrap().is_some());
     }
 }
+
+#[tokio::test]
+async fn tenants_take_turns_by_their_weights_and_a_new_one_waits_for_one_job_at_most() {
+    for (mine, _guard) in testing::catalogs().await {
+        let (heavy, late) = (testing::other(&mine, "heavy").await, testing::other(&mine, "late").await);
+        let weight = TenantChange { weight: Some(300), ..TenantChange::default() };
+        mine.change_tenant(heavy.tenant(), &weight).await.unwrap();
+        let lamp = measurement("lamp");
+        for catalog in [&mine, &heavy, &late] {
+            add(catalog, &lamp).await;
+        }
+        let queue = async |catalog: &Catalog, number: u32| {
+            let id = format!("{} {number}", catalog.tenant());
+            let new = NewJob { share: catalog.tenant().to_string(), idempotency: None, ..job(&id, lamp.id) };
+            assert!(matches!(catalog.enqueue(&new, 999).await.unwrap(), Enqueued::New(_)));
+        };
+        for number in 0..60 {
+            queue(&mine, number).await;
+            queue(&heavy, number).await;
+        }
+        let done = async || {
+            let job = mine.claim("worker", MINUTE, &[]).await.unwrap().unwrap();
+            mine.end(&job, &Ended::Failed("{}".to_owned())).await.unwrap();
+            job.tenant
+        };
+        let mut heavier = 0;
+        for _ in 0..40 {
+            heavier += usize::from(done().await == *heavy.tenant());
+        }
+        assert!(heavier.abs_diff(30) <= 1, "{heavier} of 40 with three times the weight");
+        queue(&late, 0).await;
+        let next = [done().await, done().await];
+        assert!(next.contains(late.tenant()), "{next:?}");
+    }
+}

@@ -4,6 +4,7 @@ use super::blobs::{Claim, take};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
 use super::materials::{NewMaterial, insert};
+use super::usage::{Change, OverQuota, charge};
 use crate::store::Digest;
 use sqlx::Row;
 
@@ -16,6 +17,8 @@ pub(crate) enum Uploaded {
     NoMeasurement(Digest),
     /// The claim on the stored bytes has expired, so nothing was written. The bytes must be stored again.
     Unpublished,
+    /// The material would exceed a limit of the tenant, so nothing was written.
+    Over(OverQuota),
 }
 
 impl Catalog {
@@ -47,6 +50,9 @@ impl Catalog {
             }
         }
         let is_new = insert(&mut write, new).await?;
+        if is_new && let Some(over) = charge(&mut write, new.id, Change::material(new.bytes)).await? {
+            return Ok(Uploaded::Over(over));
+        }
         write.commit().await?;
         Ok(Uploaded::Stored(is_new))
     }

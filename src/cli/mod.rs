@@ -50,6 +50,7 @@ mod serve;
 mod settings;
 mod site;
 mod table;
+mod tenants;
 mod viewing;
 mod worker;
 
@@ -118,6 +119,8 @@ enum Command {
     Worker(worker::Args),
     /// List, cancel or repeat jobs of a running service
     Jobs(jobs::Args),
+    /// Make, list, change or close tenants
+    Tenants(tenants::Args),
     /// Bring the schema of the catalog up to date
     Migrate(migrate::Args),
     /// Print the effective settings of the service, each with its source, as a configuration file
@@ -211,6 +214,7 @@ impl Cli {
             Command::Serve(args) => serve::run(&args),
             Command::Worker(args) => worker::run(&args),
             Command::Jobs(args) => jobs::run(&args),
+            Command::Tenants(args) => tenants::run(&args),
             Command::Migrate(args) => migrate::run(&args),
             Command::Config(args) => config::run(&args),
             Command::Doctor(args) => doctor::run(&args),

@@ -108,6 +108,18 @@ impl Archive {
         Self::with(site, root, database, catalog).await
     }
 
+    /// Opens the catalog alone, for a command that runs beside services. With `may_make`, an SQLite catalog is made or
+    /// brought up to date, as a starting service does.
+    pub(crate) async fn open_catalog(site: &Site, may_make: bool) -> Result<Catalog, ArchiveError> {
+        let (_, database) = Self::places_of(site)?;
+        let catalog = match database.dialect() {
+            Dialect::Sqlite if may_make => Catalog::migrate(&database, false).await?.0,
+            Dialect::Sqlite | Dialect::Postgres => Catalog::open_few(&database).await?,
+        };
+        refuse_begun(&catalog, &database).await?;
+        Ok(catalog)
+    }
+
     /// Brings the catalog's schema up to date, and returns the number of migrations applied. `has_backup` confirms that
     /// a PostgreSQL database was backed up, which a migration that cannot be undone requires.
     pub async fn migrate(site: &Site, has_backup: bool) -> Result<usize, ArchiveError> {

@@ -17,6 +17,8 @@ pub struct WorkConfig {
     /// Program that computes each job in a process of its own, whose memory is limited: the program `wavelume`. `None`
     /// computes jobs in this process.
     pub isolate: Option<PathBuf>,
+    /// True if tenants take turns in the queue of jobs; false if client addresses do, as in a service without keys.
+    pub by_tenant: bool,
     /// Limits of the service, such as the number of waiting jobs, the number of open connections, and the size of
     /// uploads.
     pub limits: Limits,
@@ -25,7 +27,8 @@ pub struct WorkConfig {
 impl WorkConfig {
     /// Builds a configuration with defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self { site: Site::new(data), threads: 0, workers: 1, isolate: None, limits: Limits::default() }
+        let (site, limits) = (Site::new(data), Limits::default());
+        Self { site, threads: 0, workers: 1, isolate: None, by_tenant: false, limits }
     }
 }
 

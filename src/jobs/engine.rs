@@ -9,7 +9,7 @@ use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
 use super::presence::{Presence, WORKERS};
 use super::turns::CLIENT;
-use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, Retried};
+use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, OTHER_TENANTS, Retried};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
@@ -33,6 +33,8 @@ pub(crate) struct Engine {
     pub(crate) queries: Maths,
     /// Threads that export materials to other file formats; only a few exports run at the same time.
     pub(crate) exports: Maths,
+    /// True if tenants take turns in the queue of jobs, false if addresses do.
+    by_tenant: bool,
     pub(crate) hub: Hub,
     pub(crate) presence: Arc<Presence>,
     opened: moka::future::Cache<(Tenant, Digest), Arc<Material>>,
@@ -84,6 +86,7 @@ impl Engine {
             // One more than one address can fill, so that another address need not wait.
             exports: Maths::new("export", config.threads, limits.exports_each + 1, limits.exports, PATIENCE)?,
             archive,
+            by_tenant: config.by_tenant,
             limits: Arc::new(limits),
             hub: Hub::new(),
             presence: Arc::new(presence),
@@ -128,8 +131,14 @@ impl Engine {
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;
-        let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
-        let (level, measurement, priority) = (request.level(), request.measurement(), request.priority());
+        let share = if self.by_tenant {
+            self.archive.catalog.tenant().to_string()
+        } else {
+            CLIENT.try_with(ToString::to_string).unwrap_or_default()
+        };
+        let (measurement, priority) = (request.measurement(), request.priority());
+        let is_other = !self.archive.catalog.tenant().is_default();
+        let level = request.level().max(if is_other { OTHER_TENANTS } else { 1 });
         let new = NewJob { id: id.clone(), frame, level, measurement, priority, share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {

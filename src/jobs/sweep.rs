@@ -85,6 +85,7 @@ impl Archive {
         let ages = Retention { succeeded: limits.keep_succeeded, failed: limits.keep_failed, keys: KEYS };
         let forgotten_jobs = self.catalog.forget(&ages).await?;
         self.catalog.forget_partials(REMEMBERED).await?;
+        self.catalog.recount().await?;
         let mut report = SweepReport { removed_staging, forgotten_jobs, ..SweepReport::default() };
         while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;

@@ -18,6 +18,7 @@ use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::{Binary, TusVersion, UploadIdText};
 use super::state::{App, Service};
+use super::upload::lacks_room;
 use crate::catalog::{Begun, Partial};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
@@ -132,6 +133,7 @@ async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Pr
     if let Some(length) = length.filter(|length| *length > most) {
         return Err(Problem::new(Kind::TooLarge, format!("an upload of {length} bytes, expected at most {most}")));
     }
+    lacks_room(app, length).await?;
     let metadata = headers::metadata(headers)?;
     let limits = &app.engine.limits;
     match app.engine.begin_partial(peer.to_string(), length, metadata).await? {
