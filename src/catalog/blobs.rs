@@ -339,17 +339,17 @@ impl Catalog {
         Ok(BlobCounts { live: number(0)?, doomed: number(1)?, doomed_bytes: number(2)? })
     }
 
-    /// Returns the next rows about stored bytes whose digest begins with byte `first`. They are sorted by digest and
-    /// follow the digest `after`.
+    /// Returns the next rows about stored bytes whose digest begins with byte `first`, or with any. They are sorted by
+    /// digest and follow the digest `after`.
     pub(crate) async fn blobs_beginning(
         &self,
-        first: u8,
+        first: Option<u8>,
         after: Option<Digest>,
         most: u32,
     ) -> Result<Vec<Blob>, CatalogError> {
         let low = low(first, after);
         // The character after `f`, the last of a hexadecimal digit.
-        let high = format!("b3-{first:02x}g");
+        let high = first.map_or("b3-g".to_owned(), |first| format!("b3-{first:02x}g"));
         let rows = sqlx::query(
             "SELECT tenant, digest, generation, bytes, suspect FROM blobs \
              WHERE tenant = $4 AND digest > $1 AND digest < $2 ORDER BY digest LIMIT $3",
@@ -511,9 +511,10 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
     Ok(())
 }
 
-/// Returns the text before the first digest that begins with byte `first` and follows the digest `after`.
-pub(super) fn low(first: u8, after: Option<Digest>) -> String {
-    after.map_or_else(|| format!("b3-{first:02x}"), |digest| digest.to_string())
+/// Returns the text before the first digest that begins with byte `first`, or with any, and follows the digest `after`.
+pub(super) fn low(first: Option<u8>, after: Option<Digest>) -> String {
+    let start = || first.map_or("b3-".to_owned(), |first| format!("b3-{first:02x}"));
+    after.map_or_else(start, |digest| digest.to_string())
 }
 
 pub(super) fn read(row: &AnyRow) -> Result<Blob, CatalogError> {

@@ -76,10 +76,10 @@ impl Catalog {
     }
 
     /// Returns the digests up to `last` that nothing in the catalog refers to, and that no sweep would find. They begin
-    /// with byte `first` and follow the digest `after`.
+    /// with byte `first`, or with any, and follow the digest `after`.
     pub(crate) async fn orphans(
         &self,
-        first: u8,
+        first: Option<u8>,
         after: Option<Digest>,
         last: Digest,
     ) -> Result<Vec<Digest>, CatalogError> {

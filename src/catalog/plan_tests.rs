@@ -323,7 +323,7 @@ async fn sweep(on: &mut Explained) {
         .collect();
     assert!(due.len() > 99);
     on.check("deleted", FEW, false, catalog.deleted(&due)).await.unwrap();
-    on.check("blobs for a check", FEW, false, catalog.blobs_beginning(7, None, 200)).await.unwrap();
+    on.check("blobs for a check", FEW, false, catalog.blobs_beginning(Some(7), None, 200)).await.unwrap();
     let jobs = number(&catalog, "SELECT COUNT(*) FROM jobs").await;
     let succeeded = number(
         &catalog,

@@ -82,6 +82,11 @@ impl Object {
         path.rsplit_once('/').map_or(String::new(), |(folder, _)| folder.to_owned())
     }
 
+    /// Returns the folder that holds all objects of a tenant; `None` for the default one, whose objects are scattered.
+    pub(crate) fn folder_of(tenant: &Tenant) -> Option<String> {
+        (!tenant.is_default()).then(|| format!("{FOLDER}/{tenant}"))
+    }
+
     /// Returns the folders that hold all objects of a tenant whose digest begins with byte `first`. The folders of all
     /// 256 bytes hold every object of the tenant. Objects of another tenant may be there, too.
     pub(crate) fn folders(tenant: &Tenant, first: u8) -> Vec<String> {
