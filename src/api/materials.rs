@@ -155,19 +155,18 @@ async fn list_materials(app: App, Query(query): Query<ListQuery>) -> Result<Json
     let filter =
         MaterialFilter { quantity: query.quantity, measurement: query.measurement, tag: query.tag, q: query.q };
     let catalog = &app.engine.archive.catalog;
-    let (page, shown): (_, fn(MaterialRow) -> Result<Material, Problem>) = match query.visible.unwrap_or_default() {
-        Whose::Own => (catalog.materials(&filter, cursor, limit).await?, Material::of),
-        others if filter.measurement.is_some() => {
-            let detail = format!("measurement: the sources of {} materials are hidden", others.text());
-            return Err(Problem::new(Kind::BadQuery, detail));
-        }
-        Whose::Shared => {
-            (catalog.visible_materials(Sight::Shared, &filter, cursor, limit).await?, Material::of_another)
-        }
-        Whose::Public => {
-            (catalog.visible_materials(Sight::Public, &filter, cursor, limit).await?, Material::of_another)
-        }
+    let whose = query.visible.unwrap_or_default();
+    if whose != Whose::Own && filter.measurement.is_some() {
+        let detail = format!("measurement: the sources of {} materials are hidden", whose.text());
+        return Err(Problem::new(Kind::BadQuery, detail));
+    }
+    let sight = match whose {
+        Whose::Own => Sight::Own,
+        Whose::Shared => Sight::Shared,
+        Whose::Public => Sight::Public,
     };
+    let page = catalog.visible_materials(sight, &filter, cursor, limit).await?;
+    let shown = if whose == Whose::Own { Material::of } else { Material::of_another };
     let items = page.items.into_iter().map(shown).collect::<Result<_, _>>()?;
     Ok(Json(MaterialPage { items, next: page.next.map(|cursor| cursor.to_string()) }))
 }

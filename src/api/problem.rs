@@ -26,7 +26,7 @@ pub(crate) struct Problem {
     /// Extra header of an error response: `Content-Range` for status 416, `Allow` for status 405.
     header: Option<(header::HeaderName, HeaderValue)>,
     /// Limit of the tenant that the request would exceed, and the use before it.
-    quota: Option<(u64, u64)>,
+    quota: Option<Box<(u64, u64)>>,
 }
 
 /// JSON body of an error response (RFC 9457, `application/problem+json`).
@@ -182,8 +182,8 @@ impl Problem {
             title: self.kind.title(),
             status: self.kind.status().as_u16(),
             detail: self.detail.clone(),
-            limit: self.quota.map(|(limit, _)| limit),
-            used: self.quota.map(|(_, used)| used),
+            limit: self.quota.as_ref().map(|quota| quota.0),
+            used: self.quota.as_ref().map(|quota| quota.1),
         }
     }
 }
@@ -357,7 +357,7 @@ impl From<OverQuota> for Problem {
             Limited::Bytes | Limited::Materials => Kind::QuotaExceeded,
             Limited::Queued => Kind::TooManyJobs,
         };
-        Self { quota: Some((over.limit, over.used)), ..Self::new(kind, over.to_string()) }
+        Self { quota: Some(Box::new((over.limit, over.used))), ..Self::new(kind, over.to_string()) }
     }
 }
 

@@ -4,7 +4,7 @@ use super::extract::{Name, SmallJson, parse_json};
 use super::problem::{Kind, Problem};
 use super::schemas::TenantText;
 use super::state::{App, Service};
-use crate::catalog::{MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
+use crate::catalog::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
 use crate::jobs::{Text, check_text};
 use crate::trust::Tenant;
 use axum::Json;
@@ -90,20 +90,20 @@ struct ChangeRequest {
     /// Upper bound on the bytes of measurements and materials; null for none.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>)]
-    max_bytes: Option<Option<u64>>,
+    max_bytes: Option<Limit>,
     /// Upper bound on the number of materials; null for none.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>)]
-    max_materials: Option<Option<u64>>,
+    max_materials: Option<Limit>,
     /// Upper bound on the number of jobs that wait; null for none.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>)]
-    max_queued: Option<Option<u64>>,
+    max_queued: Option<Limit>,
 }
 
 /// Tells a field that is null from one that is absent.
-fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Option<u64>>, D::Error> {
-    Option::deserialize(deserializer).map(Some)
+fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Limit>, D::Error> {
+    Option::deserialize(deserializer).map(|limit| Some(Limit(limit)))
 }
 
 /// List all tenants.

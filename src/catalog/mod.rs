@@ -74,7 +74,7 @@ pub(crate) use schema::{EDITION, OTHER_TENANTS};
 pub(crate) use schema::{Edition, PROGRAM};
 pub(crate) use sight::{Opened, Opening, Sight};
 pub(crate) use snapshot::TABLES;
-pub(crate) use tenants::{MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
+pub(crate) use tenants::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
 pub(crate) use uploaded::Uploaded;
 pub(crate) use usage::{Limited, OverQuota};
 pub(crate) use watch::Notice;

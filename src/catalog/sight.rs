@@ -9,6 +9,7 @@ use crate::store::Digest;
 use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 /// Reason for which a tenant may read a material.
@@ -189,7 +190,7 @@ impl Catalog {
         for (owner, rows) in owners {
             materials.extend(self.of(&owner).read_materials(&rows).await?);
         }
-        materials.sort_by(|a, b| (b.created_ms, b.id).cmp(&(a.created_ms, a.id)));
+        materials.sort_by_key(|row| Reverse((row.created_ms, row.id)));
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 }

@@ -26,6 +26,10 @@ pub(crate) struct Quotas {
     pub queued: Option<u64>,
 }
 
+/// Limit on what a tenant may have; `None` is no limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Limit(pub Option<u64>);
+
 /// A tenant as stored in the catalog, with what it uses.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TenantRow {
@@ -57,11 +61,11 @@ pub(crate) struct TenantChange {
     /// Share of the workers, from 1 to 10,000.
     pub weight: Option<u64>,
     /// Limit on the bytes of its measurements and materials.
-    pub bytes: Option<Option<u64>>,
+    pub bytes: Option<Limit>,
     /// Limit on the number of its materials.
-    pub materials: Option<Option<u64>>,
+    pub materials: Option<Limit>,
     /// Limit on the number of its jobs that wait.
-    pub queued: Option<Option<u64>>,
+    pub queued: Option<Limit>,
 }
 
 /// Outcome of creating or changing a tenant.
@@ -145,8 +149,8 @@ impl Catalog {
     pub(crate) async fn change_tenant(&self, id: &Tenant, change: &TenantChange) -> Result<Settled, CatalogError> {
         let turn = self.turn().await;
         // 1 for a limit that changes, whatever it becomes.
-        let changes = |limit: Option<Option<u64>>| i64::from(limit.is_some());
-        let limit = |limit: Option<Option<u64>>| limit.flatten().map(|most| i64::try_from(most).unwrap_or(i64::MAX));
+        let changes = |limit: Option<Limit>| i64::from(limit.is_some());
+        let limit = |limit: Option<Limit>| limit?.0.map(|most| i64::try_from(most).unwrap_or(i64::MAX));
         let changed = sqlx::query(
             "UPDATE tenants SET name = COALESCE($2, name), state = COALESCE($3, state), \
              weight = COALESCE($4, weight), \
@@ -216,7 +220,7 @@ mod tests {
             assert_eq!(catalog.change_tenant(&lab, &TenantChange::default()).await.unwrap(), Settled::Absent);
             let change = TenantChange {
                 name: Some("Laboratory".to_owned()),
-                bytes: Some(Some(1000)),
+                bytes: Some(Limit(Some(1000))),
                 weight: Some(300),
                 ..TenantChange::default()
             };
@@ -232,8 +236,8 @@ mod tests {
 
             let close = TenantChange {
                 state: Some(TenantState::Closed),
-                bytes: Some(None),
-                queued: Some(Some(0)),
+                bytes: Some(Limit(None)),
+                queued: Some(Limit(Some(0))),
                 ..TenantChange::default()
             };
             let Settled::Row(row) = catalog.change_tenant(&lab, &close).await.unwrap() else { panic!() };

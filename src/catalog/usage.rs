@@ -186,7 +186,7 @@ impl Catalog {
 mod tests {
     use super::*;
     use crate::catalog::testing::{self, add, measurement, publish};
-    use crate::catalog::{Added, Deleted, NewMaterial, Settled, TenantChange, TenantRow, Uploaded};
+    use crate::catalog::{Added, Deleted, Limit, NewMaterial, Settled, TenantChange, TenantRow, Uploaded};
     use crate::domain::Quantity;
 
     fn material(text: &str) -> NewMaterial {
@@ -211,7 +211,11 @@ mod tests {
     async fn what_a_tenant_has_is_counted_and_held_to_its_limits() {
         for (all, _guard) in testing::catalogs().await {
             let lab: Tenant = "lab".parse().unwrap();
-            let limits = TenantChange { bytes: Some(Some(30)), materials: Some(Some(1)), ..TenantChange::default() };
+            let limits = TenantChange {
+                bytes: Some(Limit(Some(30))),
+                materials: Some(Limit(Some(1))),
+                ..TenantChange::default()
+            };
             assert!(matches!(all.create_tenant(&lab, &limits).await.unwrap(), Settled::Row(_)));
             let catalog = all.of(&lab);
             let lamp = measurement("lamp of 16 bytes");

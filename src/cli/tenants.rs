@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::PlaceArgs;
-use crate::catalog::{Catalog, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
+use crate::catalog::{Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
 use crate::jobs::{Archive, check_text};
 use crate::trust::Tenant;
 use serde_json::{Value, json};
@@ -87,10 +87,6 @@ struct Change {
     weight: Option<u64>,
 }
 
-/// Limit of a tenant; `None` is no limit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Limit(Option<u64>);
-
 fn limit(text: &str) -> Result<Limit, String> {
     if text == "none" {
         return Ok(Limit(None));
@@ -123,9 +119,9 @@ impl Change {
             name: self.name.clone(),
             state: None,
             weight: self.weight,
-            bytes: self.max_bytes.map(|limit| limit.0),
-            materials: self.max_materials.map(|limit| limit.0),
-            queued: self.max_queued.map(|limit| limit.0),
+            bytes: self.max_bytes,
+            materials: self.max_materials,
+            queued: self.max_queued,
         })
     }
 }
