@@ -16,4 +16,5 @@ EXPOSE 8080
 HEALTHCHECK --interval=30s --timeout=6s --start-period=10s CMD ["wavelume", "health"]
 STOPSIGNAL SIGTERM
 ENTRYPOINT ["wavelume"]
-CMD ["serve", "--data", "/data", "--listen", "0.0.0.0:8080"]
+# Requests need a key. WAVELUME_BOOTSTRAP_KEY is the first one (`wavelume keys generate` prints one).
+CMD ["serve", "--data", "/data", "--auth", "keys", "--listen", "0.0.0.0:8080"]

@@ -18,8 +18,8 @@
 //!
 //! The science is in separate crates, whose modules are exported here again: `wavelume_core` is what a renderer links,
 //! `wavelume_formats` reads, projects and exports files, `wavelume_paper` makes the tables of the paper again.
-//! The service stands on these: `store` (bytes under their digest) → `catalog` (their metadata in SQL) → `jobs` →
-//! [`api`] and `cli`.
+//! The service stands on these: `trust` (tenants and keys) → `store` (bytes under their digest) → `catalog` (their
+//! metadata in SQL) → `jobs` → [`api`] and `cli`.
 
 pub mod api;
 mod catalog;
@@ -28,6 +28,7 @@ pub mod cli;
 mod jobs;
 #[doc(hidden)]
 pub mod store;
+mod trust;
 
 use wavelume_core::numeric;
 

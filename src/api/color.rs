@@ -1,16 +1,17 @@
 //! `/v1/materials/{id}/color`: the colour of a material under any named or stored illuminant.
 
+use super::caller::Caller;
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{compute, direction, indices, open, read};
 use super::schemas::{DirectionText, IlluminantText, IndexText, ObserverText};
-use super::state::App;
+use super::state::{App, Service};
 use crate::domain::colour::{Illuminant, StandardObserver, TableError};
 use crate::evaluate::Material;
 use crate::jobs::Text;
 use crate::preview::{self, Question, Viewing};
 use crate::store::Digest;
-use axum::extract::State;
+use crate::trust::Reach;
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -19,7 +20,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of the colours of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(color))
 }
 
@@ -113,11 +114,11 @@ struct Color {
     params(("id" = Digest, Path, description = "Id of the material"), ColorQuery),
     responses((status = 200, description = "The colours", body = ColorAnswer))
 )]
-async fn color(State(app): State<App>, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {
+async fn color(app: App, caller: Caller, Id(id): Id, Query(query): Query<ColorQuery>) -> Result<Response, Problem> {
     let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
     let wo = read(query.wo.as_deref(), |text| direction("wo", text))?;
     let index = read(query.index.as_deref(), indices)?;
-    let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
+    let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?.within(&caller)?;
     let material = open(&app, id).await?;
     let sources = asked.open(&app).await?;
     compute(&app, move || {
@@ -165,6 +166,16 @@ impl Asked {
             return Err(Problem::new(Kind::BadQuery, detail));
         }
         Ok(Self { illuminant, column, observer: named("observer", observer)? })
+    }
+
+    /// Refuses stored tables to a caller that reaches one material alone.
+    pub(super) fn within(self, caller: &Caller) -> Result<Self, Problem> {
+        let is_stored = matches!(self.illuminant, Named::Stored(_)) || matches!(self.observer, Named::Stored(_));
+        if is_stored && caller.reach != Reach::All {
+            let detail = "the token is for one material, expected the name of an illuminant and observer, not an id";
+            return Err(Problem::new(Kind::MissingScope, detail));
+        }
+        Ok(self)
     }
 
     /// Returns a cache key, which is equal for queries with equal illuminant, illuminant column and observer.

@@ -9,6 +9,7 @@ use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::Response;
 use std::fmt::Write;
 use std::ops::Range;
+use std::time::Duration;
 
 /// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
@@ -45,6 +46,38 @@ pub(crate) async fn respond(
         Refused::Blob(error) => error.into(),
         Refused::Request(problem) => problem,
     })
+}
+
+/// Builds the answer that sends a client to the store for the blob `digest`, if a setting says so and the store has
+/// URLs that need no credentials. Such a URL holds no longer than the time `left`, for which the caller may read;
+/// `None` stands for no end. Returns `None` if the service is to answer by itself.
+pub(crate) async fn redirected(
+    app: &App,
+    digest: Digest,
+    media_type: &'static str,
+    file_name: Option<&str>,
+    method: &Method,
+    headers: &HeaderMap,
+    left: Option<Duration>,
+) -> Result<Option<Response>, Problem> {
+    let longest = app.engine.limits.store_redirect.0;
+    let life = left.map_or(longest, |left| left.min(longest));
+    let labels = Labels::new(digest, media_type, file_name);
+    let is_unchanged = not_modified(headers, labels.etag.to_str().unwrap_or_default());
+    // The store counts whole seconds.
+    if life < Duration::from_secs(1) || method != Method::GET || is_unchanged {
+        return Ok(None);
+    }
+    let disposition = labels.disposition.to_str().unwrap_or("attachment");
+    let url = app.engine.archive.presigned(digest, life, media_type, disposition).await;
+    let url = url.map_err(|error| Problem::of_named(digest, error))?;
+    let Some(location) = url.and_then(|url| HeaderValue::from_str(&url).ok()) else { return Ok(None) };
+    let mut response = Response::new(Body::empty());
+    *response.status_mut() = StatusCode::TEMPORARY_REDIRECT;
+    let headers = response.headers_mut();
+    headers.insert(header::LOCATION, location);
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    Ok(Some(response))
 }
 
 /// Reason why a request for a stored file is not answered with bytes of the file.

@@ -1,17 +1,21 @@
 //! Description of the interface: the parts that utoipa derives from the handlers, and the problems of each operation.
 
 use super::flattened::{flatten, prune};
+use super::needs::{Need, need};
 use super::problem::{Kind, ProblemBody};
 use super::schemas;
 use std::collections::BTreeMap;
 use utoipa::openapi::header::HeaderBuilder;
 use utoipa::openapi::schema::{ObjectBuilder, Type};
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{ContentBuilder, Info, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{PartialSchema, ToSchema};
 
 /// Kinds of errors that every HTTP operation can return: an unaccepted host, a bad header, a key that a page of another
-/// origin sends, or a bug of the service.
-const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::CrossOriginRead, Kind::Misdirected, Kind::Internal];
+/// origin sends, a proxy in front of a service without keys, or a bug of the service.
+const ALWAYS: &[Kind] = &[Kind::BadHeader, Kind::CrossOriginRead, Kind::Misdirected, Kind::PassedOn, Kind::Internal];
+/// Kinds of errors of HTTP operations that need a key.
+const GUARDED: &[Kind] = &[Kind::Unauthorized, Kind::MissingScope, Kind::TooManyRequests, Kind::Unavailable];
 /// Names of the HTTP operations (health checks) that answer even when the service is at its limits.
 const HEALTH: &[&str] = &["healthz", "readyz"];
 /// Kinds of errors of all HTTP operations except health checks: too many simultaneous requests, in total or from one
@@ -53,6 +57,8 @@ const FILE: &[Kind] = &[
     Kind::Overloaded,
     Kind::Corrupt,
 ];
+/// Kinds of errors of HTTP operations that add to what a tenant has.
+const ADDS: &[Kind] = &[Kind::QuotaExceeded];
 /// Kinds of errors of uploads of a measurement, besides those of any file.
 const MEASUREMENT: &[Kind] =
     &[Kind::Unrecognised, Kind::Malformed, Kind::Unsupported, Kind::OverLimit, Kind::NeedsOption, Kind::Spectrum];
@@ -87,9 +93,9 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("readyz", &[CATALOG]),
     ("metrics_page", &[CATALOG]),
     ("openapi_json", &[]),
-    ("post_measurement", &[WRITES, QUERY, CATALOG, FILE, MEASUREMENT, USES]),
+    ("post_measurement", &[WRITES, QUERY, CATALOG, FILE, MEASUREMENT, USES, ADDS]),
     ("upload_options", &[]),
-    ("create_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
+    ("create_upload", &[WRITES, CATALOG, TUS, PART, HOLDS, ADDS]),
     ("get_upload_offset", &[CATALOG, TUS, HOLDS]),
     ("append_upload", &[WRITES, CATALOG, TUS, PART, HOLDS]),
     ("delete_upload", &[WRITES, CATALOG, TUS, ONE]),
@@ -104,10 +110,11 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("get_job_events", &[ONE, CATALOG]),
     ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
     ("retry_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
-    ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES]),
+    ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES, ADDS]),
     ("list_materials", &[QUERY, CATALOG]),
     ("get_material", &[ONE, CATALOG]),
     ("delete_material", &[WRITES, ONE, CATALOG]),
+    ("change_material", &[WRITES, ONE, CATALOG, JSON]),
     ("get_material_content", &[ONE, CATALOG, BYTES]),
     ("get_blob", &[ONE, CATALOG, BYTES]),
     ("get_spectrum", &[ONE, QUERY, CATALOG, OPENS]),
@@ -119,10 +126,21 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("color", &[ONE, QUERY, CATALOG, OPENS]),
     ("preview", &[ONE, QUERY, CATALOG, OPENS]),
     ("export", &[ONE, QUERY, CATALOG, OPENS, EXPORT]),
+    ("list_tenants", &[CATALOG]),
+    ("create_tenant", &[WRITES, CATALOG, JSON, &[Kind::InUse]]),
+    ("get_tenant", &[ONE, CATALOG]),
+    ("change_tenant", &[WRITES, ONE, CATALOG, JSON, &[Kind::InUse]]),
     ("list_formats", &[]),
     ("get_template", &[ONE]),
     ("list_bases", &[]),
+    ("create_key", &[WRITES, CATALOG, JSON]),
+    ("list_keys", &[QUERY, CATALOG]),
+    ("revoke_key", &[WRITES, ONE, CATALOG]),
+    ("list_audit", &[QUERY, CATALOG]),
 ];
+
+/// Name of the security scheme in the OpenAPI description.
+const SCHEME: &str = "key";
 
 /// Returns the title, version and introduction of the OpenAPI description.
 pub(super) fn info() -> Info {
@@ -138,33 +156,52 @@ pub(super) fn info() -> Info {
         .build()
 }
 
-/// Completes the OpenAPI description: adds the error responses of each operation, and the schemas that no handler
-/// registers.
+/// Completes the OpenAPI description: adds the error responses and the needed scope of each operation, and the schemas
+/// that no handler registers.
 pub(super) fn complete(mut openapi: OpenApi) -> OpenApi {
-    for path in openapi.paths.paths.values_mut() {
-        let operations =
-            [&mut path.get, &mut path.head, &mut path.post, &mut path.patch, &mut path.delete, &mut path.options];
-        for operation in operations.into_iter().flatten() {
+    for (path, item) in &mut openapi.paths.paths {
+        let operations = [
+            ("GET", &mut item.get),
+            ("HEAD", &mut item.head),
+            ("POST", &mut item.post),
+            ("PATCH", &mut item.patch),
+            ("DELETE", &mut item.delete),
+            ("OPTIONS", &mut item.options),
+        ];
+        for (method, operation) in operations {
+            let Some(operation) = operation else { continue };
+            let need = need(method, path).unwrap_or(Need::Instance);
             let name = operation.operation_id.as_deref().unwrap_or_default();
-            for (status, kinds) in problems(name) {
+            for (status, kinds) in problems(name, need) {
                 operation.responses.responses.insert(status.to_string(), RefOr::T(answer(status, &kinds)));
+            }
+            if need != Need::Public {
+                // A service without keys needs none.
+                let none = SecurityRequirement::default();
+                operation.security = Some(vec![none, SecurityRequirement::new(SCHEME, [need.name()])]);
             }
         }
     }
     let components = openapi.components.get_or_insert_default();
     components.schemas.insert(ProblemBody::name().into_owned(), ProblemBody::schema());
     components.schemas.extend(schemas::all());
+    let scheme = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).description(Some(
+        "A key (`wlm_…`), or a token (`wlt_…`) that was made from one, in the header `Authorization: Bearer …`. A service \
+         that runs without keys ignores it. Operations name the scope that the key needs.",
+    ));
+    components.add_security_scheme(SCHEME, SecurityScheme::Http(scheme.build()));
     flatten(components);
     prune(&mut openapi);
     openapi
 }
 
 /// Returns the kinds of errors that an HTTP operation can return, grouped by HTTP status.
-fn problems(operation: &str) -> BTreeMap<u16, Vec<Kind>> {
+fn problems(operation: &str, need: Need) -> BTreeMap<u16, Vec<Kind>> {
     let own = OPERATIONS.iter().find(|(name, _)| *name == operation).map_or(&[][..], |(_, kinds)| kinds);
     let mut problems: BTreeMap<u16, Vec<Kind>> = BTreeMap::new();
     let busy = if HEALTH.contains(&operation) { &[][..] } else { BUSY };
-    for &kind in [ALWAYS, busy].iter().chain(own).flat_map(|kinds| kinds.iter()) {
+    let guarded = if need == Need::Public { &[][..] } else { GUARDED };
+    for &kind in [ALWAYS, busy, guarded].iter().chain(own).flat_map(|kinds| kinds.iter()) {
         let kinds = problems.entry(kind.status().as_u16()).or_default();
         if !kinds.contains(&kind) {
             kinds.push(kind);
@@ -188,6 +225,11 @@ fn answer(status: u16, kinds: &[Kind]) -> Response {
     };
     match status {
         429 | 503 => header("Retry-After", "Seconds to wait before repeating the request", Type::Integer),
+        401 => header(
+            "WWW-Authenticate",
+            "Kind of authentication that the service expects: `Bearer realm=\"wavelume\"`",
+            Type::String,
+        ),
         416 => header("Content-Range", "Size of the whole content, as `bytes */SIZE`", Type::String),
         _ => {}
     }

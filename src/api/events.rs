@@ -1,5 +1,6 @@
 //! `/v1/jobs/{id}/events`: state and progress of a job as server-sent events.
 
+use super::caller::Caller;
 use super::extract::JobId;
 use super::job::{Job, change, find};
 use super::places::{Peer, Place};
@@ -8,7 +9,7 @@ use super::schemas::{EventText, JobIdText};
 use super::state::App;
 use crate::catalog::JobState;
 use crate::jobs::Following;
-use axum::extract::State;
+use crate::trust::KeyId;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
 use serde::Serialize;
@@ -16,6 +17,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::Receiver;
+use tokio::time::Instant;
 
 /// Interval of keep-alive lines, which prevent proxies from closing a quiet event stream. Raising it risks their
 /// timeouts.
@@ -26,6 +28,10 @@ struct Told {
     app: App,
     _place: Place,
     _following: Following,
+    /// Key on which the client's rights rest.
+    key: Option<KeyId>,
+    /// Time at which these rights end, if they end.
+    end: Option<Instant>,
     id: String,
     changes: Receiver<Arc<str>>,
     state: Option<JobState>,
@@ -33,14 +39,15 @@ struct Told {
 }
 
 /// Follow a job through server-sent events: `state` events hold the job, `progress` events its progress. The stream
-/// ends with the final state.
+/// ends with the final state, or when the caller's key or token is no longer valid.
 #[utoipa::path(
     get, path = "/v1/jobs/{id}/events", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 200, description = "Server-sent events", body = EventText, content_type = "text/event-stream"))
 )]
 pub(super) async fn get_job_events(
-    State(app): State<App>,
+    app: App,
     peer: Peer,
+    caller: Caller,
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
     let place = app.held.followers.take(peer, 1)?;
@@ -48,7 +55,8 @@ pub(super) async fn get_job_events(
     let changes = app.engine.hub.listen();
     find(&app, &id).await?;
     let following = app.engine.hub.follow(&id);
-    let told = Told { app, _place: place, _following: following, id, changes, state: None, progress: 0.0 };
+    let (key, end) = (caller.actor.key(), caller.left().map(|left| Instant::now() + left));
+    let told = Told { app, _place: place, _following: following, key, end, id, changes, state: None, progress: 0.0 };
     let events = futures::stream::unfold(Some(told), |told| async move { next(told?).await });
     Ok(Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
@@ -59,9 +67,23 @@ fn written(name: &str, data: impl Serialize) -> Option<Event> {
     event.map_err(|error| tracing::error!(%error, event = name, "an event was not written")).ok()
 }
 
+/// Resolves at the time `end`; never if there is none.
+async fn ended(end: Option<Instant>) {
+    match end {
+        Some(end) => tokio::time::sleep_until(end).await,
+        None => std::future::pending().await,
+    }
+}
+
 async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>)> {
     loop {
         if told.app.stop.is_cancelled() {
+            return None;
+        }
+        let decisions = &told.app.guard.decisions;
+        if let Some(key) = told.key
+            && !decisions.holds(&told.app.engine.archive.catalog, key).await
+        {
             return None;
         }
         // A failed read (busy database) is retried at the next change or timeout.
@@ -79,9 +101,11 @@ async fn next(mut told: Told) -> Option<(Result<Event, Infallible>, Option<Told>
                 return Some((Ok(event), Some(told)));
             }
         }
-        let stop = told.app.stop.clone();
+        let app = told.app.clone();
         tokio::select! {
-            () = stop.cancelled() => return None,
+            () = app.stop.cancelled() => return None,
+            () = app.guard.decisions.lost(&app.engine.archive.catalog, told.key) => return None,
+            () = ended(told.end) => return None,
             () = change(&mut told.changes, &told.id) => {}
         }
     }

@@ -3,17 +3,16 @@
 use super::content::not_modified;
 use super::export_description::{ExportParams, ExportedFile};
 use super::extract::{Id, Query};
-use super::materials::known;
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
-use super::state::App;
+use super::seen::seen;
+use super::state::{App, Service};
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
@@ -30,7 +29,7 @@ pub(crate) const EXPORT_ERROR: HeaderName = HeaderName::from_static("wavelume-ex
 const PIECE: usize = 1 << 20;
 
 /// HTTP routes of exports to other file formats.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
@@ -55,7 +54,7 @@ struct ExportQuery {
     responses(ExportedFile)
 )]
 async fn export(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     peer: Peer,
     Query(query): Query<ExportQuery>,
@@ -75,7 +74,7 @@ async fn export(
         // An exported file stays within the upload limit, so that it can be uploaded again.
         most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
     };
-    known(&app, id).await?;
+    let seen = seen(&app, id).await?;
     // The version is part of the key: another version may write another file.
     let what = format!("{id} export {format:?} {options:?} {}", env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -83,14 +82,14 @@ async fn export(
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         match format {
-            Some(format) => file(&app, peer, id, format, options).await?,
-            None => manifest(&app, id, options).await?,
+            Some(format) => file(&seen.app, peer, id, format, options).await?,
+            None => manifest(&seen.app, id, options).await?,
         }
     };
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
-    Ok(response)
+    Ok(seen.mark(response))
 }
 
 fn unknown(name: &str) -> Problem {
@@ -123,7 +122,7 @@ async fn file(
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
         app.engine.exports.run(move || (export::samples(&measurement, format, &options), place)).await?
     } else {
-        known(app, id).await?;
+        self::seen(app, id).await?;
         let bytes = app.engine.bytes(id).await.map_err(|error| Problem::from(&error))?;
         let how = options.clone();
         let (on_grid, place) = app.engine.exports.run(move || (export_on_grid(&bytes, format, &how), place)).await?;

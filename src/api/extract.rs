@@ -3,8 +3,9 @@
 use super::pace::Pace;
 use super::places::{KIB, Peer, Place};
 use super::problem::{Kind, Problem};
-use super::state::App;
+use super::state::{App, Service};
 use crate::store::Digest;
+use crate::trust::{KeyId, NotAKeyId};
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, RawPathParams, Request};
 use axum::http::{HeaderMap, header, request::Parts};
@@ -70,6 +71,20 @@ impl<S: Send + Sync> FromRequestParts<S> for JobId {
             Problem::new(Kind::NotFound, format!("`{shown}` is no job id, expected a UUID"))
         })?;
         Ok(Self(id.to_string()))
+    }
+}
+
+/// Id of an access key that the parameter `{id}` of the request path contains.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct KeyIdPath(pub(crate) KeyId);
+
+impl<S: Send + Sync> FromRequestParts<S> for KeyIdPath {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let text = segment(parts, state).await?;
+        let id = text.parse().map_err(|error: NotAKeyId| Problem::new(Kind::NotFound, error.to_string()));
+        id.map(Self)
     }
 }
 
@@ -178,19 +193,19 @@ const FIRST: usize = 16 << 10;
 /// Upper bound in bytes on a JSON request body that is not a batch evaluation.
 const SMALL: usize = 512 << 10;
 
-impl FromRequest<App> for JsonBytes {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+impl JsonBytes {
+    /// Receives a JSON body within the limit of the service.
+    pub(crate) async fn receive(request: Request, app: &App) -> Result<Self, Problem> {
         read_json(request, app, app.engine.limits.json_bytes).await
     }
 }
 
-impl FromRequest<App> for SmallJson {
+impl FromRequest<Service> for SmallJson {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        read_json(request, app, SMALL.min(app.engine.limits.json_bytes)).await.map(Self)
+    async fn from_request(request: Request, service: &Service) -> Result<Self, Problem> {
+        let app = service.of(request.extensions())?;
+        read_json(request, &app, SMALL.min(app.engine.limits.json_bytes)).await.map(Self)
     }
 }
 

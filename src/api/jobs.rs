@@ -1,5 +1,6 @@
 //! `/v1/jobs`: work that outlives a request.
 
+use super::caller::Caller;
 use super::events;
 use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
@@ -7,12 +8,11 @@ use super::measurements::page;
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::JobIdText;
-use super::state::App;
-use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Retried};
+use super::state::{App, Service};
+use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
 use crate::jobs::{JobRequest, KindOnly, Queued, RequestError, Source};
 use crate::store::Digest;
 use axum::Json;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
@@ -23,7 +23,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of jobs.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(list_jobs, post_job))
         .routes(routes!(get_job))
@@ -59,7 +59,8 @@ impl Source for JsonBytes {
     )
 )]
 async fn post_job(
-    State(app): State<App>,
+    app: App,
+    caller: Caller,
     peer: Peer,
     headers: HeaderMap,
     SmallJson(body): SmallJson,
@@ -74,6 +75,11 @@ async fn post_job(
         };
         Problem::new(kind, error.to_string())
     })?;
+    if request.priority() == Priority::Urgent && !caller.is_operator() {
+        let detail =
+            "priority: -1 comes before the jobs of all tenants, expected 0 or 1, or a key with the scope `instance`";
+        return Err(Problem::new(Kind::MissingScope, detail));
+    }
     let wait = wait(&headers);
     let key = idempotency_key(&headers)?;
     let measurement = request.measurement().map(|id| id.to_string()).unwrap_or_default();
@@ -90,6 +96,7 @@ async fn post_job(
             let detail = format!("measurement: there is no measurement {measurement}");
             return Err(Problem::new(Kind::InvalidRequest, detail));
         }
+        Enqueued::Over(over) => return Err(over.into()),
         Enqueued::Full => {
             let detail = format!("{} jobs are waiting already", app.engine.limits.queued_jobs);
             return Err(Problem::new(Kind::TooManyJobs, detail));
@@ -151,7 +158,7 @@ struct JobPage {
     get, path = "/v1/jobs", tag = "jobs", params(ListQuery),
     responses((status = 200, description = "One page of the list", body = JobPage))
 )]
-async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
+async fn list_jobs(app: App, Query(query): Query<ListQuery>) -> Result<Json<JobPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let state = query.state.as_deref().map(|name| {
         JobState::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| {
@@ -172,7 +179,7 @@ async fn list_jobs(State(app): State<App>, Query(query): Query<ListQuery>) -> Re
     post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 202, description = "The job is queued again", body = Job))
 )]
-async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+async fn retry_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
     match app.engine.retry(&id).await? {
         Retried::Queued(row) => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
         Retried::Unended(state) => Err(Problem::new(
@@ -191,7 +198,7 @@ async fn retry_job(State(app): State<App>, JobId(id): JobId) -> Result<Response,
     get, path = "/v1/jobs/{id}", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 200, description = "The job", body = Job))
 )]
-async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, Problem> {
+async fn get_job(app: App, JobId(id): JobId) -> Result<Json<Job>, Problem> {
     Ok(Json(Job::of(find(&app, &id).await?)))
 }
 
@@ -203,7 +210,7 @@ async fn get_job(State(app): State<App>, JobId(id): JobId) -> Result<Json<Job>, 
         (status = 202, description = "The worker of the job was asked to stop", body = Job),
     )
 )]
-async fn cancel_job(State(app): State<App>, JobId(id): JobId) -> Result<Response, Problem> {
+async fn cancel_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
     let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
     match row.state {
         JobState::Cancelled => Ok(Json(Job::of(row)).into_response()),

@@ -2,7 +2,7 @@
 
 use super::extract::Name;
 use super::problem::{Kind, Problem};
-use super::state::App;
+use super::state::Service;
 use crate::formats::ArrayManifest;
 use crate::transform::BasisInfo;
 use axum::Json;
@@ -14,7 +14,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of the lists of file formats and wavelet bases.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(list_formats)).routes(routes!(get_template)).routes(routes!(list_bases))
 }
 

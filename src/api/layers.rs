@@ -1,8 +1,9 @@
 //! Layers around every handler: request ids, logs and metrics, hosts and origins, panics as problems.
 
 use super::access::{Access, Page};
+use super::caller::RequestId;
 use super::problem::{Kind, Problem};
-use super::words::shown;
+use super::words::{holds_secret, shown};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -95,19 +96,21 @@ fn asks(request: &Request) -> bool {
         && ["/evaluate", "/pdf", "/sample", "/albedo"].iter().any(|question| path.ends_with(question))
 }
 
-async fn refuse(request: Request, problem: Problem) -> Response {
+/// Answers with a problem, after reading the rest of the request that most clients send first.
+pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
     super::extract::linger(request).await;
     problem.into_response()
 }
 
 /// Middleware around all others: checks the host and the origin of a request, adds security headers to its answer,
 /// assigns an id to it, logs it once, and records its duration by route.
-pub(crate) async fn outermost(State(access): State<Arc<Access>>, request: Request, next: Next) -> Response {
+pub(crate) async fn outermost(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
     let path = shown(request.uri().path(), LOGGED_PATH);
     let route = request.extensions().get::<MatchedPath>().map_or("none".to_owned(), |path| path.as_str().to_owned());
     let request_id = request_id(request.headers());
+    request.extensions_mut().insert(RequestId(request_id.clone()));
     let mut response = hosts_and_origins(&access, request, next).await;
     harden(response.headers_mut());
     let status = response.status().as_u16();
@@ -132,7 +135,7 @@ fn request_id(headers: &HeaderMap) -> String {
     let id = ids.next().and_then(|id| id.to_str().ok()).filter(|_| ids.next().is_none());
     let known = |b: u8| b.is_ascii_alphanumeric() || b"-_.~:/+=@".contains(&b);
     match id {
-        Some(id) if (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(known) => id.to_owned(),
+        Some(id) if (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(known) && !holds_secret(id) => id.to_owned(),
         _ => uuid::Uuid::now_v7().to_string(),
     }
 }

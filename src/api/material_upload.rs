@@ -6,13 +6,13 @@ use super::places::{KIB, Peer};
 use super::problem::{Kind, Problem};
 use super::resumable;
 use super::schemas::{Binary, UploadIdText};
-use super::state::App;
+use super::state::{App, Service};
 use super::upload_query::UPLOAD;
 use crate::catalog::MaterialRow;
 use crate::jobs::{MaterialUpload, Text};
 use crate::store::{Digest, Staged};
 use axum::Json;
-use axum::extract::{FromRequestParts, Request, State};
+use axum::extract::{FromRequestParts, Request};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::Error;
@@ -22,7 +22,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of uploads of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(post_material))
 }
 
@@ -110,7 +110,7 @@ fn read(pairs: Vec<(String, String)>) -> Result<(MaterialUpload, Option<String>)
             headers(("Location" = String, description = "URL of the material"))),
     )
 )]
-async fn post_material(State(app): State<App>, peer: Peer, request: Request) -> Result<Response, Problem> {
+async fn post_material(app: App, peer: Peer, request: Request) -> Result<Response, Problem> {
     let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
     let stated = Query::<MaterialQuery>::from_request_parts(&mut parts, &app).await;

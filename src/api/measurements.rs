@@ -5,14 +5,14 @@ use super::extract::{Id, Query, linger, word};
 use super::problem::{Kind, Problem};
 use super::resumable;
 use super::schemas::{Binary, CursorText, Word};
-use super::state::App;
+use super::state::{App, Service};
 use super::upload_query::UploadQuery;
 use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::Quantity;
 use crate::jobs::{Ingested, Understood, check_text};
 use crate::store::Digest;
 use axum::Json;
-use axum::extract::{FromRequestParts, Request, State};
+use axum::extract::{FromRequestParts, Request};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of measurements.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(post_measurement, list_measurements))
         .routes(routes!(get_measurement, delete_measurement))
@@ -126,7 +126,7 @@ enum Uploaded {
         (status = 200, description = "The measurement was stored before; for an archive, all its measurements", body = Uploaded),
     )
 )]
-async fn post_measurement(State(app): State<App>, request: Request) -> Result<Response, Problem> {
+async fn post_measurement(app: App, request: Request) -> Result<Response, Problem> {
     let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
     let stated = Query::<UploadQuery>::from_request_parts(&mut parts, &app).await;
@@ -176,10 +176,7 @@ async fn post_measurement(State(app): State<App>, request: Request) -> Result<Re
     get, path = "/v1/measurements", tag = "measurements", params(ListQuery),
     responses((status = 200, description = "One page of the list", body = MeasurementPage))
 )]
-async fn list_measurements(
-    State(app): State<App>,
-    Query(query): Query<ListQuery>,
-) -> Result<Json<MeasurementPage>, Problem> {
+async fn list_measurements(app: App, Query(query): Query<ListQuery>) -> Result<Json<MeasurementPage>, Problem> {
     let (cursor, limit) = page(query.cursor.as_deref(), query.limit)?;
     let filter = MeasurementFilter { quantity: query.quantity, format: query.format, q: query.q };
     let page = app.engine.archive.catalog.measurements(&filter, cursor, limit).await?;
@@ -192,7 +189,7 @@ async fn list_measurements(
     get, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Id of the measurement")),
     responses((status = 200, description = "Description of the measurement", body = Measurement))
 )]
-async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Measurement>, Problem> {
+async fn get_measurement(app: App, Id(id): Id) -> Result<Json<Measurement>, Problem> {
     Measurement::of(row(&app, id).await?).map(Json)
 }
 
@@ -201,7 +198,7 @@ async fn get_measurement(State(app): State<App>, Id(id): Id) -> Result<Json<Meas
     delete, path = "/v1/measurements/{id}", tag = "measurements", params(("id" = Digest, Path, description = "Id of the measurement")),
     responses((status = 204, description = "The measurement is deleted"))
 )]
-async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<StatusCode, Problem> {
+async fn delete_measurement(app: App, Id(id): Id) -> Result<StatusCode, Problem> {
     deleted(app.engine.archive.catalog.delete_measurement(id).await?, &format!("there is no measurement {id}"))
 }
 
@@ -216,7 +213,7 @@ async fn delete_measurement(State(app): State<App>, Id(id): Id) -> Result<Status
     )
 )]
 async fn get_measurement_content(
-    State(app): State<App>,
+    app: App,
     method: Method,
     headers: HeaderMap,
     Id(id): Id,

@@ -1,16 +1,17 @@
 //! `/v1/materials/{id}/preview.png`: a picture of a material, drawn on request and never changing.
 
+use super::caller::Caller;
 use super::color::Asked;
 use super::content::not_modified;
 use super::extract::{Id, Query};
 use super::problem::{Kind, Problem};
 use super::query::{indices, open};
 use super::schemas::{Binary, IlluminantText, IndexText, ObserverText};
-use super::state::App;
+use super::seen::seen;
+use super::state::{App, Service};
 use crate::jobs::Text;
 use crate::preview::{DEFAULT_SIZE, SIZES, picture};
 use crate::store::Digest;
-use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
@@ -19,7 +20,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of preview pictures of materials.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(preview))
 }
 
@@ -58,7 +59,8 @@ struct PreviewQuery {
     )
 )]
 async fn preview(
-    State(app): State<App>,
+    app: App,
+    caller: Caller,
     Id(id): Id,
     Query(query): Query<PreviewQuery>,
     headers: HeaderMap,
@@ -69,8 +71,10 @@ async fn preview(
         return Err(bad(format!("size: found {size}, expected {} to {} pixels", SIZES.start(), SIZES.end())));
     }
     let index = query.index.as_deref().map(indices).transpose().map_err(bad)?;
-    let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?;
-    let material = open(&app, id).await?;
+    let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?.within(&caller)?;
+    let seen = seen(&app, id).await?;
+    let material = open(&seen.app, id).await?;
+    let is_stored = asked.key().contains("b3-");
     // The version is part of the key: another version may draw another picture.
     let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -85,5 +89,6 @@ async fn preview(
     let headers = response.headers_mut();
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
-    Ok(response)
+    // The light of a stored material may be private although this material is public.
+    if is_stored { Ok(response) } else { Ok(seen.mark(response)) }
 }

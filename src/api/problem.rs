@@ -2,7 +2,7 @@
 //! goes to the log.
 
 use super::words::shown;
-use crate::catalog::CatalogError;
+use crate::catalog::{CatalogError, Limited, OverQuota};
 use crate::evaluate::EvaluateError;
 use crate::export::ExportError;
 use crate::formats::FormatErrorKind;
@@ -23,8 +23,10 @@ const LONGEST_DETAIL: usize = 1000;
 pub(crate) struct Problem {
     kind: Kind,
     detail: String,
-    /// Extra header of an error response: `Content-Range` for status 416, `Allow` for status 405.
+    /// Extra header of an error response, such as `Content-Range` for status 416 or `Allow` for status 405.
     header: Option<(header::HeaderName, HeaderValue)>,
+    /// Limit of the tenant that the request would exceed, and the use before it.
+    quota: Option<Box<(u64, u64)>>,
 }
 
 /// JSON body of an error response (RFC 9457, `application/problem+json`).
@@ -40,6 +42,14 @@ pub(crate) struct ProblemBody {
     pub(crate) status: u16,
     /// Description of this occurrence of the error.
     pub(crate) detail: String,
+    /// Limit of the tenant that the request would exceed; absent for other errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    limit: Option<u64>,
+    /// Use of the tenant before the request; absent for other errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(nullable = false)]
+    used: Option<u64>,
 }
 
 macro_rules! kinds {
@@ -78,6 +88,10 @@ kinds! {
     DecompressionRatio = PAYLOAD_TOO_LARGE, "decompression-ratio", "The compression ratio of the body is above the limit";
     EmptyBody = UNPROCESSABLE_ENTITY, "empty-body", "The body is empty";
     TooSlow = REQUEST_TIMEOUT, "too-slow", "The body did not arrive in time";
+    Unauthorized = UNAUTHORIZED, "unauthorized", "A valid key is needed";
+    MissingScope = FORBIDDEN, "missing-scope", "The key does not allow this request";
+    TooManyRequests = TOO_MANY_REQUESTS, "too-many-requests", "Too many requests, or too many wrong keys";
+    PassedOn = FORBIDDEN, "passed-on", "Requests through a proxy need keys";
     CrossOrigin = FORBIDDEN, "cross-origin-write", "Web pages of other origins may not write";
     CrossOriginRead = FORBIDDEN, "cross-origin-read", "Web pages of other origins may not read with a key";
     Misdirected = MISDIRECTED_REQUEST, "misdirected", "The service does not serve the host of the request";
@@ -95,6 +109,7 @@ kinds! {
     UnreachableTarget = UNPROCESSABLE_ENTITY, "unreachable-target", "No compressed file meets the target";
     UnfitQuery = UNPROCESSABLE_ENTITY, "unfit-query", "The query does not fit the material";
     NotAvailable = UNPROCESSABLE_ENTITY, "not-available", "The material cannot be exported to this format";
+    QuotaExceeded = FORBIDDEN, "quota-exceeded", "The request would exceed a limit of the tenant";
     InUse = CONFLICT, "in-use", "Another resource depends on the resource";
     WrongOffset = CONFLICT, "wrong-offset", "The offset differs from the number of bytes received";
     IncompleteUpload = CONFLICT, "incomplete-upload", "The upload is incomplete";
@@ -117,12 +132,17 @@ kinds! {
 
 impl Problem {
     pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: shown(&detail.into(), LONGEST_DETAIL), header: None }
+        Self { kind, detail: shown(&detail.into(), LONGEST_DETAIL), header: None, quota: None }
     }
 
     pub(crate) fn with(mut self, name: header::HeaderName, value: &str) -> Self {
         self.header = HeaderValue::from_str(value).ok().map(|value| (name, value));
         self
+    }
+
+    /// Returns the code of the error's type.
+    pub(crate) fn code(&self) -> &'static str {
+        self.kind.code()
     }
 
     /// Prefixes the detail text of an error with the location of the error, for example a line number.
@@ -172,6 +192,8 @@ impl Problem {
             title: self.kind.title(),
             status: self.kind.status().as_u16(),
             detail: self.detail.clone(),
+            limit: self.quota.as_ref().map(|quota| quota.0),
+            used: self.quota.as_ref().map(|quota| quota.1),
         }
     }
 }
@@ -323,6 +345,7 @@ impl From<IngestError> for Problem {
             IngestError::Store(error) => error.into(),
             IngestError::Catalog(error) => error.into(),
             IngestError::Foreign(reason) => Self::foreign(&reason),
+            IngestError::Over(over) => over.into(),
         }
     }
 }
@@ -341,6 +364,16 @@ impl From<MaterialError> for Problem {
     }
 }
 
+impl From<OverQuota> for Problem {
+    fn from(over: OverQuota) -> Self {
+        let kind = match over.what {
+            Limited::Bytes | Limited::Materials => Kind::QuotaExceeded,
+            Limited::Queued => Kind::TooManyJobs,
+        };
+        Self { quota: Some(Box::new((over.limit, over.used))), ..Self::new(kind, over.to_string()) }
+    }
+}
+
 impl From<JobProblem> for Problem {
     fn from(problem: JobProblem) -> Self {
         let kind = match problem.code {
@@ -353,6 +386,7 @@ impl From<JobProblem> for Problem {
             Code::Unavailable => Kind::Unavailable,
             Code::OutOfMemory => Kind::OutOfMemory,
             Code::WorkerLost => Kind::WorkerLost,
+            Code::QuotaExceeded => Kind::QuotaExceeded,
         };
         // Transient and internal failures were logged where they happened.
         match problem.code {

@@ -1,89 +1,96 @@
-//! Names of materials that the catalog has lately shown to exist, kept for a moment to spare each download a query.
+//! Materials that callers were lately found to be allowed to read, kept for a moment to spare each download a query.
 
+use crate::catalog::Visible;
 use crate::store::Digest;
+use crate::trust::Tenant;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Time for which an answer of the catalog is trusted. Raising it spares queries, but a material that another process
-/// has deleted, or a new name, is noticed later.
+/// has deleted, closed or renamed is noticed later.
 const TRUSTED: Duration = Duration::from_secs(2);
 
-/// Upper bound on the materials that are remembered at once.
-const MATERIALS: u64 = 10_000;
+/// Upper bound on the pairs of a tenant and a material that are remembered at once.
+const PAIRS: u64 = 10_000;
 
-/// Memory of the materials that exist, with their names. A deletion by this process is noticed at once, one by another
-/// process within [`TRUSTED`].
+/// Memory of the materials that tenants may read. A change by this process is noticed at once, one by another process
+/// within [`TRUSTED`].
 #[derive(Clone, Debug)]
 pub(crate) struct Remembered {
-    names: moka::sync::Cache<Digest, Option<Arc<str>>>,
-    /// Number of deletions by this process.
-    deletions: Arc<AtomicU64>,
+    /// For each reader and material: the number of changes when the catalog was asked, and its answer.
+    found: moka::sync::Cache<(Tenant, Digest), (u64, Arc<Visible>)>,
+    /// Number of deletions and closings by this process.
+    changes: Arc<AtomicU64>,
 }
 
 impl Remembered {
     pub(crate) fn new() -> Self {
-        let names = moka::sync::Cache::builder().max_capacity(MATERIALS).time_to_live(TRUSTED).build();
-        Self { names, deletions: Arc::default() }
+        let found = moka::sync::Cache::builder().max_capacity(PAIRS).time_to_live(TRUSTED).build();
+        Self { found, changes: Arc::default() }
     }
 
-    /// Returns the name of a material that exists, from memory or as `ask` finds it. `None` if there is no such
-    /// material, which is never remembered.
-    pub(crate) async fn name<E>(
+    /// Returns how `reader` may read a material, from memory or as `ask` finds it. A refusal is never remembered.
+    pub(crate) async fn visible<E>(
         &self,
+        reader: &Tenant,
         id: Digest,
-        ask: impl Future<Output = Result<Option<Option<String>>, E>>,
-    ) -> Result<Option<Option<Arc<str>>>, E> {
-        if let Some(name) = self.names.get(&id) {
-            return Ok(Some(name));
+        ask: impl Future<Output = Result<Option<Visible>, E>>,
+    ) -> Result<Option<Arc<Visible>>, E> {
+        let key = (reader.clone(), id);
+        // Read before the catalog is asked: an answer that a change has overtaken is never used again.
+        let changes = self.changes.load(Ordering::SeqCst);
+        if let Some((then, visible)) = self.found.get(&key)
+            && then == changes
+        {
+            return Ok(Some(visible));
         }
-        let deletions = self.deletions.load(Ordering::SeqCst);
-        let Some(name) = ask.await? else { return Ok(None) };
-        let name = name.map(Arc::from);
-        self.names.insert(id, name.clone());
-        // A deletion while the catalog was asked may have come before the insertion.
-        if self.deletions.load(Ordering::SeqCst) != deletions {
-            self.names.invalidate(&id);
-        }
-        Ok(Some(name))
+        let Some(visible) = ask.await?.map(Arc::new) else { return Ok(None) };
+        self.found.insert(key, (changes, Arc::clone(&visible)));
+        Ok(Some(visible))
     }
 
-    /// Forgets a material that was deleted from the catalog.
-    pub(crate) fn forget(&self, id: Digest) {
-        self.deletions.fetch_add(1, Ordering::SeqCst);
-        self.names.invalidate(&id);
+    /// Forgets everything after a material was deleted, or a tenant may no longer read it.
+    pub(crate) fn forget(&self) {
+        self.changes.fetch_add(1, Ordering::SeqCst);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalog::Sight;
     use std::convert::Infallible;
 
-    type Answer = Result<Option<Option<String>>, Infallible>;
+    type Answer = Result<Option<Visible>, Infallible>;
 
-    #[tokio::test]
-    async fn the_catalog_is_asked_once_until_a_deletion() {
-        let (remembered, id) = (Remembered::new(), Digest::of(b"vase"));
-        let there = async || -> Answer { Ok(Some(Some("Vase".to_owned()))) };
-        let gone = async || -> Answer { Ok(None) };
-        assert_eq!(remembered.name(id, gone()).await, Ok(None), "nothing is remembered of what is not there");
-        for answer in [there().await, gone().await] {
-            let name = remembered.name(id, async { answer }).await.unwrap();
-            assert_eq!(name.flatten().as_deref(), Some("Vase"));
-        }
-        remembered.forget(id);
-        assert_eq!(remembered.name(id, gone()).await, Ok(None));
+    fn vase() -> Visible {
+        Visible { owner: Tenant::default(), name: Some("Vase".to_owned()), is_public: false, sight: Sight::Own }
     }
 
     #[tokio::test]
-    async fn a_deletion_while_the_catalog_answers_is_not_forgotten() {
-        let (remembered, id) = (Remembered::new(), Digest::of(b"vase"));
+    async fn the_catalog_is_asked_once_until_a_change() {
+        let (remembered, id, reader) = (Remembered::new(), Digest::of(b"vase"), Tenant::default());
+        let gone = async || -> Answer { Ok(None) };
+        assert_eq!(remembered.visible(&reader, id, gone()).await, Ok(None), "no refusal is remembered");
+        for answer in [Ok(Some(vase())), gone().await] {
+            let found = remembered.visible(&reader, id, async { answer }).await.unwrap();
+            assert_eq!(found.as_deref(), Some(&vase()));
+        }
+        let other: Tenant = "other".parse().unwrap();
+        assert_eq!(remembered.visible(&other, id, gone()).await, Ok(None), "another tenant is asked for anew");
+        remembered.forget();
+        assert_eq!(remembered.visible(&reader, id, gone()).await, Ok(None));
+    }
+
+    #[tokio::test]
+    async fn a_change_while_the_catalog_answers_is_not_forgotten() {
+        let (remembered, id, reader) = (Remembered::new(), Digest::of(b"vase"), Tenant::default());
         let late = async {
-            remembered.forget(id);
-            Answer::Ok(Some(None))
+            remembered.forget();
+            Answer::Ok(Some(vase()))
         };
-        assert_eq!(remembered.name(id, late).await, Ok(Some(None)), "it was there when the catalog was asked");
-        assert_eq!(remembered.name(id, async { Answer::Ok(None) }).await, Ok(None));
+        assert!(remembered.visible(&reader, id, late).await.unwrap().is_some(), "it was there when it was asked for");
+        assert_eq!(remembered.visible(&reader, id, async { Answer::Ok(None) }).await, Ok(None));
     }
 }

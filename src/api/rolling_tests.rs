@@ -13,16 +13,17 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 /// The next program: it adds a column that may be null and an index, which is made while others write, and understands
-/// jobs of level 2.
+/// jobs of one more level.
 const NEXT: Edition = Edition {
     migrations: &[
         EDITION.migrations[0],
         EDITION.migrations[1],
         EDITION.migrations[2],
-        ("0004_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
-        ("0005_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
+        EDITION.migrations[3],
+        ("0005_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
+        ("0006_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
-    level: 2,
+    level: EDITION.level + 1,
 };
 
 /// Arguments of a job that makes the second table of the paper.

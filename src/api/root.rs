@@ -1,18 +1,18 @@
 //! Root of the interface: introduction, health, metrics and description.
 
 use super::figures::page;
+use super::guard::AuthMode;
 use super::places::Places;
 use super::problem::{Kind, Problem};
 use super::schemas::Described;
-use super::state::App;
-use axum::extract::State;
+use super::state::{App, Service};
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of the start page (first commands to try), the health checks, the metrics and the OpenAPI description.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(index))
         .routes(routes!(healthz))
@@ -26,12 +26,18 @@ pub(crate) fn routes() -> OpenApiRouter<App> {
     get, path = "/", tag = "root",
     responses((status = 200, description = "Introduction as plain text", body = String, content_type = "text/plain"))
 )]
-async fn index(headers: HeaderMap) -> String {
+async fn index(app: App, headers: HeaderMap) -> String {
     // The host is the client's own word and goes back to it as plain text only.
     let host = headers.get(header::HOST).and_then(|value| value.to_str().ok()).unwrap_or("127.0.0.1:8080");
+    let key = match app.guard.mode {
+        AuthMode::Off => "",
+        AuthMode::Keys | AuthMode::KeysAndAnonymousRead => {
+            "Requests need a key: add -H 'Authorization: Bearer KEY' to each.\n\n"
+        }
+    };
     format!(
         "wavelume {version}: acquired radiometric measurements, compressed to a promised error.\n\n\
-         Upload a measurement (IES, EULUMDAT, spectral tables, BRDF files, npy …) and see what was understood:\n\
+         {key}Upload a measurement (IES, EULUMDAT, spectral tables, BRDF files, npy …) and see what was understood:\n\
          \n  curl --data-binary @lamp.ies 'http://{host}/v1/measurements?filename=lamp.ies'\n\n\
          Compress it to 1 % (put the id of the answer in):\n\
          \n  curl -H 'Content-Type: application/json' -H 'Prefer: wait=30' \\\n       \
@@ -62,7 +68,7 @@ async fn healthz() -> &'static str {
     get, path = "/readyz", tag = "root",
     responses((status = 200, description = "The service is ready: `ready`, or `degraded` and the reason", body = String, content_type = "text/plain"))
 )]
-async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
+async fn readyz(app: App) -> Result<&'static str, Problem> {
     if app.stopping.is_cancelled() {
         return Err(Problem::new(Kind::Unavailable, "stopping: running requests and jobs end"));
     }
@@ -82,7 +88,7 @@ async fn readyz(State(app): State<App>) -> Result<&'static str, Problem> {
     get, path = "/metrics", tag = "root",
     responses((status = 200, description = "The metrics", body = String, content_type = "text/plain"))
 )]
-async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
+async fn metrics_page(app: App) -> Result<Response, Problem> {
     let jobs = app.engine.archive.catalog.job_counts().await?;
     metrics::gauge!("wavelume_jobs", "state" => "queued").set(jobs.queued as f64);
     metrics::gauge!("wavelume_jobs", "state" => "running").set(jobs.running as f64);
@@ -103,7 +109,7 @@ async fn metrics_page(State(app): State<App>) -> Result<Response, Problem> {
     get, path = "/openapi.json", tag = "root",
     responses((status = 200, description = "OpenAPI 3.1 document", body = Described))
 )]
-async fn openapi_json(State(app): State<App>) -> Response {
+async fn openapi_json(app: App) -> Response {
     let json = HeaderValue::from_static("application/json");
     ([(header::CONTENT_TYPE, json)], app.openapi.to_string()).into_response()
 }

@@ -44,6 +44,11 @@ macro_rules! described {
 }
 
 described! {
+    /// Schema of the id of a tenant.
+    TenantText = "TenantId", text("1 to 40 of a–z, 0–9 and `-`, the first one a letter.")
+        .pattern(Some("^[a-z][a-z0-9-]{0,39}$"));
+    /// Schema of the choice of materials that a list has.
+    VisibleText = "Visible", one_of("Whose materials are listed.", ["own", "shared", "public"]);
     /// Schema of the id of a job.
     JobIdText = "JobId", text("UUID of a job.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
@@ -51,6 +56,9 @@ described! {
     TusVersion = "TusVersion", one_of("Version of the protocol of resumable uploads.", ["1.0.0"]);
     /// Schema of the id of a resumable upload.
     UploadIdText = "UploadId", text("Id of an upload: 32 lower-case hexadecimal digits.").pattern(Some("^[0-9a-f]{32}$"));
+    /// Schema of the public id of an access key.
+    KeyIdText = "KeyId", text("Id of an access key: 10 digits and lower-case letters without i, l, o and u.")
+        .pattern(Some("^[0-9a-hjkmnp-tv-z]{10}$"));
     /// Schema of a cursor, the value `next` of a page of a list.
     CursorText = "Cursor", text("Value `next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
     /// Schema of a text by which a list is filtered.

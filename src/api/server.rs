@@ -5,12 +5,15 @@ use super::connection::{Entrance, Host};
 use super::content_cache::Contents;
 use super::descriptors;
 use super::figures::{keep_up, recorder};
+use super::first_key::{self, BootstrapKey};
+use super::guard::{AuthMode, Guard};
 use super::places::Peer;
 use super::remembered::Remembered;
 use super::router::{openapi, router};
 use super::state::{App, Held, Shared};
 use super::tls::{Current, Handshake, TlsFiles};
-use crate::jobs::{ArchiveError, Engine, WorkConfig, run_workers, watch_jobs};
+use crate::jobs::{ArchiveError, Engine, Site, WorkConfig, run_workers, watch_jobs};
+use crate::trust::Scopes;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,6 +38,13 @@ pub struct ServeConfig {
     /// Web origins (`https://app.example.org`) whose pages may read answers and send queries; pages of other origins
     /// may not.
     pub origins: Vec<String>,
+    /// Rule by which the service decides who may use it.
+    pub auth: AuthMode,
+    /// Permission to run without keys on an address that other machines reach, and behind a proxy.
+    pub insecure: bool,
+    /// Text of a key that is stored with all scopes when the service starts for the first time; ignored once there is a
+    /// key, and without keys.
+    pub bootstrap_key: Option<BootstrapKey>,
     /// Files of the certificate with which connections are encrypted (TLS); `None` serves plain HTTP.
     pub tls: Option<TlsFiles>,
     /// Configuration of stored data and of work: data directory, threads, workers and limits.
@@ -44,7 +54,16 @@ pub struct ServeConfig {
 impl ServeConfig {
     /// Builds a configuration with defaults for everything but the data directory and the address.
     pub fn new(data: impl Into<PathBuf>, listen: SocketAddr) -> Self {
-        Self { listen, names: Vec::new(), origins: Vec::new(), tls: None, work: WorkConfig::new(data) }
+        Self {
+            listen,
+            names: Vec::new(),
+            origins: Vec::new(),
+            auth: AuthMode::Off,
+            insecure: false,
+            bootstrap_key: None,
+            tls: None,
+            work: WorkConfig::new(data),
+        }
     }
 }
 
@@ -65,6 +84,19 @@ pub enum ServeError {
     /// The OpenAPI description of the HTTP interface cannot be written as JSON.
     #[error("the description of the HTTP interface cannot be written: {0}")]
     Description(serde_json::Error),
+    /// The service would let everybody on the network read, write and delete.
+    #[error(
+        "on {address} everybody who reaches this machine could read, write and delete, because the service runs without \
+         keys: make a key with `wavelume keys create{place} --name admin --scopes {scopes}` and start with `wavelume \
+         serve{place} --listen {address} --auth keys`; --insecure starts without keys all the same",
+        scopes = Scopes::all()
+    )]
+    Unguarded {
+        /// Socket address on which the service was to listen.
+        address: SocketAddr,
+        /// Options of the commands that name the data of the service, each after a space.
+        place: String,
+    },
     /// The certificate or its key cannot be used.
     #[error("the certificate cannot be used: {0}")]
     Certificate(String),
@@ -97,6 +129,7 @@ pub struct Server {
     address: SocketAddr,
     listener: TcpListener,
     access: Arc<Access>,
+    guard: Arc<Guard>,
     certificate: Option<Arc<Current>>,
     engine: Arc<Engine>,
     workers: usize,
@@ -105,6 +138,9 @@ pub struct Server {
 impl Server {
     /// Binds the address and opens the data directory.
     pub async fn bind(mut config: ServeConfig) -> Result<Self, ServeError> {
+        if config.auth == AuthMode::Off && !config.insecure && !is_local(config.listen) {
+            return Err(ServeError::Unguarded { address: config.listen, place: place(&config.work.site) });
+        }
         // Metrics of what follows would be lost without it.
         recorder();
         let certificate = config.tls.map(|files| Current::open(files).map(Arc::new)).transpose();
@@ -117,9 +153,15 @@ impl Server {
         if let Some(descriptors) = descriptors::limit() {
             descriptors::fit(&mut config.work.limits, descriptors);
         }
+        // Without keys there is one tenant, and clients are told apart by their addresses.
+        config.work.by_tenant = config.auth != AuthMode::Off;
         let engine = Engine::open(&config.work).await?;
+        let guard = Guard::new(config.auth, config.insecure, &engine.limits);
+        if let Some(key) = config.bootstrap_key.filter(|_| config.auth != AuthMode::Off) {
+            first_key::store(&engine, &key).await.map_err(ArchiveError::from)?;
+        }
         let workers = config.work.workers;
-        Ok(Self { address, listener, access: Arc::new(access), certificate, engine, workers })
+        Ok(Self { address, listener, access: Arc::new(access), guard, certificate, engine, workers })
     }
 
     /// Returns the socket address that the service is bound to, with the port actually in use.
@@ -139,25 +181,30 @@ impl Server {
         self,
         shutdown: impl Future<Output = S> + Send + 'static,
     ) -> Result<(), ServeError> {
-        let Self { address, listener, access, certificate, engine, workers } = self;
+        let Self { address, listener, access, guard, certificate, engine, workers } = self;
         let handshake = certificate.clone().map(Handshake::new).transpose();
         let handshake = handshake.map_err(|error| ServeError::Certificate(error.to_string()))?;
         let (stopping, stop, cut) = (CancellationToken::new(), CancellationToken::new(), CancellationToken::new());
         let json = openapi().to_json().map_err(ServeError::Description)?;
         let limits = &engine.limits;
-        let app = App::new(Shared {
+        let shared = Shared {
             held: Held::new(limits),
             contents: Contents::new(limits.content_bytes),
             remembered: Remembered::new(),
-            engine: Arc::clone(&engine),
             access,
+            guard: Arc::clone(&guard),
             stopping: stopping.clone(),
             stop: stop.clone(),
             metrics: recorder(),
             openapi: json.into(),
-        });
+        };
+        let app = App::new(Arc::clone(&engine), shared);
         let (database, store) = engine.archive.places();
-        tracing::info!(%address, %database, %store, workers, "serving");
+        let (auth, insecure) = (guard.mode, guard.is_insecure);
+        tracing::info!(%address, %database, %store, workers, %auth, "serving");
+        if insecure && auth == AuthMode::Off {
+            tracing::warn!(%address, "whoever reaches this address may read, write and delete everything");
+        }
         let working = tokio::spawn({
             let (engine, stopping) = (Arc::clone(&engine), stopping.clone());
             async move { run_workers(&engine, workers, &stopping).await }
@@ -192,6 +239,19 @@ impl Server {
         engine.archive.catalog.close().await;
         tracing::info!("stopped");
         Ok(())
+    }
+}
+
+/// Returns true if only programs on this machine reach the address.
+fn is_local(address: SocketAddr) -> bool {
+    address.ip().to_canonical().is_loopback()
+}
+
+/// Returns the options with which another command finds the database of a service, each after a space.
+fn place(site: &Site) -> String {
+    match &site.database {
+        Some(database) => format!(" --database {database}"),
+        None => format!(" --data {}", site.data.display()),
     }
 }
 

@@ -1,29 +1,46 @@
 //! State that every handler shares.
 
 use super::access::Access;
+use super::caller::Caller;
 use super::content_cache::Contents;
+use super::guard::Guard;
 use super::places::{KIB, Places};
+use super::problem::Problem;
 use super::remembered::Remembered;
 use crate::jobs::{Engine, Limits};
+use crate::trust::Tenant;
+use axum::extract::FromRequestParts;
+use axum::http::Extensions;
+use axum::http::request::Parts;
 use metrics_exporter_prometheus::PrometheusHandle;
 use std::ops::Deref;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// State that every HTTP handler shares. Each layer around a handler clones it for each request.
+/// State of the router. A handler asks for [`App`] instead, and so cannot reach the data of a tenant other than its
+/// caller's. Each layer around a handler clones it for each request.
 #[derive(Clone)]
-pub(crate) struct App(Arc<Shared>);
+pub(crate) struct Service(App);
 
-/// Parts of the state that every HTTP handler shares.
-pub(crate) struct Shared {
+/// State that every HTTP handler shares, for the tenant of its caller; cheap to clone.
+#[derive(Clone)]
+pub(crate) struct App {
+    /// Engine for the data of the caller's tenant.
     pub(crate) engine: Arc<Engine>,
+    shared: Arc<Shared>,
+}
+
+/// Parts of the state that are the same for all tenants.
+pub(crate) struct Shared {
     /// Rules for the request hosts and page origins that are accepted.
     pub(crate) access: Arc<Access>,
+    /// Rule by which callers are admitted, and what is remembered about their keys.
+    pub(crate) guard: Arc<Guard>,
     /// Counts of what clients occupy at a time (requests, uploads, memory), limited per address and in total.
     pub(crate) held: Held,
     /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,
-    /// Memory of the materials that exist.
+    /// Memory of the materials that callers may read.
     pub(crate) remembered: Remembered,
     /// Token that the stop signal cancels: `/readyz` reports it while the listener still answers.
     pub(crate) stopping: CancellationToken,
@@ -35,9 +52,25 @@ pub(crate) struct Shared {
     pub(crate) openapi: Arc<str>,
 }
 
+impl Service {
+    pub(crate) fn new(app: App) -> Self {
+        Self(app)
+    }
+
+    /// Returns the state for the caller of the request with these extensions.
+    pub(crate) fn of(&self, extensions: &Extensions) -> Result<App, Problem> {
+        Ok(self.0.of(&Caller::of_extensions(extensions)?.tenant))
+    }
+}
+
 impl App {
-    pub(crate) fn new(shared: Shared) -> Self {
-        Self(Arc::new(shared))
+    pub(crate) fn new(engine: Arc<Engine>, shared: Shared) -> Self {
+        Self { engine, shared: Arc::new(shared) }
+    }
+
+    /// Returns the state for the data of a tenant.
+    pub(crate) fn of(&self, tenant: &Tenant) -> Self {
+        Self { engine: self.engine.of(tenant), shared: Arc::clone(&self.shared) }
     }
 }
 
@@ -45,7 +78,15 @@ impl Deref for App {
     type Target = Shared;
 
     fn deref(&self) -> &Shared {
-        &self.0
+        &self.shared
+    }
+}
+
+impl FromRequestParts<Service> for App {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, service: &Service) -> Result<Self, Problem> {
+        service.of(&parts.extensions)
     }
 }
 

@@ -74,9 +74,9 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
         }
         Ok((coding, app.held.uploads.take(peer, 1)?))
     });
-    let (coding, _place) = match admitted {
-        Ok(admitted) => admitted,
-        Err(problem) => {
+    let (coding, _place) = match (admitted, lacks_room(app, declared_length(request.headers())).await) {
+        (Ok(admitted), Ok(())) => admitted,
+        (Err(problem), _) | (_, Err(problem)) => {
             linger(request).await;
             return Err(problem);
         }
@@ -90,6 +90,13 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
         linger_body(Body::from_stream(body)).await;
     }
     received
+}
+
+/// Refuses an upload of this size that the limits of the tenant do not allow, before its bytes are received.
+pub(crate) async fn lacks_room(app: &App, bytes: Option<u64>) -> Result<(), Problem> {
+    let Some(bytes) = bytes else { return Ok(()) };
+    let over = app.engine.archive.catalog.lacks_room(bytes).await?;
+    over.map_or(Ok(()), |over| Err(over.into()))
 }
 
 async fn stage(

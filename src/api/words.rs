@@ -1,8 +1,38 @@
 //! Text of a client in logs and answers: on one line, without control characters, and bounded.
 
-/// Returns `text` on one line, safe to display. Control characters, line separators and marks that change the direction
-/// of writing are escaped. Beyond `most` characters the middle is left out.
+use std::borrow::Cow;
+
+/// Openings of the texts that let their holder in: keys and tokens.
+const SECRETS: [&str; 2] = ["wlm_", "wlt_"];
+
+/// Returns true if `text` holds a key or a token, or something like one.
+pub(crate) fn holds_secret(text: &str) -> bool {
+    SECRETS.iter().any(|opening| text.contains(opening))
+}
+
+/// Returns `text` with the rest of every key and token, and of words like them, left out.
+fn without_secrets(text: &str) -> Cow<'_, str> {
+    if !holds_secret(text) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = SECRETS.iter().filter_map(|opening| rest.find(opening)).min() {
+        let (before, secret) = rest.split_at(at);
+        let (opening, secret) = secret.split_at(SECRETS[0].len());
+        out.extend([before, opening, "…"]);
+        // A percent sign, too: an encoded character may stand in the middle.
+        rest = secret.trim_start_matches(|c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '%'));
+    }
+    out.push_str(rest);
+    Cow::Owned(out)
+}
+
+/// Returns `text` on one line, safe to display. Keys and tokens are left out but for their openings; control
+/// characters, line separators and marks that change the direction of writing are escaped. Beyond `most` characters the
+/// middle is left out.
 pub(crate) fn shown(text: &str, most: usize) -> String {
+    let text = &*without_secrets(text);
     // One character has at most four bytes, so that short texts are not counted.
     if text.len() <= most || text.chars().count() <= most {
         return escaped(text.chars());
@@ -38,6 +68,20 @@ mod tests {
     fn ordinary_words_stay_as_they_are() {
         assert_eq!(shown("θ = 30°, `größe`: \"x\"", 100), "θ = 30°, `größe`: \"x\"");
         assert_eq!(shown("", 3), "");
+    }
+
+    #[test]
+    fn keys_and_tokens_are_left_out() {
+        for (text, expected) in [
+            ("/v1/x/wlm_0123456xyz_-06h9E_30ofMo/content", "/v1/x/wlm_…/content"),
+            ("`wlm_a` and wlt_eyJ2.L5x_w%2D, wlm_", "`wlm_…` and wlt_…, wlm_…"),
+            ("wlm_wlt_a wlx_b", "wlm_… wlx_b"),
+        ] {
+            assert_eq!(shown(text, 100), expected);
+        }
+        assert!(holds_secret("id-wlt_1") && !holds_secret("wlm-1"));
+        let cut = shown(&format!("{}wlm_0123456xyz_secret", "x".repeat(95)), 100);
+        assert!(!cut.contains("secret"), "{cut}");
     }
 
     #[test]

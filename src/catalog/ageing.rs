@@ -1,14 +1,16 @@
 //! Batch jobs that have waited for long and become usual ones.
 
 use super::database::Catalog;
-use super::error::CatalogError;
+use super::error::{CatalogError, tenant};
 use super::jobs::{COST, rank};
 use super::priority::Priority;
+use crate::trust::Tenant;
 use sqlx::Row;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Share of the queue to which batch jobs belong once they count as usual ones. All of them together take the turns of
-/// one client.
+/// Share of the queue to which a tenant's batch jobs belong once they count as usual ones. All of them together take
+/// the turns of one client.
 const AGED: &str = "aged";
 
 /// Number of batch jobs, first in the queue, that are examined for their age at once. Raising it makes one transaction
@@ -33,7 +35,7 @@ impl Catalog {
         }
         let mut write = self.write().await?;
         let aged = write.sql(
-            "SELECT id, rank FROM jobs WHERE id IN (SELECT id FROM (SELECT id, not_before FROM jobs \
+            "SELECT id, tenant, rank FROM jobs WHERE id IN (SELECT id FROM (SELECT id, not_before FROM jobs \
              WHERE state = 'queued' AND priority = 1 ORDER BY priority, rank, id LIMIT $2) AS first \
              WHERE not_before <= $1) AND state = 'queued' AND priority = 1{skip}",
         );
@@ -42,28 +44,30 @@ impl Catalog {
             .bind(EXAMINED)
             .fetch_all(&mut *write.transaction)
             .await?;
-        let mut ids = Vec::with_capacity(rows.len());
-        let (mut least, mut greatest) = (i64::MAX, i64::MIN);
+        let mut aged: BTreeMap<Tenant, Vec<(String, i64)>> = BTreeMap::new();
         for row in &rows {
-            ids.push(row.try_get::<String, _>(0)?);
-            let rank: i64 = row.try_get(1)?;
-            (least, greatest) = (least.min(rank), greatest.max(rank));
+            let (id, owner): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+            let owner = tenant("jobs", &id, &owner)?;
+            aged.entry(owner).or_default().push((id, row.try_get(2)?));
         }
-        if ids.is_empty() {
-            return Ok(0);
+        for (tenant, jobs) in aged {
+            let ranks = || jobs.iter().map(|(_, rank)| *rank);
+            let (Some(least), Some(greatest)) = (ranks().min(), ranks().max()) else { continue };
+            // Among themselves they keep their order, and their distances.
+            let start = rank(&mut write, &tenant, AGED, Priority::Usual, greatest - least + COST).await?;
+            let moved = write.sql(
+                "UPDATE jobs SET priority = 0, share = $1, rank = rank + $2 \
+                 WHERE id IN ({each $3}) AND state = 'queued'",
+            );
+            let ids: Vec<&str> = jobs.iter().map(|(id, _)| id.as_str()).collect();
+            sqlx::query(moved)
+                .bind(AGED)
+                .bind(start - least)
+                .bind(serde_json::json!(ids).to_string())
+                .execute(&mut *write.transaction)
+                .await?;
         }
-        // Among themselves they keep their order, and their distances.
-        let start = rank(&mut write, AGED, Priority::Usual, greatest - least + COST).await?;
-        let moved = write.sql(
-            "UPDATE jobs SET priority = 0, share = $1, rank = rank + $2 WHERE id IN ({each $3}) AND state = 'queued'",
-        );
-        sqlx::query(moved)
-            .bind(AGED)
-            .bind(start - least)
-            .bind(serde_json::json!(ids).to_string())
-            .execute(&mut *write.transaction)
-            .await?;
         write.commit().await?;
-        Ok(ids.len())
+        Ok(rows.len())
     }
 }

@@ -10,8 +10,9 @@
 //! doomed while a row names it, and a row cannot name a digest that was doomed before.
 
 use super::database::{Catalog, Write};
-use super::error::{CatalogError, digest};
+use super::error::{CatalogError, digest, tenant};
 use crate::store::{Digest, Object};
+use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::time::Duration;
@@ -58,19 +59,19 @@ pub(crate) enum Doom {
     Gone,
 }
 
-/// SQL query for the catalog rows that refer to a digest; the parameter `$1` is the digest.
+/// SQL query for the catalog rows of the tenant `$2` that refer to the digest `$1`.
 macro_rules! named {
     () => {
-        "SELECT 1 AS kind FROM materials WHERE tenant = 'default' AND id = $1 \
-         UNION ALL SELECT 2 FROM jobs WHERE tenant = 'default' AND report = $1 \
-         UNION ALL SELECT 3 FROM measurements WHERE tenant = 'default' AND content = $1"
+        "SELECT 1 AS kind FROM materials WHERE tenant = $2 AND id = $1 \
+         UNION ALL SELECT 2 FROM jobs WHERE tenant = $2 AND report = $1 \
+         UNION ALL SELECT 3 FROM measurements WHERE tenant = $2 AND content = $1"
     };
 }
 
-/// Query for the row about the stored bytes with the digest `$1`.
+/// Query for the row about the stored bytes of the tenant `$2` with the digest `$1`.
 macro_rules! blob {
     () => {
-        "SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1"
+        "SELECT tenant, digest, generation, bytes, suspect FROM blobs WHERE tenant = $2 AND digest = $1"
     };
 }
 
@@ -89,6 +90,7 @@ impl Catalog {
     pub(crate) async fn blob(&self, digest: Digest) -> Result<Option<Blob>, CatalogError> {
         sqlx::query(blob!())
             .bind(digest.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?
             .map(|row| read(&row))
@@ -106,12 +108,13 @@ impl Catalog {
             let _turn = self.turn().await;
             sqlx::query(self.sql(
                 "INSERT INTO intents (object, tenant, digest, bytes, expires_at) \
-                 VALUES ($1, 'default', $2, $3, {now} + $4) ON CONFLICT (object) DO NOTHING",
+                 VALUES ($1, $5, $2, $3, {now} + $4) ON CONFLICT (object) DO NOTHING",
             ))
             .bind(object.to_string())
             .bind(digest.clone())
             .bind(bytes as i64)
             .bind(time.as_millis() as i64)
+            .bind(self.tenant.to_string())
             .execute(&self.pool)
             .await?;
             Ok(())
@@ -146,9 +149,10 @@ impl Catalog {
     /// it.
     pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {
         let _turn = self.turn().await;
-        sqlx::query("UPDATE blobs SET suspect = 1 WHERE tenant = 'default' AND digest = $1 AND generation = $2")
+        sqlx::query("UPDATE blobs SET suspect = 1 WHERE tenant = $3 AND digest = $1 AND generation = $2")
             .bind(object.digest().to_string())
             .bind(object.generation().to_owned())
+            .bind(object.tenant().to_string())
             .execute(&self.pool)
             .await?;
         Ok(())
@@ -159,11 +163,12 @@ impl Catalog {
         let _turn = self.turn().await;
         sqlx::query(self.sql(
             "UPDATE blobs SET suspect = 0, checked_at = {now}, bytes = $3 \
-             WHERE tenant = 'default' AND digest = $1 AND generation = $2",
+             WHERE tenant = $4 AND digest = $1 AND generation = $2",
         ))
         .bind(object.digest().to_string())
         .bind(object.generation().to_owned())
         .bind(bytes as i64)
+        .bind(object.tenant().to_string())
         .execute(&self.pool)
         .await?;
         Ok(())
@@ -174,6 +179,7 @@ impl Catalog {
     pub(crate) async fn namer(&self, digest: Digest) -> Result<Option<Namer>, CatalogError> {
         let row = sqlx::query(concat!(named!(), " ORDER BY kind LIMIT 1"))
             .bind(digest.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?;
         let kind = row.map(|row| row.try_get::<i64, _>(0)).transpose()?;
@@ -187,18 +193,19 @@ impl Catalog {
     /// Returns the kind and id of a catalog row that refers to `digest`, such as `material b3-…`, if there is one.
     pub(crate) async fn named_by(&self, digest: Digest) -> Result<Option<String>, CatalogError> {
         let row = sqlx::query(
-            "SELECT 'material ' || id FROM materials WHERE tenant = 'default' AND id = $1 \
-             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = 'default' AND report = $1 \
-             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = 'default' AND content = $1 LIMIT 1",
+            "SELECT 'material ' || id FROM materials WHERE tenant = $2 AND id = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = $2 AND report = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = $2 AND content = $1 LIMIT 1",
         )
         .bind(digest.to_string())
+        .bind(self.tenant.to_string())
         .fetch_optional(&self.pool)
         .await?;
         Ok(row.map(|row| row.try_get(0)).transpose()?)
     }
 
-    /// Lists for deletion at most `most` objects whose announced write has expired, and returns their number. They are
-    /// deleted only after a delay of `later`, because a slow write may still be under way.
+    /// Lists for deletion at most `most` objects of all tenants whose announced write has expired, and returns their
+    /// number. They are deleted only after a delay of `later`, because a slow write may still be under way.
     pub(crate) async fn doom_expired(&self, most: u32, later: Duration) -> Result<u64, CatalogError> {
         let mut write = self.write().await?;
         let expired =
@@ -214,18 +221,19 @@ impl Catalog {
         Ok(rows.len() as u64)
     }
 
-    /// Returns at most `most` digests that may be unused, because a row that referred to them was deleted.
-    pub(crate) async fn unnamed(&self, most: u32) -> Result<Vec<Digest>, CatalogError> {
-        let rows = sqlx::query(self.sql(
-            "SELECT digest FROM unnamed WHERE tenant = 'default' AND not_before <= {now} ORDER BY not_before LIMIT $1",
-        ))
+    /// Returns at most `most` digests of all tenants that may be unused, because a row that referred to them was
+    /// deleted.
+    pub(crate) async fn unnamed(&self, most: u32) -> Result<Vec<(Tenant, Digest)>, CatalogError> {
+        let rows = sqlx::query(
+            self.sql("SELECT tenant, digest FROM unnamed WHERE not_before <= {now} ORDER BY not_before LIMIT $1"),
+        )
         .bind(i64::from(most))
         .fetch_all(&self.pool)
         .await?;
         rows.iter()
             .map(|row| {
-                let text: String = row.try_get(0)?;
-                digest("unnamed", &text, &text)
+                let (owner, text): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+                Ok((tenant("unnamed", &text, &owner)?, digest("unnamed", &text, &text)?))
             })
             .collect()
     }
@@ -237,27 +245,33 @@ impl Catalog {
         let text = digest.to_string();
         // The list first: a row that ceases to name the digest later lists it again, and one that ceased before is not
         // seen any more by the statement that looks for names.
-        sqlx::query("DELETE FROM unnamed WHERE tenant = 'default' AND digest = $1")
+        sqlx::query("DELETE FROM unnamed WHERE tenant = $2 AND digest = $1")
             .bind(text.clone())
+            .bind(self.tenant.to_string())
             .execute(&mut *write.transaction)
             .await?;
         // Then the lock: a row that names the digest is written before, and seen by the next statement, or after, and
         // refused by its foreign key.
         let row = sqlx::query(write.sql(concat!(blob!(), "{lock}")))
             .bind(text.clone())
+            .bind(self.tenant.to_string())
             .fetch_optional(&mut *write.transaction)
             .await?;
         let doomed = match row.map(|row| read(&row)).transpose()? {
             None => Doom::Gone,
             Some(blob) => {
-                let named =
-                    sqlx::query(named!()).bind(text.clone()).fetch_optional(&mut *write.transaction).await?.is_some();
-                if named {
+                let named = sqlx::query(named!())
+                    .bind(text.clone())
+                    .bind(self.tenant.to_string())
+                    .fetch_optional(&mut *write.transaction)
+                    .await?;
+                if named.is_some() {
                     Doom::Named
                 } else {
                     let bytes = blob.bytes.map_or(-1, |bytes| bytes as i64);
-                    sqlx::query("DELETE FROM blobs WHERE tenant = 'default' AND digest = $1")
+                    sqlx::query("DELETE FROM blobs WHERE tenant = $2 AND digest = $1")
                         .bind(text.clone())
+                        .bind(self.tenant.to_string())
                         .execute(&mut *write.transaction)
                         .await?;
                     doom(&mut write, blob.object.to_string(), bytes, grace).await?;
@@ -325,24 +339,25 @@ impl Catalog {
         Ok(BlobCounts { live: number(0)?, doomed: number(1)?, doomed_bytes: number(2)? })
     }
 
-    /// Returns the next rows about stored bytes whose digest begins with byte `first`. They are sorted by digest and
-    /// follow the digest `after`.
+    /// Returns the next rows about stored bytes whose digest begins with byte `first`, or with any. They are sorted by
+    /// digest and follow the digest `after`.
     pub(crate) async fn blobs_beginning(
         &self,
-        first: u8,
+        first: Option<u8>,
         after: Option<Digest>,
         most: u32,
     ) -> Result<Vec<Blob>, CatalogError> {
         let low = low(first, after);
         // The character after `f`, the last of a hexadecimal digit.
-        let high = format!("b3-{first:02x}g");
+        let high = first.map_or("b3-g".to_owned(), |first| format!("b3-{first:02x}g"));
         let rows = sqlx::query(
-            "SELECT digest, generation, bytes, suspect FROM blobs \
-             WHERE tenant = 'default' AND digest > $1 AND digest < $2 ORDER BY digest LIMIT $3",
+            "SELECT tenant, digest, generation, bytes, suspect FROM blobs \
+             WHERE tenant = $4 AND digest > $1 AND digest < $2 ORDER BY digest LIMIT $3",
         )
         .bind(low)
         .bind(high)
         .bind(i64::from(most))
+        .bind(self.tenant.to_string())
         .fetch_all(&self.pool)
         .await?;
         rows.iter().map(read).collect()
@@ -351,12 +366,13 @@ impl Catalog {
     /// Returns true if the catalog lists the given object: as stored, as being written, or as waiting for deletion.
     pub(crate) async fn knows(&self, object: &Object) -> Result<bool, CatalogError> {
         let row = sqlx::query(
-            "SELECT 1 FROM blobs WHERE tenant = 'default' AND digest = $1 AND generation = $2 \
+            "SELECT 1 FROM blobs WHERE tenant = $4 AND digest = $1 AND generation = $2 \
              UNION ALL SELECT 1 FROM intents WHERE object = $3 UNION ALL SELECT 1 FROM doomed WHERE object = $3 LIMIT 1",
         )
         .bind(object.digest().to_string())
         .bind(object.generation().to_owned())
         .bind(object.to_string())
+        .bind(object.tenant().to_string())
         .fetch_optional(&self.pool)
         .await?;
         Ok(row.is_some())
@@ -365,8 +381,9 @@ impl Catalog {
     /// Returns true if a digest is listed for the next sweep (removal of unused objects), because a row that referred
     /// to it was deleted.
     pub(crate) async fn is_unnamed(&self, digest: Digest) -> Result<bool, CatalogError> {
-        let row = sqlx::query("SELECT 1 FROM unnamed WHERE tenant = 'default' AND digest = $1")
+        let row = sqlx::query("SELECT 1 FROM unnamed WHERE tenant = $2 AND digest = $1")
             .bind(digest.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?;
         Ok(row.is_some())
@@ -382,7 +399,8 @@ impl Catalog {
     /// Lists a digest for the next sweep, which deletes its object unless a row of the catalog refers to it.
     pub(crate) async fn list_unnamed(&self, digest: Digest) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
-        unname(&mut write, digest.to_string()).await?;
+        let tenant = self.tenant.to_string();
+        unname(&mut write, tenant, digest.to_string()).await?;
         write.commit().await
     }
 }
@@ -425,35 +443,35 @@ pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, Catal
     let digest = object.digest().to_string();
     let inserted = sqlx::query(
         "INSERT INTO blobs (tenant, digest, generation, bytes, checked_at, created_at) \
-         VALUES ('default', $1, $2, $3, $4, $4) ON CONFLICT (tenant, digest) DO NOTHING",
+         VALUES ($5, $1, $2, $3, $4, $4) ON CONFLICT (tenant, digest) DO NOTHING",
     )
     .bind(digest.clone())
     .bind(object.generation().to_owned())
     .bind(bytes)
     .bind(write.now)
+    .bind(object.tenant().to_string())
     .execute(&mut *write.transaction)
     .await?;
     if inserted.rows_affected() == 1 {
         return Ok(true);
     }
     // Another publisher of the same bytes was faster. Its object stays, unless its bytes were found damaged.
-    let row = sqlx::query(
-        write
-            .sql("SELECT digest, generation, bytes, suspect FROM blobs WHERE tenant = 'default' AND digest = $1{lock}"),
-    )
-    .bind(digest.clone())
-    .fetch_optional(&mut *write.transaction)
-    .await?;
+    let row = sqlx::query(write.sql(concat!(blob!(), "{lock}")))
+        .bind(digest.clone())
+        .bind(object.tenant().to_string())
+        .fetch_optional(&mut *write.transaction)
+        .await?;
     let Some(known) = row.map(|row| read(&row)).transpose()? else { return Ok(false) };
     let unused = if known.suspect {
         sqlx::query(
             "UPDATE blobs SET generation = $2, bytes = $3, suspect = 0, checked_at = $4 \
-             WHERE tenant = 'default' AND digest = $1",
+             WHERE tenant = $5 AND digest = $1",
         )
         .bind(digest)
         .bind(object.generation().to_owned())
         .bind(bytes)
         .bind(write.now)
+        .bind(object.tenant().to_string())
         .execute(&mut *write.transaction)
         .await?;
         known.object
@@ -468,15 +486,16 @@ pub(super) async fn take(write: &mut Write, claim: &Claim) -> Result<bool, Catal
 /// readers longer to finish.
 const GRACE: Duration = Duration::from_hours(1);
 
-/// Lists a digest for the next sweep (removal of unused objects), in the transaction that deletes a row that referred
-/// to it.
-pub(super) async fn unname(write: &mut Write, digest: String) -> Result<(), CatalogError> {
+/// Lists a tenant's digest for the next sweep (removal of unused objects), in the transaction that deletes a row that
+/// referred to it.
+pub(super) async fn unname(write: &mut Write, tenant: String, digest: String) -> Result<(), CatalogError> {
     sqlx::query(
-        "INSERT INTO unnamed (tenant, digest, not_before) VALUES ('default', $1, $2) \
+        "INSERT INTO unnamed (tenant, digest, not_before) VALUES ($3, $1, $2) \
          ON CONFLICT (tenant, digest) DO UPDATE SET not_before = excluded.not_before",
     )
     .bind(digest)
     .bind(write.now)
+    .bind(tenant)
     .execute(&mut *write.transaction)
     .await?;
     Ok(())
@@ -492,15 +511,17 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
     Ok(())
 }
 
-/// Returns the text before the first digest that begins with byte `first` and follows the digest `after`.
-pub(super) fn low(first: u8, after: Option<Digest>) -> String {
-    after.map_or_else(|| format!("b3-{first:02x}"), |digest| digest.to_string())
+/// Returns the text before the first digest that begins with byte `first`, or with any, and follows the digest `after`.
+pub(super) fn low(first: Option<u8>, after: Option<Digest>) -> String {
+    let start = || first.map_or("b3-".to_owned(), |first| format!("b3-{first:02x}"));
+    after.map_or_else(start, |digest| digest.to_string())
 }
 
 pub(super) fn read(row: &AnyRow) -> Result<Blob, CatalogError> {
-    let text: String = row.try_get("digest")?;
+    let (text, owner): (String, String) = (row.try_get("digest")?, row.try_get("tenant")?);
+    let owner = tenant("blobs", &text, &owner)?;
     Ok(Blob {
-        object: Object::of(digest("blobs", &text, &text)?, row.try_get("generation")?),
+        object: Object::of(&owner, digest("blobs", &text, &text)?, row.try_get("generation")?),
         bytes: u64::try_from(row.try_get::<i64, _>("bytes")?).ok(),
         suspect: row.try_get::<i64, _>("suspect")? != 0,
     })
@@ -513,11 +534,15 @@ mod tests {
 
     const MINUTE: Duration = Duration::from_mins(1);
 
+    fn fresh(digest: Digest) -> Object {
+        Object::fresh(&Tenant::default(), digest)
+    }
+
     #[tokio::test]
     async fn a_row_is_refused_once_its_intent_has_run_out() {
         for (catalog, _guard) in testing::catalogs().await {
             let lamp = testing::measurement("lamp");
-            let object = Object::fresh(lamp.content);
+            let object = fresh(lamp.content);
             let claim = Claim::Written(object.clone(), 4);
             assert!(matches!(catalog.add_measurement(&lamp, &claim).await.unwrap(), Added::Unpublished), "no intent");
             catalog.intend(&object, 4, Duration::ZERO).await.unwrap();
@@ -525,7 +550,7 @@ mod tests {
             assert!(catalog.measurement(lamp.id).await.unwrap().is_none());
             let unstored = catalog.add_measurement(&lamp, &Claim::Known(lamp.content)).await.unwrap();
             assert!(matches!(unstored, Added::Unpublished), "the digest was never stored");
-            let object = Object::fresh(lamp.content);
+            let object = fresh(lamp.content);
             catalog.intend(&object, 4, MINUTE).await.unwrap();
             assert!(catalog.prolong(&object, MINUTE).await.unwrap());
             let claim = Claim::Written(object, 4);
@@ -539,7 +564,7 @@ mod tests {
     #[tokio::test]
     async fn an_expired_intent_dooms_its_object_for_good() {
         for (catalog, _guard) in testing::catalogs().await {
-            let object = Object::fresh(Digest::of(b"late"));
+            let object = fresh(Digest::of(b"late"));
             catalog.intend(&object, 4, Duration::ZERO).await.unwrap();
             assert_eq!(catalog.doom_expired(9, Duration::ZERO).await.unwrap(), 1);
             assert_eq!(catalog.doom_expired(9, Duration::ZERO).await.unwrap(), 0);
@@ -561,7 +586,7 @@ mod tests {
             testing::add(&catalog, &lamp).await;
             testing::add(&catalog, &other).await;
             assert_eq!(catalog.delete_measurement(lamp.id).await.unwrap(), Deleted::Done);
-            assert_eq!(catalog.unnamed(9).await.unwrap(), [lamp.content]);
+            assert_eq!(catalog.unnamed(9).await.unwrap(), [(Tenant::default(), lamp.content)]);
             assert_eq!(catalog.doom_unnamed(lamp.content, MINUTE).await.unwrap(), Doom::Named);
             assert!(catalog.unnamed(9).await.unwrap().is_empty());
             assert_eq!(catalog.delete_measurement(other.id).await.unwrap(), Deleted::Done);
@@ -580,8 +605,7 @@ mod tests {
     async fn of_two_publishers_one_object_stays_unless_it_is_damaged() {
         for (catalog, _guard) in testing::catalogs().await {
             let lamp = testing::measurement("lamp");
-            let (first, second, third) =
-                (Object::fresh(lamp.content), Object::fresh(lamp.content), Object::fresh(lamp.content));
+            let (first, second, third) = (fresh(lamp.content), fresh(lamp.content), fresh(lamp.content));
             for (object, new) in [(&first, true), (&second, false)] {
                 catalog.intend(object, 4, MINUTE).await.unwrap();
                 let added = catalog.add_measurement(&lamp, &Claim::Written(object.clone(), 4)).await.unwrap();

@@ -4,7 +4,9 @@ use super::blobs::{Blob, low, read};
 use super::database::Catalog;
 use super::error::{CatalogError, digest};
 use crate::store::Digest;
+use crate::trust::Tenant;
 use sqlx::Row;
+use std::collections::BTreeMap;
 
 /// Stored bytes that one process has reserved to check their digest.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,8 +23,8 @@ impl Catalog {
         Ok(sqlx::query(self.sql("SELECT {now}")).fetch_one(&self.pool).await?.try_get(0)?)
     }
 
-    /// Reserves at most `most` stored files whose last check was before the time `before`, the oldest first. They count
-    /// as checked now, so that no other process takes them.
+    /// Reserves at most `most` stored files of all tenants whose last check was before the time `before`, the oldest
+    /// first. They count as checked now, so that no other process takes them.
     pub(crate) async fn claim_checks(&self, before: i64, most: u32) -> Result<Vec<Due>, CatalogError> {
         let due = "SELECT 1 FROM blobs WHERE checked_at < $1 LIMIT 1";
         if sqlx::query(due).bind(before).fetch_optional(&self.pool).await?.is_none() {
@@ -30,8 +32,8 @@ impl Catalog {
         }
         let mut write = self.write().await?;
         let oldest = write.sql(
-            "SELECT digest, generation, bytes, suspect, checked_at FROM blobs \
-             WHERE tenant = 'default' AND checked_at < $1 ORDER BY checked_at LIMIT $2{skip}",
+            "SELECT tenant, digest, generation, bytes, suspect, checked_at FROM blobs \
+             WHERE checked_at < $1 ORDER BY checked_at LIMIT $2{skip}",
         );
         let rows = sqlx::query(oldest).bind(before).bind(i64::from(most)).fetch_all(&mut *write.transaction).await?;
         let now = write.now.max(before);
@@ -39,12 +41,18 @@ impl Catalog {
         for row in &rows {
             claimed.push(Due { blob: read(row)?, checked_at: [row.try_get("checked_at")?, now] });
         }
-        let digests: Vec<String> = claimed.iter().map(|due| due.blob.object.digest().to_string()).collect();
-        sqlx::query(write.sql("UPDATE blobs SET checked_at = $1 WHERE tenant = 'default' AND digest IN ({each $2})"))
-            .bind(now)
-            .bind(serde_json::json!(digests).to_string())
-            .execute(&mut *write.transaction)
-            .await?;
+        let mut digests: BTreeMap<&Tenant, Vec<String>> = BTreeMap::new();
+        for Due { blob, .. } in &claimed {
+            digests.entry(blob.object.tenant()).or_default().push(blob.object.digest().to_string());
+        }
+        for (tenant, digests) in digests {
+            sqlx::query(write.sql("UPDATE blobs SET checked_at = $1 WHERE tenant = $3 AND digest IN ({each $2})"))
+                .bind(now)
+                .bind(serde_json::json!(digests).to_string())
+                .bind(tenant.to_string())
+                .execute(&mut *write.transaction)
+                .await?;
+        }
         write.commit().await?;
         Ok(claimed)
     }
@@ -56,28 +64,27 @@ impl Catalog {
         }
         let mut write = self.write().await?;
         for Due { blob, checked_at: [before, claimed] } in unchecked {
-            sqlx::query(
-                "UPDATE blobs SET checked_at = $3 WHERE tenant = 'default' AND digest = $1 AND checked_at = $2",
-            )
-            .bind(blob.object.digest().to_string())
-            .bind(*claimed)
-            .bind(*before)
-            .execute(&mut *write.transaction)
-            .await?;
+            sqlx::query("UPDATE blobs SET checked_at = $3 WHERE tenant = $4 AND digest = $1 AND checked_at = $2")
+                .bind(blob.object.digest().to_string())
+                .bind(*claimed)
+                .bind(*before)
+                .bind(blob.object.tenant().to_string())
+                .execute(&mut *write.transaction)
+                .await?;
         }
         write.commit().await
     }
 
     /// Returns the digests up to `last` that nothing in the catalog refers to, and that no sweep would find. They begin
-    /// with byte `first` and follow the digest `after`.
+    /// with byte `first`, or with any, and follow the digest `after`.
     pub(crate) async fn orphans(
         &self,
-        first: u8,
+        first: Option<u8>,
         after: Option<Digest>,
         last: Digest,
     ) -> Result<Vec<Digest>, CatalogError> {
         let rows = sqlx::query(
-            "SELECT b.digest FROM blobs b WHERE b.tenant = 'default' AND b.digest > $1 AND b.digest <= $2 \
+            "SELECT b.digest FROM blobs b WHERE b.tenant = $3 AND b.digest > $1 AND b.digest <= $2 \
              AND NOT EXISTS (SELECT 1 FROM measurements m WHERE m.tenant = b.tenant AND m.content = b.digest) \
              AND NOT EXISTS (SELECT 1 FROM materials m WHERE m.tenant = b.tenant AND m.id = b.digest) \
              AND NOT EXISTS (SELECT 1 FROM jobs j WHERE j.tenant = b.tenant AND j.report = b.digest) \
@@ -85,6 +92,7 @@ impl Catalog {
         )
         .bind(low(first, after))
         .bind(last.to_string())
+        .bind(self.tenant.to_string())
         .fetch_all(&self.pool)
         .await?;
         let found = rows.iter().map(|row| {

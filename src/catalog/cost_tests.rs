@@ -93,7 +93,7 @@ async fn statements_of_a_job() {
     cost(&catalog, "beat", times, async |round| catalog.beat(&claimed[round as usize], 0.5, HOUR).await.unwrap()).await;
     let claims = cost(&catalog, "intent", times, async |round| {
         let (id, bytes) = (material(round).id, 3000);
-        let object = Object::fresh(id);
+        let object = Object::fresh(catalog.tenant(), id);
         catalog.intend(&object, bytes, HOUR).await.unwrap();
         Claim::Written(object, bytes)
     });

@@ -6,6 +6,7 @@ use super::file::{self, check};
 use super::lock::Readiness;
 use super::place::Database;
 use super::schema::{Edition, edition};
+use crate::trust::Tenant;
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
 use sqlx::{Any, AnyConnection, AnyPool, ConnectOptions, Connection, Executor, Row, SqlStr, Transaction};
 use std::str::FromStr;
@@ -20,6 +21,8 @@ pub(crate) struct Catalog {
     pub(super) pool: AnyPool,
     pub(super) place: Database,
     pub(super) dialect: Dialect,
+    /// Owner of the rows that are read and written.
+    pub(super) tenant: Tenant,
     /// Schema and jobs that this program understands.
     pub(super) edition: Edition,
     /// Lock that the writers of this process take in turn on SQLite. Waiting for it is fair, unlike SQLite's busy
@@ -34,6 +37,8 @@ pub(crate) struct Catalog {
 pub(super) struct Write {
     pub(super) transaction: Transaction<'static, Any>,
     pub(super) dialect: Dialect,
+    /// Owner of the rows that are written.
+    pub(super) tenant: Tenant,
     /// Start time of the write transaction by the database's clock, ms of the Unix epoch.
     pub(super) now: i64,
     _turn: Option<OwnedMutexGuard<()>>,
@@ -98,7 +103,18 @@ impl Catalog {
             .await?;
         let readiness = Arc::new(Readiness::new(url));
         let (edition, turn, room) = (edition(), Arc::default(), Arc::default());
-        Ok(Self { pool, place: place.clone(), dialect, edition, turn, readiness, room })
+        let tenant = Tenant::default();
+        Ok(Self { pool, place: place.clone(), dialect, tenant, edition, turn, readiness, room })
+    }
+
+    /// Returns the catalog as another tenant sees it: rows of others do not exist there.
+    pub(crate) fn of(&self, tenant: &Tenant) -> Self {
+        Self { tenant: tenant.clone(), ..self.clone() }
+    }
+
+    /// Returns the owner of the rows that are read and written.
+    pub(crate) fn tenant(&self) -> &Tenant {
+        &self.tenant
     }
 
     /// Closes all connections to the catalog's database.
@@ -131,7 +147,7 @@ impl Catalog {
         let mut transaction = self.pool.begin_with(self.dialect.begin()).await?;
         self.readiness.wrote();
         let now = sqlx::query(self.sql("SELECT {now}")).fetch_one(&mut *transaction).await?.try_get(0)?;
-        Ok(Write { transaction, dialect: self.dialect, now, _turn: turn })
+        Ok(Write { transaction, dialect: self.dialect, tenant: self.tenant.clone(), now, _turn: turn })
     }
 
     /// Begins a transaction that reads a page of a list.

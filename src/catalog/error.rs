@@ -1,6 +1,7 @@
 //! Failures of the catalog.
 
 use crate::store::{Digest, NotADigest};
+use crate::trust::{NotATenant, Tenant};
 use sqlx::migrate::MigrateError;
 use std::path::PathBuf;
 
@@ -58,4 +59,9 @@ pub(super) fn breaks_reference(error: &sqlx::Error) -> bool {
 /// Parses a digest in row `id` of a table.
 pub(super) fn digest(table: &'static str, id: &str, text: &str) -> Result<Digest, CatalogError> {
     text.parse().map_err(|error: NotADigest| CatalogError::Row { table, id: id.to_owned(), reason: error.to_string() })
+}
+
+/// Parses the owner of row `id` of a table.
+pub(super) fn tenant(table: &'static str, id: &str, text: &str) -> Result<Tenant, CatalogError> {
+    text.parse().map_err(|error: NotATenant| CatalogError::Row { table, id: id.to_owned(), reason: error.to_string() })
 }

@@ -49,9 +49,9 @@ impl Catalog {
     pub(crate) async fn intend_all(&self, objects: &[(Object, u64)], time: Duration) -> Result<(), CatalogError> {
         let mut write = self.write().await?;
         let until = write.now.saturating_add(time.as_millis() as i64);
-        let rows = objects
-            .iter()
-            .map(|(object, bytes)| json!([object.to_string(), "default", object.digest().to_string(), bytes, until]));
+        let rows = objects.iter().map(|(object, bytes)| {
+            json!([object.to_string(), object.tenant().as_str(), object.digest().to_string(), bytes, until])
+        });
         let columns = ["object", "tenant", "digest", "bytes", "expires_at"].map(str::to_owned);
         insert(&mut write, "intents", &columns, &rows.collect::<Vec<_>>()).await?;
         write.commit().await
@@ -72,7 +72,8 @@ impl Catalog {
         }
         let now = write.now;
         let rows = objects.iter().map(|(object, bytes, created_at)| {
-            json!(["default", object.digest().to_string(), object.generation(), bytes, 0, now, created_at])
+            let tenant = object.tenant().as_str();
+            json!([tenant, object.digest().to_string(), object.generation(), bytes, 0, now, created_at])
         });
         insert(&mut write, "blobs", &blob_columns(), &rows.collect::<Vec<_>>()).await?;
         write.commit().await?;
@@ -99,8 +100,14 @@ impl Filling {
     /// Adds the row of stored bytes that could not be copied. The next upload of the same bytes stores them.
     pub(crate) async fn insert_lost(&mut self, object: &Object) -> Result<(), CatalogError> {
         let now = self.0.now;
-        let row = json!(["default", object.digest().to_string(), object.generation(), -1, 1, now, now]);
+        let tenant = object.tenant().as_str();
+        let row = json!([tenant, object.digest().to_string(), object.generation(), -1, 1, now, now]);
         insert(&mut self.0, "blobs", &blob_columns(), &[row]).await
+    }
+
+    /// Makes the rows added so far visible; the copy goes on.
+    pub(crate) async fn pause(self) -> Result<(), CatalogError> {
+        self.0.commit().await
     }
 
     /// Joins a measurement with its spectrum.
@@ -149,7 +156,7 @@ fn blob_columns() -> [String; 7] {
     ["tenant", "digest", "generation", "bytes", "suspect", "checked_at", "created_at"].map(str::to_owned)
 }
 
-/// Inserts rows in one statement. A tenant that is there already is overwritten.
+/// Inserts rows in one statement. Rows that a service makes at its first start (tenants, keys, usage) are overwritten.
 async fn insert(write: &mut Write, table: &str, names: &[String], rows: &[Value]) -> Result<(), CatalogError> {
     let known = columns(&mut write.transaction, write.dialect, table).await?;
     let mut values = Vec::with_capacity(names.len());
@@ -171,12 +178,15 @@ async fn insert(write: &mut Write, table: &str, names: &[String], rows: &[Value]
         Dialect::Postgres => "json_array_elements(CAST($1 AS json))",
     };
     let list = quoted(names.iter().map(String::as_str));
-    let overwrite = if table == "tenants" {
-        let set: Vec<String> = names.iter().map(|name| format!("\"{name}\" = excluded.\"{name}\"")).collect();
-        format!(" ON CONFLICT (id) DO UPDATE SET {}", set.join(", "))
-    } else {
-        String::new()
+    let own = match table {
+        "tenants" | "keys" => Some("id"),
+        "usage" => Some("tenant, shard"),
+        _ => None,
     };
+    let overwrite = own.map_or_else(String::new, |own| {
+        let set: Vec<String> = names.iter().map(|name| format!("\"{name}\" = excluded.\"{name}\"")).collect();
+        format!(" ON CONFLICT ({own}) DO UPDATE SET {}", set.join(", "))
+    });
     let text =
         format!("INSERT INTO \"{table}\" ({list}) SELECT {} FROM {each} WHERE true{overwrite}", values.join(", "));
     sqlx::query(AssertSqlSafe(text)).bind(Value::from(rows).to_string()).execute(&mut *write.transaction).await?;

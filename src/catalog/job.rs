@@ -3,7 +3,9 @@
 use super::blobs::Claim;
 use super::materials::NewMaterial;
 use super::priority::Priority;
+use super::usage::OverQuota;
 use crate::store::Digest;
+use crate::trust::Tenant;
 use std::fmt;
 use std::time::Duration;
 
@@ -85,6 +87,8 @@ pub(crate) enum Enqueued {
     NoMeasurement,
     /// The queue is full: too many jobs are waiting.
     Full,
+    /// As many jobs of the tenant are waiting as its limit allows.
+    Over(OverQuota),
 }
 
 /// A job that a worker has claimed to run it.
@@ -92,6 +96,8 @@ pub(crate) enum Enqueued {
 pub(crate) struct Claimed {
     /// Id of the job.
     pub id: String,
+    /// Owner of the job, of what it reads and of what it makes.
+    pub tenant: Tenant,
     /// Arguments of the job, encoded as a text for the queue.
     pub frame: String,
     /// Fencing epoch: a number that rises with each claim of the job, and that every later write of the worker must
@@ -151,6 +157,8 @@ pub(crate) enum Ending {
     /// The result's stored bytes were deleted, or the permission to refer to them has expired, so the catalog was not
     /// changed. The bytes must be stored again.
     Unpublished,
+    /// The material would exceed a limit of the tenant, so the catalog was not changed.
+    Over(OverQuota),
 }
 
 impl JobState {

@@ -193,7 +193,7 @@ async fn a_report_is_named_by_its_job_until_that_is_forgotten() {
         assert_eq!((row.measurement, row.material, row.report), (None, None, Some(report)));
         assert_eq!(catalog.namer(report).await.unwrap(), Some(Namer::Report));
         assert_eq!(catalog.named_by(report).await.unwrap().as_deref(), Some("job 1"));
-        let long = Retention { succeeded: LEASE, failed: LEASE, keys: LEASE };
+        let long = Retention { succeeded: LEASE, failed: LEASE, keys: LEASE, acts: LEASE };
         assert_eq!(catalog.forget(&long).await.unwrap(), 0);
         tokio::time::sleep(Duration::from_millis(20)).await;
         let short = Retention { succeeded: Duration::ZERO, ..long };

@@ -10,7 +10,9 @@ use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
 use super::page::{Cursor, Page, filtered};
 use super::priority::Priority;
+use super::usage::{Limited, OverQuota};
 use crate::store::Digest;
+use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::sync::atomic::Ordering::Relaxed;
@@ -24,6 +26,12 @@ macro_rules! columns {
 /// Cost of a job that reads no measurement: the distance by which it moves later jobs of its share (jobs of one client)
 /// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
 pub(super) const COST: i64 = 8;
+
+/// Weight of a tenant with the usual share of the workers: each unit of its jobs' cost is [`STEP`] ranks.
+const USUAL: i64 = 100;
+
+/// Ranks for each unit of cost of a job of usual weight. Raising it tells greater weights apart.
+const STEP: i64 = 100;
 
 /// Part of the free places in the queue that a process fills before it counts the waiting jobs of all processes again:
 /// one in this number. Raising it keeps to the limit more exactly where several processes queue jobs, and counts more
@@ -84,12 +92,26 @@ impl Catalog {
         let measurement = new.measurement.map(|digest| digest.to_string());
         let mut cost = COST;
         if let Some(id) = &measurement {
-            let row = sqlx::query("SELECT bytes FROM measurements WHERE tenant = 'default' AND id = $1")
+            let row = sqlx::query("SELECT bytes FROM measurements WHERE tenant = $2 AND id = $1")
                 .bind(id.clone())
+                .bind(self.tenant.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             let Some(row) = row else { return Ok(Enqueued::NoMeasurement) };
             cost = 1 + (row.try_get::<i64, _>(0)? >> 20);
+        }
+        let limits = sqlx::query("SELECT weight, most_queued FROM tenants WHERE id = $1")
+            .bind(self.tenant.to_string())
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        if let Some(row) = limits {
+            // Heavier tenants go on by smaller steps.
+            cost = (cost * STEP * USUAL / row.try_get::<i64, _>(0)?.max(1)).max(1);
+            if let Some(most) = row.try_get::<Option<i64>, _>(1)?
+                && let Some(over) = self.lacks_places(&mut write, most.max(0)).await?
+            {
+                return Ok(Enqueued::Over(over));
+            }
         }
         if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(1)).is_err() {
             let waiting: i64 =
@@ -104,10 +126,10 @@ impl Catalog {
             self.room.store(room / ROOM, Relaxed);
         }
         let share = new.priority.share(&new.share);
-        let rank = rank(&mut write, &share, new.priority, cost).await?;
+        let rank = rank(&mut write, &self.tenant, &share, new.priority, cost).await?;
         let inserted = sqlx::query(
             "INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, not_before, created_at, \
-             updated_at, priority, level) VALUES ($1, 'default', $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7, $8) \
+             updated_at, priority, level) VALUES ($1, $9, $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7, $8) \
              ON CONFLICT (id) DO NOTHING",
         )
         .bind(new.id.clone())
@@ -118,6 +140,7 @@ impl Catalog {
         .bind(write.now)
         .bind(i64::from(new.priority))
         .bind(new.level)
+        .bind(self.tenant.to_string())
         .execute(&mut *write.transaction)
         .await?;
         // A repetition after an answer that was lost finds the job that it has queued.
@@ -126,12 +149,13 @@ impl Catalog {
         {
             let kept = sqlx::query(
                 "INSERT INTO idempotency_keys (tenant, name, body, job, created_at) \
-                 VALUES ('default', $1, $2, $3, $4) ON CONFLICT (tenant, name) DO NOTHING",
+                 VALUES ($5, $1, $2, $3, $4) ON CONFLICT (tenant, name) DO NOTHING",
             )
             .bind(key.clone())
             .bind(body.to_string())
             .bind(new.id.clone())
             .bind(write.now)
+            .bind(self.tenant.to_string())
             .execute(&mut *write.transaction)
             .await?;
             if kept.rows_affected() == 0 {
@@ -149,12 +173,27 @@ impl Catalog {
         Ok(Enqueued::New(row))
     }
 
+    /// Returns the limit on this tenant's waiting jobs, `most`, if no further one fits.
+    async fn lacks_places(&self, write: &mut Write, most: i64) -> Result<Option<OverQuota>, CatalogError> {
+        let waiting: i64 = sqlx::query(
+            "SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE tenant = $1 AND state = 'queued' LIMIT $2) AS waiting",
+        )
+        .bind(self.tenant.to_string())
+        .bind(most)
+        .fetch_one(&mut *write.transaction)
+        .await?
+        .try_get(0)?;
+        let over = OverQuota { what: Limited::Queued, limit: most as u64, used: waiting.max(0) as u64 };
+        Ok((waiting >= most).then_some(over))
+    }
+
     /// Looks up the idempotency key of a request for a job, and returns the answer to the request if the key was used
     /// before.
     async fn known(&self, new: &NewJob) -> Result<Option<Enqueued>, CatalogError> {
         let Some((key, body)) = &new.idempotency else { return Ok(None) };
-        let row = sqlx::query("SELECT body, job FROM idempotency_keys WHERE tenant = 'default' AND name = $1")
+        let row = sqlx::query("SELECT body, job FROM idempotency_keys WHERE tenant = $2 AND name = $1")
             .bind(key.clone())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?;
         let Some(row) = row else { return Ok(None) };
@@ -167,8 +206,9 @@ impl Catalog {
 
     /// Returns the job with the given id, if it exists.
     pub(crate) async fn job(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
-        sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
+        sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1 AND tenant = $2"))
             .bind(id.to_owned())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?
             .map(|row| read(&row))
@@ -197,9 +237,10 @@ impl Catalog {
                 "UPDATE jobs SET cancel_requested = 1, needs = CASE state WHEN 'queued' THEN NULL ELSE needs END, \
                  updated_at = CASE state WHEN 'queued' THEN {now} ELSE updated_at END, \
                  state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
-                 WHERE id = $1 AND state IN ('queued', 'running')",
+                 WHERE id = $1 AND tenant = $2 AND state IN ('queued', 'running')",
             ))
             .bind(id.to_owned())
+            .bind(self.tenant.to_string())
             .execute(&self.pool)
             .await?;
             drop(turn);
@@ -217,7 +258,7 @@ impl Catalog {
     ) -> Result<Page<JobRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
         let statement = filtered(
-            concat!("SELECT ", columns!(), " FROM jobs WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"),
+            concat!("SELECT ", columns!(), " FROM jobs WHERE tenant = $5 AND (created_at, id) < ($1, $2)"),
             &[
                 (filter.state.is_some(), filter.state.map_or("", only)),
                 (filter.measurement.is_some(), "measurement = $3"),
@@ -230,6 +271,7 @@ impl Catalog {
             .bind(after.id)
             .bind(filter.measurement.map(|digest| digest.to_string()))
             .bind(limit as i64 + 1)
+            .bind(self.tenant.to_string())
             .fetch_all(&mut *list)
             .await?;
         list.commit().await?;
@@ -243,9 +285,10 @@ impl Catalog {
         let retried = sqlx::query(self.sql(
             "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
              cancel_requested = 0, not_before = {now}, progress = 0.0, updated_at = {now} \
-             WHERE id = $1 AND state IN ('failed', 'dead', 'cancelled')",
+             WHERE id = $1 AND tenant = $2 AND state IN ('failed', 'dead', 'cancelled')",
         ))
         .bind(id.to_owned())
+        .bind(self.tenant.to_string())
         .execute(&self.pool)
         .await;
         drop(turn);
@@ -274,8 +317,15 @@ fn only(state: JobState) -> &'static str {
 }
 
 /// Returns the rank in the queue of the next job of a share (jobs of one client with one priority), and raises the
-/// share's next rank by the cost of the job. Jobs of one priority are started in ascending order of rank.
-pub(super) async fn rank(write: &mut Write, share: &str, priority: Priority, cost: i64) -> Result<i64, CatalogError> {
+/// share's next rank by the cost of the job. Jobs of one priority are started in ascending order of rank, whoever owns
+/// them.
+pub(super) async fn rank(
+    write: &mut Write,
+    tenant: &Tenant,
+    share: &str,
+    priority: Priority,
+    cost: i64,
+) -> Result<i64, CatalogError> {
     // The running job that was started last has the rank that is being served.
     let served: i64 = sqlx::query(
         "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running' AND priority = $1), \
@@ -287,9 +337,9 @@ pub(super) async fn rank(write: &mut Write, share: &str, priority: Priority, cos
     .await?
     .try_get(0)?;
     let moved = write.sql(
-        "INSERT INTO queue_shares (tenant, share, next_rank, used_at) VALUES ('default', $1, $2 + $3, $4) \
+        "INSERT INTO queue_shares (tenant, share, next_rank, used_at) VALUES ($5, $1, $2 + $3, $4) \
          ON CONFLICT (tenant, share) DO UPDATE SET used_at = $4, next_rank = $3 + CASE WHEN EXISTS \
-         (SELECT 1 FROM jobs WHERE tenant = 'default' AND share = $1 AND state = 'queued') \
+         (SELECT 1 FROM jobs WHERE tenant = $5 AND share = $1 AND state = 'queued') \
          THEN {greater}(queue_shares.next_rank, $2) ELSE $2 END RETURNING next_rank",
     );
     let next: i64 = sqlx::query(moved)
@@ -297,6 +347,7 @@ pub(super) async fn rank(write: &mut Write, share: &str, priority: Priority, cos
         .bind(served)
         .bind(cost)
         .bind(write.now)
+        .bind(tenant.to_string())
         .fetch_one(&mut *write.transaction)
         .await?
         .try_get(0)?;

@@ -2,11 +2,13 @@
 
 use super::blobs::unname;
 use super::database::{Catalog, Write};
-use super::error::{CatalogError, digest};
+use super::error::{CatalogError, digest, tenant};
 use super::measurements::Deleted;
 use super::page::{Cursor, Page, filtered, pattern};
+use super::usage::{Change, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
+use crate::trust::Tenant;
 use serde_json::{Map, Value, json};
 use sqlx::Row;
 use sqlx::any::AnyRow;
@@ -48,6 +50,10 @@ pub(crate) struct MaterialRow {
     pub document: String,
     /// Time at which the material was first stored, ms of the Unix epoch.
     pub created_ms: i64,
+    /// True if everybody may read the material.
+    pub is_public: bool,
+    /// Tenants with which the material is shared, in their order.
+    pub readers: Vec<Tenant>,
 }
 
 /// Filter of a list of materials.
@@ -65,15 +71,16 @@ pub(crate) struct MaterialFilter {
 
 macro_rules! columns {
     () => {
-        "id, name, document, created_at"
+        "id, name, document, created_at, visibility"
     };
 }
 
 impl Catalog {
     /// Returns the material with the given id, if it exists.
     pub(crate) async fn material(&self, id: Digest) -> Result<Option<MaterialRow>, CatalogError> {
-        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE tenant = 'default' AND id = $1"))
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM materials WHERE tenant = $2 AND id = $1"))
             .bind(id.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?;
         let rows: Vec<AnyRow> = row.into_iter().collect();
@@ -83,8 +90,9 @@ impl Catalog {
     /// Returns the name of the material with the given id, if the material exists. This is checked before a cached
     /// answer about the material is used.
     pub(crate) async fn material_name(&self, id: Digest) -> Result<Option<Option<String>>, CatalogError> {
-        let row = sqlx::query("SELECT name FROM materials WHERE tenant = 'default' AND id = $1")
+        let row = sqlx::query("SELECT name FROM materials WHERE tenant = $2 AND id = $1")
             .bind(id.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?;
         Ok(row.map(|row| row.try_get(0)).transpose()?)
@@ -103,19 +111,19 @@ impl Catalog {
             concat!(
                 "SELECT ",
                 columns!(),
-                " FROM materials WHERE tenant = 'default' AND id IN \
-                 (SELECT id FROM materials m WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
+                " FROM materials WHERE tenant = $8 AND id IN \
+                 (SELECT id FROM materials m WHERE tenant = $8 AND (created_at, id) < ($1, $2)"
             ),
             &[
                 (filter.quantity.is_some(), "quantity = $3"),
                 (
                     filter.measurement.is_some(),
-                    "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = 'default' AND s.material = m.id \
+                    "EXISTS (SELECT 1 FROM material_sources s WHERE s.tenant = $8 AND s.material = m.id \
                      AND s.measurement = $4)",
                 ),
                 (
                     filter.tag.is_some(),
-                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = 'default' AND t.material = m.id \
+                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = $8 AND t.material = m.id \
                      AND t.tag = $5)",
                 ),
                 (filter.q.is_some(), "search LIKE $6 ESCAPE '\\'"),
@@ -131,6 +139,7 @@ impl Catalog {
             .bind(filter.tag.clone())
             .bind(filter.q.as_deref().map(pattern))
             .bind(limit as i64 + 1)
+            .bind(self.tenant.to_string())
             .fetch_all(&mut *list)
             .await?;
         list.commit().await?;
@@ -142,24 +151,25 @@ impl Catalog {
     pub(crate) async fn delete_material(&self, id: Digest) -> Result<Deleted, CatalogError> {
         self.repeat(|again| async move {
             let mut write = self.write().await?;
-            let gone = sqlx::query("DELETE FROM materials WHERE tenant = 'default' AND id = $1")
+            let gone = sqlx::query("DELETE FROM materials WHERE tenant = $2 AND id = $1 RETURNING bytes")
                 .bind(id.to_string())
-                .execute(&mut *write.transaction)
+                .bind(self.tenant.to_string())
+                .fetch_optional(&mut *write.transaction)
                 .await?;
-            if gone.rows_affected() == 0 {
-                // A repeated deletion has found its own work.
-                return Ok(if again { Deleted::Done } else { Deleted::Absent });
-            }
-            unname(&mut write, id.to_string()).await?;
+            // A repeated deletion has found its own work.
+            let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
+            unname(&mut write, self.tenant.to_string(), id.to_string()).await?;
+            let bytes = row.try_get::<i64, _>(0)?.max(0) as u64;
+            charge(&mut write, id, Change::material(bytes).undone()).await?;
             write.commit().await?;
             Ok(Deleted::Done)
         })
         .await
     }
 
-    /// Reads rows of materials together with their tags and source measurements, in two further queries for any number
-    /// of rows.
-    async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
+    /// Reads rows of this tenant's materials together with their tags, source measurements and readers, in three
+    /// further queries for any number of rows.
+    pub(super) async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
         let mut materials = Vec::with_capacity(rows.len());
         for row in rows {
             let id: String = row.try_get("id")?;
@@ -170,23 +180,34 @@ impl Catalog {
                 measurements: Vec::new(),
                 document: row.try_get("document")?,
                 created_ms: row.try_get("created_at")?,
+                is_public: row.try_get::<String, _>("visibility")? == PUBLIC,
+                readers: Vec::new(),
             });
         }
         let ids = json!(materials.iter().map(|material| material.id.to_string()).collect::<Vec<_>>()).to_string();
         let at: HashMap<Digest, usize> = materials.iter().enumerate().map(|(at, material)| (material.id, at)).collect();
-        let tags = self.sql("SELECT material, tag FROM material_tags WHERE tenant = 'default' AND material {among $1}");
-        for row in sqlx::query(tags).bind(ids.clone()).fetch_all(&self.pool).await? {
+        let owner = self.tenant.to_string();
+        let tags = self.sql("SELECT material, tag FROM material_tags WHERE tenant = $2 AND material {among $1}");
+        for row in sqlx::query(tags).bind(ids.clone()).bind(owner.clone()).fetch_all(&self.pool).await? {
             let id: String = row.try_get(0)?;
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].tags.push(row.try_get(1)?);
             }
         }
-        let sources = self
-            .sql("SELECT material, measurement FROM material_sources WHERE tenant = 'default' AND material {among $1}");
-        for row in sqlx::query(sources).bind(ids).fetch_all(&self.pool).await? {
+        let sources =
+            self.sql("SELECT material, measurement FROM material_sources WHERE tenant = $2 AND material {among $1}");
+        for row in sqlx::query(sources).bind(ids.clone()).bind(owner.clone()).fetch_all(&self.pool).await? {
             let (id, source): (String, String) = (row.try_get(0)?, row.try_get(1)?);
             if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
                 materials[at].measurements.push(digest("materials", &id, &source)?);
+            }
+        }
+        let shares =
+            self.sql("SELECT material, reader FROM shares WHERE tenant = $2 AND material {among $1} ORDER BY reader");
+        for row in sqlx::query(shares).bind(ids).bind(owner).fetch_all(&self.pool).await? {
+            let (id, reader): (String, String) = (row.try_get(0)?, row.try_get(1)?);
+            if let Some(&at) = at.get(&digest("materials", &id, &id)?) {
+                materials[at].readers.push(tenant("shares", &id, &reader)?);
             }
         }
         for material in &mut materials {
@@ -196,6 +217,9 @@ impl Catalog {
         Ok(materials)
     }
 }
+
+/// Value of the column `visibility` of a material that everybody may read.
+pub(super) const PUBLIC: &str = "public";
 
 /// Key of a manifest under which the errors of an uploaded material against stored measurements are.
 pub(crate) const COMPARED: &str = "measured_again";
@@ -215,12 +239,12 @@ const UNFILLED: &str = "\u{1}";
 ///
 /// The claim on the material's file must be taken before, in the same transaction.
 pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool, CatalogError> {
-    let id = new.id.to_string();
+    let (id, owner) = (new.id.to_string(), write.tenant.to_string());
     // Written first and filled below: of two jobs that end at once the second waits here and then sees the first's row.
     // The update of nothing locks a row that is there already, so that it cannot be deleted before it is filled.
     let row = sqlx::query(
         "INSERT INTO materials (tenant, id, payload, quantity, bytes, name, search, document, created_at) \
-         VALUES ('default', $1, $2, $3, $4, NULL, $7, $5, $6) \
+         VALUES ($8, $1, $2, $3, $4, NULL, $7, $5, $6) \
          ON CONFLICT (tenant, id) DO UPDATE SET payload = excluded.payload RETURNING name, document, search",
     )
     .bind(id.clone())
@@ -230,6 +254,7 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
     .bind(Value::Object(new.document.clone()).to_string())
     .bind(write.now)
     .bind(UNFILLED.to_owned())
+    .bind(owner.clone())
     .fetch_one(&mut *write.transaction)
     .await?;
     let is_new = row.try_get::<String, _>("search")? == UNFILLED;
@@ -249,36 +274,37 @@ pub(super) async fn insert(write: &mut Write, new: &NewMaterial) -> Result<bool,
 
     for measurement in &new.measurements {
         sqlx::query(
-            "INSERT INTO material_sources (tenant, material, measurement) VALUES ('default', $1, $2) \
-             ON CONFLICT DO NOTHING",
+            "INSERT INTO material_sources (tenant, material, measurement) VALUES ($3, $1, $2) ON CONFLICT DO NOTHING",
         )
         .bind(id.clone())
         .bind(measurement.to_string())
+        .bind(owner.clone())
         .execute(&mut *write.transaction)
         .await?;
     }
     for tag in &new.tags {
-        sqlx::query(
-            "INSERT INTO material_tags (tenant, material, tag) VALUES ('default', $1, $2) ON CONFLICT DO NOTHING",
-        )
-        .bind(id.clone())
-        .bind(tag.clone())
-        .execute(&mut *write.transaction)
-        .await?;
+        sqlx::query("INSERT INTO material_tags (tenant, material, tag) VALUES ($3, $1, $2) ON CONFLICT DO NOTHING")
+            .bind(id.clone())
+            .bind(tag.clone())
+            .bind(owner.clone())
+            .execute(&mut *write.transaction)
+            .await?;
     }
-    let tags = sqlx::query("SELECT tag FROM material_tags WHERE tenant = 'default' AND material = $1 ORDER BY tag")
+    let tags = sqlx::query("SELECT tag FROM material_tags WHERE tenant = $2 AND material = $1 ORDER BY tag")
         .bind(id.clone())
+        .bind(owner.clone())
         .fetch_all(&mut *write.transaction)
         .await?;
     let mut words = names;
     for row in &tags {
         words.push(row.try_get(0)?);
     }
-    sqlx::query("UPDATE materials SET name = $2, search = $3, document = $4 WHERE tenant = 'default' AND id = $1")
+    sqlx::query("UPDATE materials SET name = $2, search = $3, document = $4 WHERE tenant = $5 AND id = $1")
         .bind(id)
         .bind(name)
         .bind(words.join("\n").to_lowercase())
         .bind(Value::Object(document).to_string())
+        .bind(owner)
         .execute(&mut *write.transaction)
         .await?;
     Ok(is_new)

@@ -4,6 +4,7 @@ use super::blobs::{Claim, take, unname};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
 use super::page::{Cursor, Page, filtered, pattern};
+use super::usage::{Change, OverQuota, charge};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use sqlx::Row;
@@ -69,6 +70,8 @@ pub(crate) enum Added {
     Row(MeasurementRow, bool),
     /// The spectrum to which the measurement refers was deleted meanwhile, so nothing was written.
     NoSpectrum,
+    /// The measurement would exceed a limit of the tenant, so nothing was written.
+    Over(OverQuota),
     /// The measurement's stored content was deleted, or the permission to refer to it has expired, so no row was
     /// written. The content must be stored again.
     Unpublished,
@@ -111,8 +114,9 @@ impl Catalog {
             return Ok(Added::Unpublished);
         }
         if let Some(spectrum) = new.spectrum {
-            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = 'default' AND id = $1")
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = $2 AND id = $1")
                 .bind(spectrum.to_string())
+                .bind(self.tenant.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             if there.is_none() {
@@ -128,7 +132,7 @@ impl Catalog {
         let inserted = sqlx::query(
             "INSERT INTO measurements \
              (tenant, id, content, spectrum, name, file_name, bytes, format, quantity, search, document, created_at) \
-             VALUES ('default', $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (tenant, id) DO NOTHING",
+             VALUES ($12, $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT (tenant, id) DO NOTHING",
         )
         .bind(new.id.to_string())
         .bind(new.content.to_string())
@@ -141,23 +145,30 @@ impl Catalog {
         .bind(search)
         .bind(new.document.clone())
         .bind(write.now)
+        .bind(self.tenant.to_string())
         .execute(&mut *write.transaction)
         .await?
         .rows_affected();
-        let row =
-            sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
-                .bind(new.id.to_string())
-                .fetch_one(&mut *write.transaction)
-                .await?;
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $2 AND id = $1"))
+            .bind(new.id.to_string())
+            .bind(self.tenant.to_string())
+            .fetch_one(&mut *write.transaction)
+            .await?;
         let row = read(&row)?;
+        if inserted == 1
+            && let Some(over) = charge(&mut write, new.id, Change::measurement(row.bytes)).await?
+        {
+            return Ok(Added::Over(over));
+        }
         write.commit().await?;
         Ok(Added::Row(row, inserted == 1))
     }
 
     /// Returns the measurement with the given id, if it exists.
     pub(crate) async fn measurement(&self, id: Digest) -> Result<Option<MeasurementRow>, CatalogError> {
-        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = 'default' AND id = $1"))
+        sqlx::query(concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $2 AND id = $1"))
             .bind(id.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?
             .map(|row| read(&row))
@@ -173,11 +184,7 @@ impl Catalog {
     ) -> Result<Page<MeasurementRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
         let statement = filtered(
-            concat!(
-                "SELECT ",
-                columns!(),
-                " FROM measurements WHERE tenant = 'default' AND (created_at, id) < ($1, $2)"
-            ),
+            concat!("SELECT ", columns!(), " FROM measurements WHERE tenant = $7 AND (created_at, id) < ($1, $2)"),
             &[
                 (filter.quantity.is_some(), "quantity = $3"),
                 (filter.format.is_some(), "format = $4"),
@@ -193,6 +200,7 @@ impl Catalog {
             .bind(filter.format.clone())
             .bind(filter.q.as_deref().map(pattern))
             .bind(limit as i64 + 1)
+            .bind(self.tenant.to_string())
             .fetch_all(&mut *list)
             .await?;
         list.commit().await?;
@@ -217,26 +225,29 @@ impl Catalog {
 
     async fn try_delete(&self, id: Digest, again: bool) -> Result<Deleted, CatalogError> {
         let mut write = self.write().await?;
-        let id = id.to_string();
         let used = sqlx::query(
-            "SELECT 'material ' || material FROM material_sources WHERE tenant = 'default' AND measurement = $1 \
-             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = 'default' AND spectrum = $1 \
-             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = 'default' AND needs = $1 LIMIT 1",
+            "SELECT 'material ' || material FROM material_sources WHERE tenant = $2 AND measurement = $1 \
+             UNION ALL SELECT 'measurement ' || id FROM measurements WHERE tenant = $2 AND spectrum = $1 \
+             UNION ALL SELECT 'job ' || id FROM jobs WHERE tenant = $2 AND needs = $1 LIMIT 1",
         )
-        .bind(id.clone())
+        .bind(id.to_string())
+        .bind(self.tenant.to_string())
         .fetch_optional(&mut *write.transaction)
         .await?;
         if let Some(row) = used {
             let by: String = row.try_get(0)?;
             return Ok(Deleted::InUse(format!("{by} depends on measurement {id}")));
         }
-        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = 'default' AND id = $1 RETURNING content")
-            .bind(id)
+        let gone = sqlx::query("DELETE FROM measurements WHERE tenant = $2 AND id = $1 RETURNING content, bytes")
+            .bind(id.to_string())
+            .bind(self.tenant.to_string())
             .fetch_optional(&mut *write.transaction)
             .await?;
         // A repeated deletion has found its own work.
         let Some(row) = gone else { return Ok(if again { Deleted::Done } else { Deleted::Absent }) };
-        unname(&mut write, row.try_get(0)?).await?;
+        unname(&mut write, self.tenant.to_string(), row.try_get(0)?).await?;
+        let bytes = row.try_get::<i64, _>(1)?.max(0) as u64;
+        charge(&mut write, id, Change::measurement(bytes).undone()).await?;
         write.commit().await?;
         Ok(Deleted::Done)
     }

@@ -6,6 +6,7 @@
 //! that a transaction never has to give up because it read before it wrote.
 
 mod ageing;
+mod audit;
 mod blobs;
 mod checks;
 #[cfg(test)]
@@ -23,6 +24,7 @@ mod job;
 #[cfg(test)]
 mod job_tests;
 mod jobs;
+mod keys;
 mod lock;
 mod materials;
 mod measurements;
@@ -42,32 +44,43 @@ mod ready;
 mod result_code;
 mod retention;
 mod schema;
+mod sight;
 mod snapshot;
+#[cfg(test)]
+mod tenant_tests;
+mod tenants;
 mod uploaded;
+mod usage;
 mod watch;
 
 pub use error::CatalogError;
 pub use place::Database;
 pub(crate) use place::without_password;
 
+pub(crate) use audit::{Act, ActRow};
 pub(crate) use blobs::{Blob, Claim, Doom, Namer};
 pub(crate) use database::Catalog;
 pub(crate) use dialect::Dialect;
 pub(crate) use examine::{Engine as EngineFacts, Examined, OLDEST_SERVER, Server as ServerFacts};
+pub(crate) use filling::Filling;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub(crate) use jobs::{JobFilter, Retried};
+pub(crate) use keys::{AddedKey, Credential, KeyRow, NewKey};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
 pub(crate) use partial::{Begun, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
-pub(crate) use schema::EDITION;
 pub(crate) use schema::VERSION as SCHEMA;
+pub(crate) use schema::{EDITION, OTHER_TENANTS};
 #[cfg(test)]
 pub(crate) use schema::{Edition, PROGRAM};
+pub(crate) use sight::{Opened, Opening, Sight, Visible};
 pub(crate) use snapshot::TABLES;
+pub(crate) use tenants::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
 pub(crate) use uploaded::Uploaded;
+pub(crate) use usage::{Limited, OverQuota};
 pub(crate) use watch::Notice;
 
 #[cfg(test)]
@@ -131,9 +144,16 @@ pub(crate) mod testing {
 
     /// Announces to the catalog, for a test, that an object with this digest and size in bytes is about to be written.
     pub(crate) async fn publish(catalog: &Catalog, digest: Digest, bytes: u64) -> Claim {
-        let object = Object::fresh(digest);
+        let object = Object::fresh(catalog.tenant(), digest);
         catalog.intend(&object, bytes, Duration::from_mins(1)).await.unwrap();
         Claim::Written(object, bytes)
+    }
+
+    /// Adds a tenant to a test's catalog, and returns the catalog as the tenant sees it.
+    pub(crate) async fn other(catalog: &Catalog, id: &str) -> Catalog {
+        let insert = "INSERT INTO tenants (id, name, created_at) VALUES ($1, $1, 0) ON CONFLICT DO NOTHING";
+        sqlx::query(insert).bind(id).execute(&catalog.pool).await.unwrap();
+        catalog.of(&id.parse().unwrap())
     }
 
     /// Stores a measurement in a test's catalog, as an upload does.

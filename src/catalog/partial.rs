@@ -141,13 +141,14 @@ impl Catalog {
             // A repetition after an answer that was lost finds the upload that it has begun.
             sqlx::query(
                 "INSERT INTO uploads (id, tenant, key, length, received, parts, metadata, expires_at) \
-                 VALUES ($1, 'default', $2, $3, 0, 0, $4, $5) ON CONFLICT (id) DO NOTHING",
+                 VALUES ($1, $6, $2, $3, 0, 0, $4, $5) ON CONFLICT (id) DO NOTHING",
             )
             .bind(new.id.clone())
             .bind(new.client.clone())
             .bind(new.length.map(|length| length as i64))
             .bind(new.metadata.clone())
             .bind(expires_ms)
+            .bind(self.tenant.to_string())
             .execute(&mut *write.transaction)
             .await?;
             write.commit().await?;
@@ -167,8 +168,9 @@ impl Catalog {
 
     /// Returns an upload, if it exists.
     pub(crate) async fn partial(&self, id: &str) -> Result<Option<Partial>, CatalogError> {
-        sqlx::query(self.sql(concat!("SELECT ", columns!(), " FROM uploads WHERE id = $1")))
+        sqlx::query(self.sql(concat!("SELECT ", columns!(), " FROM uploads WHERE id = $1 AND tenant = $2")))
             .bind(id.to_owned())
+            .bind(self.tenant.to_string())
             .fetch_optional(&self.pool)
             .await?
             .map(|row| read(&row))
@@ -187,13 +189,15 @@ impl Catalog {
         self.repeat(|_| async {
             let turn = self.turn().await;
             let held = sqlx::query(self.sql(
-                "UPDATE uploads SET lease = $2, lease_until = {now} + $3 WHERE id = $1 AND expires_at > {now} \
+                "UPDATE uploads SET lease = $2, lease_until = {now} + $3 \
+                 WHERE id = $1 AND tenant = $5 AND expires_at > {now} \
                  AND (lease IS NULL OR lease = $2 OR lease_until <= {now}) AND ($4 < 0 OR received = $4)",
             ))
             .bind(id.to_owned())
             .bind(holder.to_owned())
             .bind(lease.as_millis() as i64)
             .bind(at.map_or(-1, |at| i64::try_from(at).unwrap_or(i64::MAX)))
+            .bind(self.tenant.to_string())
             .execute(&self.pool)
             .await?;
             drop(turn);
@@ -336,8 +340,9 @@ impl Catalog {
     pub(crate) async fn end_partial(&self, id: &str, later: Duration) -> Result<bool, CatalogError> {
         self.repeat(|again| async move {
             let mut write = self.write().await?;
-            let gone = sqlx::query("DELETE FROM uploads WHERE id = $1")
+            let gone = sqlx::query("DELETE FROM uploads WHERE id = $1 AND tenant = $2")
                 .bind(id.to_owned())
+                .bind(self.tenant.to_string())
                 .execute(&mut *write.transaction)
                 .await?;
             if gone.rows_affected() == 0 {

@@ -180,7 +180,7 @@ async fn work(on: &mut Explained) {
     let catalog = on.catalog.clone();
     let lamp = measurement(&format!("lamp {}", on.about));
     let claim = on.check("intend", FEW, false, publish(&catalog, lamp.content, 9)).await;
-    let object = Object::fresh(lamp.content);
+    let object = Object::fresh(catalog.tenant(), lamp.content);
     catalog.intend(&object, 9, MINUTE).await.unwrap();
     assert!(on.check("prolong", FEW, false, catalog.prolong(&object, MINUTE)).await.unwrap());
     on.check("name", FEW, false, catalog.add_measurement(&lamp, &claim)).await.unwrap();
@@ -293,6 +293,17 @@ async fn look(on: &mut Explained) {
     let made = page.items[0].id;
     on.check("material", FEW, false, catalog.material(made)).await.unwrap().unwrap();
     on.check("namer", FEW, true, catalog.namer(made)).await.unwrap().unwrap();
+    let reader = testing::other(&catalog, "reader").await;
+    assert_eq!(on.check("hidden", FEW, true, reader.sees(made)).await.unwrap(), None);
+    let opening = Opening { is_public: Some(true), readers: Some(vec![reader.tenant().clone()]) };
+    let opened = on.check("open", FEW, false, catalog.open_material(made, &opening)).await.unwrap();
+    assert_eq!(opened, Opened::Done);
+    on.check("sees", FEW, true, reader.sees(made)).await.unwrap().unwrap();
+    let all = MaterialFilter::default();
+    for sight in [Sight::Shared, Sight::Public] {
+        let page = reader.visible_materials(sight, &all, None, 100);
+        assert_eq!(on.check("visible", on.most, true, page).await.unwrap().items.len(), 1);
+    }
     let blob = on.check("blob", FEW, false, catalog.blob(made)).await.unwrap().unwrap();
     assert!(on.check("knows", FEW, false, catalog.knows(&blob.object)).await.unwrap());
     assert_eq!(on.check("delete", FEW, false, catalog.delete_material(made)).await.unwrap(), Deleted::Done);
@@ -305,7 +316,8 @@ async fn sweep(on: &mut Explained) {
     assert!(on.check("expired intents", FEW, false, catalog.doom_expired(BATCH, DAY)).await.unwrap() > 9);
     let unnamed = on.check("unnamed", FEW, false, catalog.unnamed(BATCH)).await.unwrap();
     assert!(unnamed.len() > 9);
-    assert_eq!(on.check("named", FEW, false, catalog.doom_unnamed(unnamed[0], DAY)).await.unwrap(), Doom::Named);
+    let (_, unnamed) = unnamed[0];
+    assert_eq!(on.check("named", FEW, false, catalog.doom_unnamed(unnamed, DAY)).await.unwrap(), Doom::Named);
     let due: Vec<Object> = on
         .check("doomed", FEW, false, catalog.take_doomed(BATCH, MINUTE))
         .await
@@ -315,7 +327,7 @@ async fn sweep(on: &mut Explained) {
         .collect();
     assert!(due.len() > 99);
     on.check("deleted", FEW, false, catalog.deleted(&due)).await.unwrap();
-    on.check("blobs for a check", FEW, false, catalog.blobs_beginning(7, None, 200)).await.unwrap();
+    on.check("blobs for a check", FEW, false, catalog.blobs_beginning(Some(7), None, 200)).await.unwrap();
     let jobs = number(&catalog, "SELECT COUNT(*) FROM jobs").await;
     let succeeded = number(
         &catalog,
@@ -328,7 +340,8 @@ async fn sweep(on: &mut Explained) {
         "SELECT CAST(EXTRACT(EPOCH FROM now()) * 1000 AS BIGINT) - created_at FROM idempotency_keys \
          ORDER BY created_at OFFSET 1100 LIMIT 1",
     );
-    let ages = Retention { succeeded, failed: succeeded, keys: Duration::from_millis(keys.await as u64) };
+    let keys = Duration::from_millis(keys.await as u64);
+    let ages = Retention { succeeded, failed: succeeded, keys, acts: succeeded };
     let forgotten = on.check("retention", on.most, false, catalog.forget(&ages)).await.unwrap();
     assert!(forgotten > 999);
     assert_eq!(number(&catalog, "SELECT COUNT(*) FROM jobs").await, jobs - forgotten as i64);

@@ -5,9 +5,10 @@
 
 use super::blobs::{Claim, take};
 use super::database::Catalog;
-use super::error::{CatalogError, breaks_reference};
+use super::error::{CatalogError, breaks_reference, tenant};
 use super::job::{Beat, Claimed, Ended, Ending, JobState};
 use super::materials::insert;
+use super::usage::{Change, charge};
 use sqlx::Row;
 use std::time::Duration;
 
@@ -32,8 +33,8 @@ macro_rules! lost {
 }
 
 impl Catalog {
-    /// Claims the next job of the queue for a worker, if there is one. Jobs whose ids are in `but` are left to other
-    /// workers.
+    /// Claims the next job of the queue for a worker, if there is one, whoever owns it. Jobs whose ids are in `but` are
+    /// left to other workers.
     pub(crate) async fn claim(
         &self,
         worker: &str,
@@ -51,7 +52,7 @@ impl Catalog {
             "UPDATE jobs SET state = 'running', epoch = epoch + 1, attempts = attempts + 1, worker = $1, \
              lease_until = {now} + $2, progress = 0.0, updated_at = {now} WHERE id = (SELECT id FROM jobs \
              WHERE state = 'queued' AND not_before <= {now} AND level <= $3 AND id NOT IN ({each $4}) \
-             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, frame, epoch, attempts, \
+             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, tenant, frame, epoch, attempts, \
              CASE WHEN watched_until > {now} THEN 1 ELSE 0 END AS watched",
         ))
         .bind(worker.to_owned())
@@ -61,8 +62,10 @@ impl Catalog {
         .fetch_optional(&self.pool)
         .await?;
         let Some(row) = row else { return Ok(None) };
+        let (id, owner): (String, String) = (row.try_get("id")?, row.try_get("tenant")?);
         Ok(Some(Claimed {
-            id: row.try_get("id")?,
+            tenant: tenant("jobs", &id, &owner)?,
+            id,
             frame: row.try_get("frame")?,
             epoch: row.try_get("epoch")?,
             attempts: row.try_get::<i64, _>("attempts")?.max(0) as u32,
@@ -101,7 +104,7 @@ impl Catalog {
     }
 
     async fn try_end(&self, job: &Claimed, ended: &Ended) -> Result<Ending, CatalogError> {
-        let mut write = self.write().await?;
+        let mut write = self.of(&job.tenant).write().await?;
         let owned =
             write.sql("SELECT cancel_requested FROM jobs WHERE id = $1 AND epoch = $2 AND state = 'running'{lock}");
         let owned =
@@ -116,10 +119,11 @@ impl Catalog {
         {
             return Ok(Ending::Unpublished);
         }
-        let (mut material, mut report) = (None, None);
+        let (mut material, mut report, mut change) = (None, None, None);
         let (state, problem, wait, attempts) = match ended {
             Ended::Material(new, _) => {
-                insert(&mut write, new).await?;
+                let is_new = insert(&mut write, new).await?;
+                change = is_new.then(|| (new.id, Change::material(new.bytes)));
                 material = Some(new.id.to_string());
                 (JobState::Succeeded, None, 0, job.attempts)
             }
@@ -162,6 +166,12 @@ impl Catalog {
         if written.rows_affected() != 1 {
             write.undo().await?;
             return Ok(Ending::Lost);
+        }
+        if let Some((id, change)) = change
+            && let Some(over) = charge(&mut write, id, change).await?
+        {
+            write.undo().await?;
+            return Ok(Ending::Over(over));
         }
         write.commit().await?;
         Ok(Ending::Now(state))

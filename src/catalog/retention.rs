@@ -1,4 +1,5 @@
-//! Rows that are not kept for ever: ended jobs, idempotency keys, and places in the queue that nobody uses.
+//! Rows that are not kept for ever: ended jobs, idempotency keys, the audit trail, and places in the queue that nobody
+//! uses.
 
 use super::blobs::unname;
 use super::database::Catalog;
@@ -18,11 +19,13 @@ pub(crate) struct Retention {
     pub failed: Duration,
     /// Age after which idempotency keys are deleted.
     pub keys: Duration,
+    /// Age after which records of the audit trail are deleted.
+    pub acts: Duration,
 }
 
 impl Catalog {
-    /// Deletes ended jobs and idempotency keys that are older than `ages`, and returns the number of deleted jobs. The
-    /// next sweep removes the reports of the deleted jobs.
+    /// Deletes ended jobs, idempotency keys and records of the audit trail, of all tenants, that are older than `ages`,
+    /// and returns the number of deleted jobs. The next sweep removes the reports of the deleted jobs.
     pub(crate) async fn forget(&self, ages: &Retention) -> Result<u64, CatalogError> {
         let mut forgotten = 0;
         for (state, age) in [
@@ -40,6 +43,7 @@ impl Catalog {
             }
         }
         while self.forget_keys(ages.keys).await? == MOST as u64 {}
+        self.forget_acts(ages.acts).await?;
         let _turn = self.turn().await;
         sqlx::query(self.sql(
             "DELETE FROM queue_shares WHERE used_at < {now} - 86400000 AND NOT EXISTS (SELECT 1 FROM jobs \
@@ -66,7 +70,7 @@ impl Catalog {
         let rows = sqlx::query(write.sql(
             "WITH old AS MATERIALIZED (SELECT id FROM jobs WHERE state = $1 AND state NOT IN ('queued', 'running') \
              AND updated_at < $2 ORDER BY updated_at LIMIT $3{skip}) \
-             DELETE FROM jobs WHERE id {among SELECT id FROM old} RETURNING report",
+             DELETE FROM jobs WHERE id {among SELECT id FROM old} RETURNING tenant, report",
         ))
         .bind(state)
         .bind(write.now.saturating_sub(age.as_millis() as i64))
@@ -74,8 +78,8 @@ impl Catalog {
         .fetch_all(&mut *write.transaction)
         .await?;
         for row in &rows {
-            if let Some(report) = row.try_get::<Option<String>, _>(0)? {
-                unname(&mut write, report).await?;
+            if let Some(report) = row.try_get::<Option<String>, _>(1)? {
+                unname(&mut write, row.try_get(0)?, report).await?;
             }
         }
         write.commit().await?;
@@ -85,9 +89,8 @@ impl Catalog {
     async fn forget_keys(&self, age: Duration) -> Result<u64, CatalogError> {
         let _turn = self.turn().await;
         let gone = sqlx::query(self.sql(
-            "WITH old AS MATERIALIZED (SELECT name FROM idempotency_keys WHERE tenant = 'default' \
-             AND created_at < {now} - $1 ORDER BY created_at LIMIT $2) \
-             DELETE FROM idempotency_keys WHERE tenant = 'default' AND name {among SELECT name FROM old}",
+            "WITH old AS MATERIALIZED (SELECT job FROM idempotency_keys WHERE created_at < {now} - $1 \
+             ORDER BY created_at LIMIT $2) DELETE FROM idempotency_keys WHERE job {among SELECT job FROM old}",
         ))
         .bind(age.as_millis() as i64)
         .bind(MOST)

@@ -20,9 +20,14 @@ pub(crate) const EDITION: Edition = Edition {
         ("0001_catalog", include_str!("../../migrations/0001_catalog.sql")),
         ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
         ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
+        ("0004_trust", include_str!("../../migrations/0004_trust.sql")),
     ],
-    level: 1,
+    // 2: jobs of other tenants than the default one, which older workers would look for among the rows of that one.
+    level: OTHER_TENANTS,
 };
+
+/// Version of the arguments of jobs of other tenants than the default one.
+pub(crate) const OTHER_TENANTS: i64 = 2;
 
 /// Version of the database schema that this program works with: the number of the last migration.
 pub(crate) const VERSION: i64 = EDITION.migrations.len() as i64;

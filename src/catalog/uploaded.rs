@@ -4,6 +4,7 @@ use super::blobs::{Claim, take};
 use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
 use super::materials::{NewMaterial, insert};
+use super::usage::{Change, OverQuota, charge};
 use crate::store::Digest;
 use sqlx::Row;
 
@@ -16,6 +17,8 @@ pub(crate) enum Uploaded {
     NoMeasurement(Digest),
     /// The claim on the stored bytes has expired, so nothing was written. The bytes must be stored again.
     Unpublished,
+    /// The material would exceed a limit of the tenant, so nothing was written.
+    Over(OverQuota),
 }
 
 impl Catalog {
@@ -37,8 +40,9 @@ impl Catalog {
             return Ok(Uploaded::Unpublished);
         }
         for measurement in &new.measurements {
-            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = 'default' AND id = $1")
+            let there = sqlx::query("SELECT 1 FROM measurements WHERE tenant = $2 AND id = $1")
                 .bind(measurement.to_string())
+                .bind(self.tenant.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
             if there.is_none() {
@@ -46,6 +50,9 @@ impl Catalog {
             }
         }
         let is_new = insert(&mut write, new).await?;
+        if is_new && let Some(over) = charge(&mut write, new.id, Change::material(new.bytes)).await? {
+            return Ok(Uploaded::Over(over));
+        }
         write.commit().await?;
         Ok(Uploaded::Stored(is_new))
     }
@@ -54,10 +61,11 @@ impl Catalog {
     /// options with which the content is read.
     pub(crate) async fn measurements_of(&self, content: Digest, most: u32) -> Result<Vec<Digest>, CatalogError> {
         let rows = sqlx::query(
-            "SELECT id FROM measurements WHERE tenant = 'default' AND content = $1 ORDER BY created_at, id LIMIT $2",
+            "SELECT id FROM measurements WHERE tenant = $3 AND content = $1 ORDER BY created_at, id LIMIT $2",
         )
         .bind(content.to_string())
         .bind(i64::from(most))
+        .bind(self.tenant.to_string())
         .fetch_all(&self.pool)
         .await?;
         let ids = rows.iter().map(|row| {

@@ -6,7 +6,7 @@ use super::isolate::IsolateArgs;
 use super::jobs::UrlArg;
 use super::keys::{Key, Kind};
 use super::output::{print, print_json};
-use super::serve::ReachArgs;
+use super::serve::{AccessArgs, ReachArgs};
 use super::settings::{self, Settings};
 use super::site::PlaceArgs;
 use super::tls::{TlsArgs, TrustArg};
@@ -28,6 +28,8 @@ pub(crate) struct Args {
     trust: TrustArg,
     #[command(flatten)]
     reach: ReachArgs,
+    #[command(flatten)]
+    access: AccessArgs,
     #[command(flatten)]
     tls: TlsArgs,
     #[command(flatten)]

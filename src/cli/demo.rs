@@ -5,7 +5,7 @@ use super::failure::Failure;
 use super::output::{Table, count, per_cent, print, three_digits};
 use super::runtime::{block_on, stop_signal};
 use super::serve;
-use crate::api::Stop;
+use crate::api::{AuthMode, Stop};
 use reqwest::{Client, StatusCode};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -83,7 +83,11 @@ struct Outcome {
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
-        let server = serve::bind(args.site.config()).await?;
+        let config = args.site.config();
+        if config.auth != AuthMode::Off {
+            return Err(Failure::usage("the demonstration asks its own service without a key: leave --auth out"));
+        }
+        let server = serve::bind(config).await?;
         let base = format!("http://{}", super::health::reachable(&server.address().to_string()));
         print(&format!(
             "listening on http://{}, data in {}\n\n",

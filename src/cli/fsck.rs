@@ -39,13 +39,18 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         let mut lines =
             vec![format!("checked {} blobs, {} bytes\n", count(report.checked_blobs), count(report.checked_bytes))];
+        let of = |tenant: &Option<String>| tenant.as_ref().map_or(String::new(), |id| format!(", of tenant {id}"));
         lines.extend(report.faults.iter().map(|fault| match fault {
-            Fault::Corrupt { digest } => format!("corrupt        {digest}\n"),
-            Fault::Missing { digest, named_by } => format!("missing        {digest}, named by {named_by}\n"),
+            Fault::Corrupt { digest, tenant } => format!("corrupt        {digest}{}\n", of(tenant)),
+            Fault::Missing { digest, named_by, tenant } => {
+                format!("missing        {digest}, named by {named_by}{}\n", of(tenant))
+            }
             Fault::OrphanObject { object, bytes } => {
                 format!("orphan object  {object}, {} bytes, unknown to the catalog\n", count(*bytes))
             }
-            Fault::OrphanRow { digest } => format!("orphan row     {digest}, named by no row\n"),
+            Fault::OrphanRow { digest, tenant } => {
+                format!("orphan row     {digest}, named by no row{}\n", of(tenant))
+            }
         }));
         print(&lines.concat())?;
     }

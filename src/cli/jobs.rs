@@ -2,18 +2,21 @@
 
 use super::answer::{escaped, read, send};
 use super::failure::Failure;
+use super::key_file::VARIABLE;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::ConfigArg;
 use super::tls::TrustArg;
 use crate::catalog::Priority;
 use reqwest::Client;
+use reqwest::header::{AUTHORIZATION, HeaderValue};
 use serde::Deserialize;
 use serde_json::Value;
 use std::time::Duration;
 
 /// Action on the jobs of a service.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "A service with keys takes one from the environment variable WAVELUME_KEY")]
 pub(crate) struct Args {
     #[command(subcommand)]
     action: Action,
@@ -174,6 +177,15 @@ async fn each(chosen: &Chosen, action: &str) -> Result<(), Failure> {
 
 impl ServiceArgs {
     fn client(&self) -> Result<Client, Failure> {
-        self.trust.client(Client::builder().timeout(PATIENCE))
+        let mut builder = Client::builder().timeout(PATIENCE);
+        if let Some(key) = std::env::var_os(VARIABLE).filter(|key| !key.is_empty()) {
+            let value = HeaderValue::from_str(&format!("Bearer {}", key.to_string_lossy().trim()));
+            // The text is not shown: it may be a key with one character too many.
+            let mut value =
+                value.map_err(|_| Failure::usage(format!("{VARIABLE}: found characters that no key has")))?;
+            value.set_sensitive(true);
+            builder = builder.default_headers([(AUTHORIZATION, value)].into_iter().collect());
+        }
+        self.trust.client(builder)
     }
 }

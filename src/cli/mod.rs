@@ -1,5 +1,6 @@
 //! Command line, one file per command: translates between words and the library, without any science of its own.
 
+mod access_keys;
 mod answer;
 mod backup;
 mod bases;
@@ -27,7 +28,9 @@ mod input;
 mod inspect;
 mod isolate;
 mod jobs;
+mod key_file;
 mod keys;
+mod link;
 mod log;
 mod migrate;
 mod openapi;
@@ -51,7 +54,9 @@ mod serve;
 mod settings;
 mod site;
 mod table;
+mod tenants;
 mod tls;
+mod token;
 mod viewing;
 mod worker;
 
@@ -120,6 +125,14 @@ enum Command {
     Worker(worker::Args),
     /// List, cancel or repeat jobs of a running service
     Jobs(jobs::Args),
+    /// Make, list or revoke access keys
+    Keys(access_keys::Args),
+    /// Print URLs that fetch materials without a header, for a limited time; asks no service
+    Link(link::Args),
+    /// Print a token that stands for a key for a limited time; asks no service
+    Token(token::Args),
+    /// Make, list, change or close tenants
+    Tenants(tenants::Args),
     /// Bring the schema of the catalog up to date
     Migrate(migrate::Args),
     /// Print the effective settings of the service, each with its source, as a configuration file
@@ -213,6 +226,10 @@ impl Cli {
             Command::Serve(args) => serve::run(&args),
             Command::Worker(args) => worker::run(&args),
             Command::Jobs(args) => jobs::run(&args),
+            Command::Keys(args) => access_keys::run(&args),
+            Command::Link(args) => link::run(&args),
+            Command::Token(args) => token::run(&args),
+            Command::Tenants(args) => tenants::run(&args),
             Command::Migrate(args) => migrate::run(&args),
             Command::Config(args) => config::run(&args),
             Command::Doctor(args) => doctor::run(&args),
@@ -243,7 +260,7 @@ fn config_file(matches: &ArgMatches) -> Option<PathBuf> {
     }
 }
 
-/// Returns the help or version that the parser wants shown, or the failure that it reports, without passwords.
+/// Returns the help or version that the parser wants shown, or the failure that it reports, without passwords and keys.
 fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
     use clap::error::{ContextKind, ContextValue, ErrorKind};
     for kind in [ContextKind::InvalidValue, ContextKind::InvalidArg] {
@@ -257,7 +274,7 @@ fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
     let text = error.render().to_string();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(text)),
-        _ => Err(Failure::Usage(usage_line(&text))),
+        _ => Err(Failure::Usage(key_file::without_keys(&usage_line(&text)))),
     }
 }
 
@@ -299,6 +316,20 @@ mod tests {
         }
         let message = read(&["wavelume", "compress", "in.npy"]).unwrap_err().to_string();
         assert!(message.contains("required arguments were not provided: --output <OUT>"), "{message}");
+    }
+
+    #[test]
+    fn a_key_on_the_command_line_is_not_repeated() {
+        let key = crate::trust::Key::generate().unwrap().reveal();
+        for line in [
+            &["wavelume", "link", &key][..],
+            &["wavelume", "token", "--scopes", &key],
+            &["wavelume", "token", "--key-file", "x", &format!("--{key}")],
+            &["wavelume", &key],
+        ] {
+            let message = read(line).unwrap_err().to_string();
+            assert!(message.contains("wlm_…") && !message.contains(&key[15..30]), "{message}");
+        }
     }
 
     #[test]

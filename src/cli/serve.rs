@@ -7,13 +7,14 @@ use super::runtime::{block_on, stop_signal};
 use super::settings::Settings;
 use super::site::SiteArgs;
 use super::tls::TlsArgs;
-use crate::api::{ServeConfig, ServeError, Server, raise_descriptor_limit};
+use crate::api::{AuthMode, BootstrapKey, NotAKey, ServeConfig, ServeError, Server, raise_descriptor_limit};
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 
 /// Command-line options of the HTTP service, with all its limits.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table")]
+#[command(after_help = "`--help` lists every limit; docs/settings.md has them as a table. With keys, the environment \
+                        variable WAVELUME_BOOTSTRAP_KEY gives the first one, which `wavelume keys generate` prints")]
 pub(crate) struct Args {
     #[command(flatten)]
     site: Place,
@@ -25,7 +26,7 @@ pub(crate) struct Args {
     settings: Settings,
 }
 
-/// Data directory, address and accepted host names of a service.
+/// Data directory, address, accepted host names and rule of access of a service.
 #[derive(Debug, clap::Args)]
 #[group(id = "service")]
 pub(crate) struct Place {
@@ -33,7 +34,35 @@ pub(crate) struct Place {
     pub(crate) data: SiteArgs,
     #[command(flatten)]
     pub(crate) reach: ReachArgs,
+    #[command(flatten)]
+    pub(crate) access: AccessArgs,
 }
+
+/// Options for the rule by which a service decides who may use it.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Access")]
+pub(crate) struct AccessArgs {
+    /// Rule by which the service decides who may use it: everybody who reaches it, on a loopback address; or whoever
+    /// has a key, besides reading public materials without one
+    #[arg(long, value_name = "MODE", value_enum, default_value_t, env = "WAVELUME_AUTH", hide_env_values = true)]
+    pub(crate) auth: Auth,
+    /// Run without keys on an address that other machines reach, and behind a proxy that decides who may ask
+    #[arg(long)]
+    pub(crate) insecure: bool,
+}
+
+/// Rule by which a service decides who may use it, as an option names it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Auth {
+    #[default]
+    Off,
+    Keys,
+    #[value(name = "keys+anonymous-read")]
+    KeysAndAnonymousRead,
+}
+
+/// Environment variable with the text of the first key of a service.
+const BOOTSTRAP_KEY: &str = "WAVELUME_BOOTSTRAP_KEY";
 
 /// Options for the address of a service and for the names and pages that may reach it.
 #[derive(Debug, clap::Args)]
@@ -65,6 +94,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     block_on(async {
         let stop = stop_signal()?;
         let mut config = args.site.config();
+        config.bootstrap_key = bootstrap_key()?;
         config.tls = args.tls.files()?;
         config.work.isolate = args.isolation.program()?;
         args.settings.apply(&mut config.work);
@@ -81,15 +111,29 @@ impl Place {
         config.work.site = self.data.site();
         config.names.clone_from(&self.reach.names);
         config.origins.clone_from(&self.reach.origins);
+        config.auth = match self.access.auth {
+            Auth::Off => AuthMode::Off,
+            Auth::Keys => AuthMode::Keys,
+            Auth::KeysAndAnonymousRead => AuthMode::KeysAndAnonymousRead,
+        };
+        config.insecure = self.access.insecure;
         config
     }
+}
+
+/// Returns the first key of the service, if the environment has one. An error does not show its text.
+fn bootstrap_key() -> Result<Option<BootstrapKey>, Failure> {
+    let Some(text) = std::env::var_os(BOOTSTRAP_KEY).filter(|text| !text.is_empty()) else { return Ok(None) };
+    let key =
+        text.to_string_lossy().parse().map_err(|error: NotAKey| Failure::usage(format!("{BOOTSTRAP_KEY}: {error}")));
+    key.map(Some)
 }
 
 /// Opens the data directory of a service and binds its address.
 pub(crate) async fn bind(config: ServeConfig) -> Result<Server, Failure> {
     raise_descriptor_limit();
     Server::bind(config).await.map_err(|error| match &error {
-        ServeError::Setting(_) => Failure::usage(error),
+        ServeError::Setting(_) | ServeError::Unguarded { .. } => Failure::usage(error),
         ServeError::Listen { address, source } if source.kind() == ErrorKind::AddrInUse => {
             Failure::failed(format!("{address} is already taken; choose another address with --listen ADDR"))
         }

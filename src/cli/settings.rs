@@ -13,18 +13,22 @@ pub(crate) type WorkSettings = Chosen<WORK>;
 /// Values of the settings on the time for which deleted data and ended jobs are kept, in the order of [`SETTINGS`].
 pub(crate) type KeepSettings = Chosen<KEEP>;
 
+/// Values of the settings on new access keys, in the order of [`SETTINGS`].
+pub(crate) type AccessSettings = Chosen<ACCESS>;
+
 const ALL: u8 = 0;
 const WORK: u8 = 1;
 const KEEP: u8 = 2;
+const ACCESS: u8 = 3;
 
 /// Values of settings of the service, given by flags and environment variables: of all settings, of those that a worker
 /// needs, or of those for keeping data.
 #[derive(Clone, Debug)]
 pub(crate) struct Chosen<const CHOICE: u8>(Vec<u64>);
 
-/// Help headings of the settings that a command accepts. The three lists are for a service, for a worker and for a
-/// command that only removes old data; an empty list stands for all headings.
-const HEADINGS: [&[&str]; 3] = [&[], &["Work", "Keeping", "Checking", "Stopping"], &["Keeping"]];
+/// Help headings of the settings that a command accepts. The four lists are for a service, for a worker, for a command
+/// that only removes old data and for one that makes keys; an empty list stands for all headings.
+const HEADINGS: [&[&str]; 4] = [&[], &["Work", "Keeping", "Checking", "Stopping"], &["Keeping"], &["Access"]];
 
 /// Time that a worker's running jobs have to end by default. A service has less, because clients wait for it.
 const WORKER_DRAIN: &str = "10min";
@@ -158,7 +162,8 @@ mod tests {
                 let default: Vec<_> = option.get_default_values().iter().filter_map(|value| value.to_str()).collect();
                 let default = quoted((!default.is_empty()).then(|| default.join(",")));
                 let help = option.get_help().unwrap().to_string().replace('\n', " ");
-                writeln!(text, "| `--{flag} {unit}` | {variable} | {key} | {default} | {help} |").unwrap();
+                let flag = format!("--{flag} {unit}");
+                writeln!(text, "| `{}` | {variable} | {key} | {default} | {help} |", flag.trim()).unwrap();
             }
         }
         text.push('\n');

@@ -7,6 +7,7 @@
 use super::site::Site;
 use crate::catalog::{Catalog, CatalogError, Database, Dialect};
 use crate::store::{Place, Staging, Store, StoreError};
+use crate::trust::Tenant;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -107,6 +108,18 @@ impl Archive {
         Self::with(site, root, database, catalog).await
     }
 
+    /// Opens the catalog alone, for a command that runs beside services. With `may_make`, an SQLite catalog is made or
+    /// brought up to date, as a starting service does.
+    pub(crate) async fn open_catalog(site: &Site, may_make: bool) -> Result<Catalog, ArchiveError> {
+        let (_, database) = Self::places_of(site)?;
+        let catalog = match database.dialect() {
+            Dialect::Sqlite if may_make => Catalog::migrate(&database, false).await?.0,
+            Dialect::Sqlite | Dialect::Postgres => Catalog::open_few(&database).await?,
+        };
+        refuse_begun(&catalog, &database).await?;
+        Ok(catalog)
+    }
+
     /// Brings the catalog's schema up to date, and returns the number of migrations applied. `has_backup` confirms that
     /// a PostgreSQL database was backed up, which a migration that cannot be undone requires.
     pub async fn migrate(site: &Site, has_backup: bool) -> Result<usize, ArchiveError> {
@@ -143,6 +156,11 @@ impl Archive {
         let archive = Self { data: root, store, staging, catalog, database, place, seen: Arc::default() };
         archive.claim(site.adopt.as_deref()).await?;
         Ok(archive)
+    }
+
+    /// Returns the archive as another tenant sees it: rows and stored bytes of others do not exist there.
+    pub(crate) fn of(&self, tenant: &Tenant) -> Self {
+        Self { catalog: self.catalog.of(tenant), ..self.clone() }
     }
 
     /// Returns the places of the catalog's database and of the store.

@@ -102,7 +102,7 @@ impl Hold {
 
 /// Object of a backup with the bytes of this digest.
 pub(super) fn kept(digest: Digest) -> Object {
-    Object::of(digest, String::new())
+    Object::plain(digest)
 }
 
 impl Archive {
@@ -178,7 +178,7 @@ impl Archive {
             let mut absent = Vec::new();
             for blob in batch {
                 let digest = blob.object.digest();
-                // Digests come in order: each folder is listed once.
+                // Digests of a tenant come in order: each folder is listed once for each.
                 let folder = kept(digest).folder();
                 if listed.as_ref() != Some(&folder) {
                     there = to.list(&folder).try_collect::<HashMap<Object, u64>>().await?;

@@ -7,6 +7,7 @@ use bytes::Bytes;
 use futures::stream::{BoxStream, StreamExt};
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Failure to read stored bytes or to store new ones.
 #[derive(Debug, thiserror::Error)]
@@ -31,6 +32,20 @@ impl Archive {
             bytes => bytes?,
         };
         Ok((blob, bytes))
+    }
+
+    /// Returns a URL of the store that reads the stored bytes with the given digest for the time `life`, with these
+    /// headers of the answer; `None` if the store has no such URLs. Whoever has the URL reads bytes that nobody has
+    /// checked against their digest.
+    pub(crate) async fn presigned(
+        &self,
+        digest: Digest,
+        life: Duration,
+        media_type: &str,
+        disposition: &str,
+    ) -> Result<Option<String>, BlobError> {
+        let (blob, _) = self.blob(digest).await?;
+        Ok(self.store.presigned(&blob.object, life, media_type, disposition).await?)
     }
 
     /// Returns all stored bytes with the given digest, after checking them against the digest.

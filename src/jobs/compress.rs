@@ -164,6 +164,7 @@ impl From<IngestError> for Failure {
             IngestError::Catalog(error) => error.into(),
             IngestError::Maths(error) => error.into(),
             IngestError::Foreign(reason) => Self::Passing(reason),
+            IngestError::Over(over) => last(Code::QuotaExceeded, over),
             IngestError::Refused(_) | IngestError::Unfit(_) | IngestError::Spectrum(_) => {
                 last(Code::UnreadableMeasurement, error)
             }

@@ -1,7 +1,7 @@
 //! Sizes, times and numbers of places of a service or worker, each declared once with its default and its unit.
 
 use super::site::Site;
-use super::unit::{Unit, Value};
+use super::unit::{Brief, Unit, Value};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -17,6 +17,8 @@ pub struct WorkConfig {
     /// Program that computes each job in a process of its own, whose memory is limited: the program `wavelume`. `None`
     /// computes jobs in this process.
     pub isolate: Option<PathBuf>,
+    /// True if tenants take turns in the queue of jobs; false if client addresses do, as in a service without keys.
+    pub by_tenant: bool,
     /// Limits of the service, such as the number of waiting jobs, the number of open connections, and the size of
     /// uploads.
     pub limits: Limits,
@@ -25,7 +27,8 @@ pub struct WorkConfig {
 impl WorkConfig {
     /// Builds a configuration with defaults for everything but the data directory.
     pub fn new(data: impl Into<PathBuf>) -> Self {
-        Self { site: Site::new(data), threads: 0, workers: 1, isolate: None, limits: Limits::default() }
+        let (site, limits) = (Site::new(data), Limits::default());
+        Self { site, threads: 0, workers: 1, isolate: None, by_tenant: false, limits }
     }
 }
 
@@ -145,6 +148,8 @@ limits! {
         keep_succeeded: Duration = Duration::from_hours(30 * 24), Time >= 0;
         /// Age at which the entry of a job that has failed or is dead is deleted.
         keep_failed: Duration = Duration::from_hours(90 * 24), Time >= 0;
+        /// Age at which a record of the audit trail is deleted.
+        keep_audit: Duration = Duration::from_hours(400 * 24), Time >= 0;
         /// Interval at which the service removes the bytes of deleted measurements and materials and the entries of
         /// ended jobs, once they were kept for long enough.
         sweep: Duration = Duration::from_hours(1), Time >= 1000;
@@ -154,6 +159,11 @@ limits! {
         scrub_rate: u64 = 10 << 20, Rate >= 0;
         /// Age of the last check of a stored file at which it is checked again.
         scrub_every: Duration = Duration::from_hours(30 * 24), Time >= 1000;
+    }
+    "Access" {
+        /// Upper bound on the time for which a new key is valid, and the default of that time. Keys that exist stay as
+        /// they are.
+        key_age: Duration = Duration::from_hours(365 * 24), Time >= 60_000;
     }
     "Connections" {
         /// Upper bound on the connections that are open at once, over all addresses; lower where the system allows
@@ -171,6 +181,9 @@ limits! {
         requests: usize = 1024, Count >= 1;
         /// Upper bound on the requests that are under way at once from one address.
         requests_each: usize = 256, Count >= 1;
+        /// Upper bound on the wrong keys that one address (IPv6: one /64) may send within a minute; further requests
+        /// with a key that is not known to be right are refused with 429 until the minute is over.
+        wrong_keys: u32 = 10, Count >= 1;
         /// Time within which a new connection must send its first bytes, which tell HTTP/1 and HTTP/2 apart. The
         /// handshake of TLS, which comes before, has the same time.
         first_bytes: Duration = Duration::from_secs(10), Time >= 100;
@@ -267,6 +280,9 @@ limits! {
         answers_bytes: usize = 1 << 30, Bytes >= 1024;
         /// Upper bound on the memory for answers that are held whole until they are sent to one address.
         answers_bytes_each: usize = 256 << 20, Bytes >= 1024;
+        /// Time for which a URL of an S3 store reads one material; downloads are redirected to it. At most 15min; 0
+        /// sends the bytes from here. Revoking a key does not end a URL that was given out.
+        store_redirect: Brief = Brief(Duration::ZERO), Time >= 0;
     }
     "Memory" {
         /// Upper bound on the memory for decoded materials that are kept for further queries.
@@ -304,6 +320,9 @@ mod tests {
             assert_eq!((setting.get)(&other), next, "{}", setting.field);
             assert!(setting.help.len() > 20, "{}", setting.field);
         }
+        let redirect = SETTINGS.iter().find(|setting| setting.field == "store_redirect").unwrap();
+        assert_eq!((redirect.parse("0s"), redirect.parse("15min")), (Ok(0), Ok(900_000)));
+        assert!(redirect.parse("16min").is_err());
         let zero = SETTINGS.iter().find(|setting| setting.field == "idle").unwrap().parse("0");
         assert_eq!(zero, Err("expected a time such as 500ms, 30s, 15min or 1h, at least 100ms".to_owned()));
     }

@@ -95,6 +95,14 @@ impl Manifest {
         }
     }
 
+    /// Removes what tells of the measurements of the material: their ids, their bytes, and how they were read.
+    pub(crate) fn hide_measurements(&mut self) {
+        self.measured_again.clear();
+        let provenance = &mut self.provenance;
+        (provenance.measurement, provenance.content_digest) = (None, None);
+        (provenance.options, provenance.request) = (Options::default(), None);
+    }
+
     /// Parses the description of a material from the database. Before 2026-11-23, descriptions had the errors at
     /// samples in an object `errors_at_samples`. Its fields move up one level, where the errors of the cells, which had
     /// the same names, get the suffix `_cells`.

@@ -9,19 +9,20 @@ use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
 use super::presence::{Presence, WORKERS};
 use super::turns::CLIENT;
-use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, Retried};
+use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, OTHER_TENANTS, Retried};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
 use crate::store::Digest;
+use crate::trust::Tenant;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// State shared by the workers and the HTTP handlers of one process.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Engine {
     pub(crate) archive: Archive,
-    pub(crate) limits: Limits,
+    pub(crate) limits: Arc<Limits>,
     /// Threads for compression: as many tasks at once as there are workers.
     pub(crate) background: Maths,
     /// Way in which jobs are computed in processes of their own; `None` leaves them to `background`.
@@ -32,13 +33,15 @@ pub(crate) struct Engine {
     pub(crate) queries: Maths,
     /// Threads that export materials to other file formats; only a few exports run at the same time.
     pub(crate) exports: Maths,
+    /// True if tenants take turns in the queue of jobs, false if addresses do.
+    by_tenant: bool,
     pub(crate) hub: Hub,
-    pub(crate) presence: Presence,
-    opened: moka::future::Cache<Digest, Arc<Material>>,
+    pub(crate) presence: Arc<Presence>,
+    opened: moka::future::Cache<(Tenant, Digest), Arc<Material>>,
     /// Ids of jobs that this version cannot read.
-    newer: Mutex<Vec<String>>,
+    newer: Arc<Mutex<Vec<String>>>,
     /// Time at which other processes were last told of a job.
-    told: Mutex<Option<Instant>>,
+    told: Arc<Mutex<Option<Instant>>>,
 }
 
 /// Reason why a material was not opened.
@@ -83,16 +86,25 @@ impl Engine {
             // One more than one address can fill, so that another address need not wait.
             exports: Maths::new("export", config.threads, limits.exports_each + 1, limits.exports, PATIENCE)?,
             archive,
-            limits,
+            by_tenant: config.by_tenant,
+            limits: Arc::new(limits),
             hub: Hub::new(),
-            presence,
+            presence: Arc::new(presence),
             opened,
-            newer: Mutex::default(),
-            told: Mutex::default(),
+            newer: Arc::default(),
+            told: Arc::default(),
         }))
     }
 
-    /// Claims the next job that this version may be able to read.
+    /// Returns the engine for the data of another tenant, with the same threads, limits and caches.
+    pub(crate) fn of(self: &Arc<Self>, tenant: &Tenant) -> Arc<Self> {
+        if self.archive.catalog.tenant() == tenant {
+            return Arc::clone(self);
+        }
+        Arc::new(Self { archive: self.archive.of(tenant), ..(**self).clone() })
+    }
+
+    /// Claims the next job, of any tenant, that this version may be able to read.
     pub(crate) async fn claim(&self) -> Result<Option<Claimed>, CatalogError> {
         let newer = self.newer.lock().unwrap_or_else(PoisonError::into_inner).clone();
         self.archive.catalog.claim(self.presence.id(), self.limits.lease, &newer).await
@@ -119,8 +131,14 @@ impl Engine {
         let id = uuid::Uuid::now_v7().to_string();
         let refused = |reason: String| CatalogError::Row { table: "jobs", id: id.clone(), reason };
         let frame = request.frame().map_err(refused)?;
-        let share = CLIENT.try_with(ToString::to_string).unwrap_or_default();
-        let (level, measurement, priority) = (request.level(), request.measurement(), request.priority());
+        let share = if self.by_tenant {
+            self.archive.catalog.tenant().to_string()
+        } else {
+            CLIENT.try_with(ToString::to_string).unwrap_or_default()
+        };
+        let (measurement, priority) = (request.measurement(), request.priority());
+        let is_other = !self.archive.catalog.tenant().is_default();
+        let level = request.level().max(if is_other { OTHER_TENANTS } else { 1 });
         let new = NewJob { id: id.clone(), frame, level, measurement, priority, share, idempotency };
         let enqueued = self.archive.catalog.enqueue(&new, self.limits.queued_jobs).await?;
         if matches!(enqueued, Enqueued::New(_)) {
@@ -143,16 +161,17 @@ impl Engine {
 
     /// Asks a job to stop. Returns the job afterwards, if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
-        let row = self.archive.catalog.cancel(id).await?;
+        // Another tenant's job is not stopped.
+        let Some(row) = self.archive.catalog.cancel(id).await? else { return Ok(None) };
         self.hub.stop(id);
-        if row.as_ref().is_some_and(|row| row.state == JobState::Running && self.hub.progress(id).is_none()) {
+        if row.state == JobState::Running && self.hub.progress(id).is_none() {
             // The worker of the job finds the request by itself, only later.
             if let Err(error) = self.archive.catalog.tell_stop(id).await {
                 tracing::warn!(job = id, %error, "the job's worker was not told to stop");
             }
         }
         self.hub.changed(id);
-        Ok(row)
+        Ok(Some(row))
     }
 
     /// Puts a job that has failed, died or was cancelled back to the queue.
@@ -186,7 +205,8 @@ impl Engine {
     /// whole cache is opened for each request. The caller must have checked the catalog: the cache does not know of
     /// deletions.
     pub(crate) async fn material(&self, id: Digest) -> Result<Arc<Material>, Arc<OpenError>> {
-        let opened = self.opened.entry(id).or_try_insert_with(async move {
+        let key = (self.archive.catalog.tenant().clone(), id);
+        let opened = self.opened.entry_by_ref(&key).or_try_insert_with(async move {
             let bytes = self.archive.get(id).await?;
             let material = self.queries.run(move || Material::open(&bytes)).await??;
             metrics::counter!("wavelume_materials_opened_total").increment(1);
@@ -196,7 +216,7 @@ impl Engine {
         // Evict again: a deletion evicts what is open, but this material may have been deleted while it was being
         // opened.
         if opened.is_fresh() && !matches!(self.archive.catalog.material_name(id).await, Ok(Some(_))) {
-            self.opened.invalidate(&id).await;
+            self.opened.invalidate(&key).await;
         }
         Ok(opened.into_value())
     }
@@ -220,7 +240,7 @@ impl Engine {
 
     /// Removes a deleted material from the cache of materials that are decoded for queries.
     pub(crate) async fn close_material(&self, id: Digest) {
-        self.opened.invalidate(&id).await;
+        self.opened.invalidate(&(self.archive.catalog.tenant().clone(), id)).await;
     }
 }
 
@@ -244,7 +264,7 @@ mod tests {
         let first = opened[0].as_ref().unwrap();
         assert!(opened.iter().all(|material| Arc::ptr_eq(material.as_ref().unwrap(), first)));
         // As if it had been deleted while it was opened.
-        assert!(engine.opened.get(&id).await.is_none());
+        assert!(engine.opened.get(&(Tenant::default(), id)).await.is_none());
         assert_eq!(engine.open_materials().await, (0, 0));
         assert!(engine.material(Digest::of(b"absent")).await.is_err());
     }

@@ -4,6 +4,7 @@ use super::archive::{ArchiveError, BACKUP, INSTANCE};
 use super::dump::{Rows, blocking};
 use crate::catalog::Catalog;
 use crate::store::{Digest, Object, Staged, Staging, Store, StoreError, StoreExt, WHOLE};
+use crate::trust::Tenant;
 use futures::TryStreamExt;
 use serde::Serialize;
 use std::sync::Arc;
@@ -28,6 +29,9 @@ pub(super) struct Stored {
 /// Fault of one stored file that could not be copied.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Lost {
+    /// Owner of the bytes; left out of a report if it is the default tenant.
+    #[serde(skip_serializing_if = "Tenant::is_default")]
+    pub tenant: Tenant,
     /// Digest of the bytes.
     pub digest: Digest,
     /// Kind of the fault: `corrupt`, `missing` or `unreadable`.
@@ -63,7 +67,7 @@ impl Tally {
     }
 }
 
-/// Returns the next rows about stored bytes of a copied catalog, in the order of their digests.
+/// Returns the next rows about stored bytes of a copied catalog: tenant by tenant, in the order of their digests.
 pub(super) async fn stored(rows: &mut Rows) -> Result<Vec<Stored>, ArchiveError> {
     let mut at = [0; 5];
     for (at, name) in at.iter_mut().zip(["tenant", "digest", "generation", "bytes", "created_at"]) {
@@ -71,12 +75,12 @@ pub(super) async fn stored(rows: &mut Rows) -> Result<Vec<Stored>, ArchiveError>
     }
     let parse = |row: &serde_json::Value| {
         let text = |at: usize| row[at].as_str();
-        let digest = text(at[1])?.parse::<Digest>().ok()?;
-        let object = Object::of(digest, text(at[2])?.to_owned());
+        let (tenant, digest) = (text(at[0])?.parse().ok()?, text(at[1])?.parse().ok()?);
+        let object = Object::of(&tenant, digest, text(at[2])?.to_owned());
         // A generation that makes another path is nobody's.
-        let object = object.to_string().parse::<Object>().ok()?;
+        let parsed = object.to_string().parse::<Object>().ok()?;
         let created_at = row[at[4]].as_i64()?;
-        (text(at[0])? == "default").then_some(Stored { object, bytes: row[at[3]].as_u64(), created_at })
+        (parsed == object).then_some(Stored { object, bytes: row[at[3]].as_u64(), created_at })
     };
     let invalid = |row: &serde_json::Value| ArchiveError::Copy(format!("the copied row {row} of blobs is invalid"));
     let batch = rows.next().await?;
@@ -112,7 +116,7 @@ pub(super) async fn fetch_or_lose(
     }
     let digest = object.digest();
     let now = match catalog {
-        Some(catalog) => catalog.blob(digest).await?.map(|blob| blob.object),
+        Some(catalog) => catalog.of(object.tenant()).blob(digest).await?.map(|blob| blob.object),
         None => None,
     };
     let kind = match fetch(store, now.as_ref().unwrap_or(object), staging).await {
@@ -131,8 +135,9 @@ pub(super) async fn fetch_or_lose(
              that its disk is mounted, and start again"
         )));
     }
-    tracing::warn!(%digest, kind, "stored bytes cannot be copied");
-    Ok(Err(Lost { digest, kind }))
+    let tenant = object.tenant().clone();
+    tracing::warn!(%tenant, %digest, kind, "stored bytes cannot be copied");
+    Ok(Err(Lost { tenant, digest, kind }))
 }
 
 /// Returns true if a store carries the text that makes it the store of a catalog or the place of a backup.

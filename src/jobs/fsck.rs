@@ -28,6 +28,9 @@ pub enum Fault {
     Corrupt {
         /// Digest under which the damaged bytes are stored.
         digest: String,
+        /// Owner of the bytes; absent if it is the default tenant.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        tenant: Option<String>,
     },
     /// A row of the catalog refers to bytes that are missing from the store.
     Missing {
@@ -35,6 +38,9 @@ pub enum Fault {
         digest: String,
         /// Row of the catalog that refers to the missing bytes: `measurement b3-…`, `material b3-…` or `job …`.
         named_by: String,
+        /// Owner of the bytes; absent if it is the default tenant.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        tenant: Option<String>,
     },
     /// The store holds an object that the catalog does not list.
     OrphanObject {
@@ -47,6 +53,9 @@ pub enum Fault {
     OrphanRow {
         /// Digest of the stored bytes to which no row refers.
         digest: String,
+        /// Owner of the bytes; absent if it is the default tenant.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        tenant: Option<String>,
     },
 }
 
@@ -81,33 +90,61 @@ impl Archive {
         self.check_within(Check::default()).await
     }
 
-    /// Compares the stored files with the catalog, and recomputes digests to the extent given by `check`.
+    /// Compares the stored files of all tenants with the catalog, and recomputes digests to the extent given by
+    /// `check`.
     pub async fn check_within(&self, check: Check) -> Result<FsckReport, ArchiveError> {
         let mut report = FsckReport::default();
         // Counts up to the next blob of the sample.
         let mut due = 1.0;
-        // A 256th at a time, so that neither all rows nor all names must fit into memory.
-        for first in 0..=u8::MAX {
+        for tenant in self.catalog.tenant_ids().await? {
+            self.of(&tenant).check_tenant(check, &mut due, &mut report).await?;
+        }
+        let mut parts = self.store.list(PARTS);
+        while let Some((part, bytes)) = parts.try_next().await? {
+            self.check_stray(&part, bytes, check.repair, &mut report).await?;
+        }
+        drop(parts);
+        Ok(report)
+    }
+
+    /// Compares the stored files of one tenant with the catalog. Once `due` is at least 1, the digest of the next file
+    /// is recomputed.
+    async fn check_tenant(&self, check: Check, due: &mut f64, report: &mut FsckReport) -> Result<(), ArchiveError> {
+        let tenant = self.catalog.tenant();
+        // A 256th at a time, so that neither all rows nor all names must fit into memory. Many small tenants would need
+        // many listings of nothing.
+        let whole = Object::folder_of(tenant);
+        let is_small = whole.is_some() && self.catalog.blobs_beginning(None, None, PAGE).await?.len() < PAGE as usize;
+        let parts = if is_small { vec![None] } else { (0..=u8::MAX).map(Some).collect() };
+        for first in parts {
             let mut objects = HashMap::new();
-            for folder in Object::folders(first) {
-                let listed: Vec<(Object, u64)> = self.store.list(&folder).try_collect().await?;
-                objects.extend(listed);
+            let folders = match first {
+                Some(first) => Object::folders(tenant, first),
+                None => whole.clone().into_iter().collect(),
+            };
+            for folder in folders {
+                let mut listed = self.store.list(&folder);
+                while let Some((object, bytes)) = listed.try_next().await? {
+                    if object.tenant() == tenant {
+                        objects.insert(object, bytes);
+                    }
+                }
             }
             let mut after = None;
             loop {
                 let rows = self.catalog.blobs_beginning(first, after, PAGE).await?;
                 for blob in &rows {
                     let there = objects.remove(&blob.object).is_some();
-                    due += check.sample.clamp(0.0, 1.0);
-                    let compute = there && due >= 1.0;
+                    *due += check.sample.clamp(0.0, 1.0);
+                    let compute = there && *due >= 1.0;
                     if compute {
-                        due -= 1.0;
+                        *due -= 1.0;
                     }
-                    self.check_blob(blob, there, compute, &mut report).await?;
+                    self.check_blob(blob, there, compute, report).await?;
                 }
                 if let Some(last) = rows.last() {
                     for digest in self.catalog.orphans(first, after, last.object.digest()).await? {
-                        self.check_named(digest, check.repair, &mut report).await?;
+                        self.check_named(digest, check.repair, report).await?;
                     }
                 }
                 match rows.last() {
@@ -116,15 +153,15 @@ impl Archive {
                 }
             }
             for (object, bytes) in objects {
-                self.check_stray(&object, bytes, check.repair, &mut report).await?;
+                self.check_stray(&object, bytes, check.repair, report).await?;
             }
         }
-        let mut parts = self.store.list(PARTS);
-        while let Some((part, bytes)) = parts.try_next().await? {
-            self.check_stray(&part, bytes, check.repair, &mut report).await?;
-        }
-        drop(parts);
-        Ok(report)
+        Ok(())
+    }
+
+    /// Returns the owner of the checked bytes as a report names it.
+    fn told_tenant(&self) -> Option<String> {
+        Some(self.catalog.tenant()).filter(|tenant| !tenant.is_default()).map(ToString::to_string)
     }
 
     /// Checks an object that no row about stored bytes names.
@@ -167,14 +204,18 @@ impl Archive {
             Err(StoreError::Corrupt { .. } | StoreError::Range { .. }) => {
                 report.checked_blobs += 1;
                 self.mark_damaged(&blob.object).await?;
-                report.faults.push(Fault::Corrupt { digest: digest.to_string() });
+                report.faults.push(Fault::Corrupt { digest: digest.to_string(), tenant: self.told_tenant() });
             }
             Err(StoreError::NotFound(_)) => {
                 // Told only if the row still refers to this object: it may have been swept or replaced meanwhile.
                 if self.catalog.blob(digest).await?.is_some_and(|now| now.object == blob.object) {
                     self.mark_damaged(&blob.object).await?;
                     let named_by = self.catalog.named_by(digest).await?.unwrap_or_else(|| "no row".to_owned());
-                    report.faults.push(Fault::Missing { digest: digest.to_string(), named_by });
+                    report.faults.push(Fault::Missing {
+                        digest: digest.to_string(),
+                        named_by,
+                        tenant: self.told_tenant(),
+                    });
                 }
             }
             Err(other) => return Err(other.into()),
@@ -193,7 +234,7 @@ impl Archive {
         if repair {
             self.catalog.list_unnamed(digest).await?;
         }
-        report.faults.push(Fault::OrphanRow { digest: digest.to_string() });
+        report.faults.push(Fault::OrphanRow { digest: digest.to_string(), tenant: self.told_tenant() });
         Ok(())
     }
 }
@@ -214,7 +255,7 @@ mod tests {
             let other = archive.staging.stage(b"LIE").unwrap();
             archive.store.publish(&other, &object(damaged).await).await.unwrap();
             archive.store.remove(&[object(missing).await]).await;
-            let unknown = Object::fresh(Digest::of(stray));
+            let unknown = Object::fresh(archive.catalog.tenant(), Digest::of(stray));
             archive.store.publish(&archive.staging.stage(stray).unwrap(), &unknown).await.unwrap();
             let part = Object::part("0a", 0, Digest::of(stray));
             archive.store.publish(&archive.staging.stage(stray).unwrap(), &part).await.unwrap();
@@ -224,11 +265,15 @@ mod tests {
             archive.catalog.forget_unnamed().await;
 
             let mut expected = vec![
-                Fault::Corrupt { digest: damaged.to_string() },
-                Fault::Missing { digest: missing.to_string(), named_by: format!("measurement {missing}") },
+                Fault::Corrupt { digest: damaged.to_string(), tenant: None },
+                Fault::Missing {
+                    digest: missing.to_string(),
+                    named_by: format!("measurement {missing}"),
+                    tenant: None,
+                },
                 Fault::OrphanObject { object: unknown.to_string(), bytes: 5 },
                 Fault::OrphanObject { object: part.to_string(), bytes: 5 },
-                Fault::OrphanRow { digest: orphan.to_string() },
+                Fault::OrphanRow { digest: orphan.to_string(), tenant: None },
             ];
             let mut check = archive.check_within(Check { repair: true, ..Check::default() }).await.unwrap();
             let key = |fault: &Fault| format!("{fault:?}");

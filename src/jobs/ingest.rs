@@ -6,7 +6,7 @@ use super::engine::Engine;
 use super::maths::MathsError;
 use super::options::Options;
 use super::publish::Published;
-use crate::catalog::{Added, CatalogError, MeasurementRow, NewMeasurement};
+use crate::catalog::{Added, CatalogError, MeasurementRow, NewMeasurement, OverQuota};
 use crate::domain::Quantity;
 use crate::formats::{FormatError, FormatErrorKind};
 use crate::pipeline::{self, Input, PipelineError};
@@ -49,6 +49,9 @@ pub(crate) enum IngestError {
     /// The store of uploaded and computed files belongs to another catalog now.
     #[error("{0}")]
     Foreign(String),
+    /// The upload would exceed a limit of the tenant.
+    #[error("{0}")]
+    Over(OverQuota),
 }
 
 /// Uploads that are refused although their bytes may be readable.
@@ -154,6 +157,7 @@ impl Engine {
             match self.archive.catalog.add_measurement(&new, published.claim()).await? {
                 Added::Row(row, new) => return Ok((row, new)),
                 Added::NoSpectrum => return Err(SpectrumError::Deleted.into()),
+                Added::Over(over) => return Err(IngestError::Over(over)),
                 Added::Unpublished => published = published.again(&self.archive).await?,
             }
         }

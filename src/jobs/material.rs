@@ -133,6 +133,7 @@ impl Engine {
                     return Ok((row, is_new));
                 }
                 Uploaded::NoMeasurement(id) => return Err(MaterialError::NoMeasurement(id)),
+                Uploaded::Over(over) => return Err(IngestError::Over(over).into()),
                 Uploaded::Unpublished => {
                     published = published.again(&self.archive).await.map_err(IngestError::from)?;
                 }

@@ -41,6 +41,8 @@ mod site;
 #[cfg(test)]
 mod soak_tests;
 mod sweep;
+#[cfg(test)]
+mod tenant_tests;
 mod text;
 mod turns;
 mod unit;

@@ -34,6 +34,8 @@ pub(crate) enum Code {
     OutOfMemory,
     /// The worker vanished while it ran the job.
     WorkerLost,
+    /// The result would exceed a limit of the tenant.
+    QuotaExceeded,
 }
 
 impl JobProblem {

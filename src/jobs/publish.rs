@@ -79,7 +79,7 @@ async fn publish(archive: &Archive, staged: &Staged) -> Result<Claim, BlobError>
         archive.catalog.suspect(&known.object).await?;
     }
     writable(archive).await?;
-    let object = Object::fresh(digest);
+    let object = Object::fresh(archive.catalog.tenant(), digest);
     archive.catalog.intend(&object, bytes, INTENT).await?;
     write(archive, staged, &object).await?;
     Ok(Claim::Written(object, bytes))
@@ -323,7 +323,7 @@ pub(super) mod tests {
             assert_eq!((left.kept_blobs, left.waiting_blobs, faults), (0, 0, vec![]));
             let mut objects = Vec::new();
             for first in 0..=u8::MAX {
-                for folder in Object::folders(first) {
+                for folder in Object::folders(archives[0].catalog.tenant(), first) {
                     objects.extend(archives[0].store.list(&folder).collect::<Vec<_>>().await);
                 }
             }

@@ -4,12 +4,13 @@
 //! name them follow in one transaction: the service is empty, or it is the whole copy.
 
 use super::archive::{Archive, ArchiveError, BACKUP, INSTANCE};
-use super::dump::{Dump, blocking};
-use super::fetch::{AT_ONCE, Stored, Tally, fetch_or_lose, stored};
+use super::dump::{Dump, Rows, blocking};
+use super::fetch::{AT_ONCE, Lost, Stored, Tally, fetch_or_lose, stored};
 use super::presence::{WORKERS, living};
 use super::site::Site;
-use crate::catalog::{Catalog, TABLES};
-use crate::store::{Digest, Object, Place, Store};
+use crate::catalog::{Catalog, Filling, TABLES};
+use crate::store::{Digest, FOLDER, Object, Place, Store};
+use crate::trust::Tenant;
 use futures::{StreamExt, TryStreamExt};
 use serde::Serialize;
 use serde_json::Value;
@@ -79,6 +80,12 @@ impl Archive {
 
     /// Copies the stored bytes that a copied catalog names, apart from those that are here already.
     pub(super) async fn fill_blobs(&self, dump: &Dump, origin: &Origin<'_>) -> Result<Tally, ArchiveError> {
+        // Rows about stored bytes refer to their owners.
+        if dump.has("tenants") {
+            let mut filling = self.catalog.fill().await?;
+            insert_all(&mut filling, dump, "tenants", |_, _| Ok(())).await?;
+            filling.pause().await?;
+        }
         let (mut rows, mut tally) = (dump.read("blobs")?, Tally::default());
         loop {
             let page = stored(&mut rows).await?;
@@ -101,9 +108,10 @@ impl Archive {
     async fn fill_batch(&self, batch: &[Stored], origin: &Origin<'_>, tally: &mut Tally) -> Result<bool, ArchiveError> {
         let mut absent = Vec::with_capacity(batch.len());
         for blob in batch {
-            match self.catalog.blob(blob.object.digest()).await? {
+            let tenant = blob.object.tenant();
+            match self.catalog.of(tenant).blob(blob.object.digest()).await? {
                 Some(known) => tally.there(known.bytes.unwrap_or(0)),
-                None => absent.push((blob.clone(), Object::fresh(blob.object.digest()))),
+                None => absent.push((blob.clone(), Object::fresh(tenant, blob.object.digest()))),
             }
         }
         if absent.is_empty() {
@@ -117,6 +125,8 @@ impl Archive {
             if let Ok(staged) = &fetched {
                 self.store.publish(staged, &new).await?;
             }
+            // A backup keeps equal bytes of two tenants once, under the default one.
+            let fetched = fetched.map_err(|lost| Lost { tenant: new.tenant().clone(), ..lost });
             Ok::<_, ArchiveError>(fetched.map(|staged| (new, staged.bytes(), blob.created_at)))
         });
         let outcomes: Vec<_> = copies.buffer_unordered(AT_ONCE).try_collect().await?;
@@ -138,32 +148,44 @@ impl Archive {
     }
 
     /// Writes all rows of a copied catalog, and ends the copy.
-    pub(super) async fn fill_rows(&self, dump: &Dump, lost: &[Digest]) -> Result<(), ArchiveError> {
+    pub(super) async fn fill_rows(&self, dump: &Dump, lost: &[Lost]) -> Result<(), ArchiveError> {
         let mut filling = self.catalog.fill().await?;
-        let lost: HashSet<Digest> = lost.iter().copied().collect();
-        for digest in lost {
-            filling.insert_lost(&Object::fresh(digest)).await?;
+        let lost: HashSet<(&Tenant, Digest)> = lost.iter().map(|lost| (&lost.tenant, lost.digest)).collect();
+        for (tenant, digest) in lost {
+            filling.insert_lost(&Object::fresh(tenant, digest)).await?;
         }
         let mut joined = Vec::new();
         for (name, _) in TABLES.iter().filter(|(name, _)| *name != "blobs" && dump.has(name)) {
-            let mut rows = dump.read(name)?;
-            let columns = rows.columns().to_vec();
-            loop {
-                let mut batch = rows.next().await?;
-                if batch.is_empty() {
-                    break;
-                }
-                if *name == "measurements" {
-                    take_spectra(&rows, &mut batch, &mut joined)?;
-                }
-                filling.insert(name, &columns, &batch).await?;
-            }
+            insert_all(&mut filling, dump, name, |rows, batch| match *name {
+                "measurements" => take_spectra(rows, batch, &mut joined),
+                _ => Ok(()),
+            })
+            .await?;
         }
         for [tenant, id, spectrum] in &joined {
             filling.join(tenant, id, spectrum).await?;
         }
         filling.finish().await?;
         Ok(())
+    }
+}
+
+/// Adds all rows of a table, each batch after `change` has seen it.
+async fn insert_all(
+    filling: &mut Filling,
+    dump: &Dump,
+    table: &str,
+    mut change: impl FnMut(&Rows, &mut [Value]) -> Result<(), ArchiveError>,
+) -> Result<(), ArchiveError> {
+    let mut rows = dump.read(table)?;
+    let columns = rows.columns().to_vec();
+    loop {
+        let mut batch = rows.next().await?;
+        if batch.is_empty() {
+            return Ok(());
+        }
+        change(&rows, &mut batch)?;
+        filling.insert(table, &columns, &batch).await?;
     }
 }
 
@@ -179,11 +201,7 @@ fn batch_of(files: &[Stored]) -> usize {
 }
 
 /// Takes the spectra out of rows of measurements: a row may come before that of its spectrum.
-fn take_spectra(
-    rows: &super::dump::Rows,
-    batch: &mut [Value],
-    joined: &mut Vec<[String; 3]>,
-) -> Result<(), ArchiveError> {
+fn take_spectra(rows: &Rows, batch: &mut [Value], joined: &mut Vec<[String; 3]>) -> Result<(), ArchiveError> {
     let [tenant, id, spectrum] = [rows.column("tenant")?, rows.column("id")?, rows.column("spectrum")?];
     for row in batch {
         if let [Some(tenant), Some(id), Some(text)] = [tenant, id, spectrum].map(|at| row[at].as_str()) {
@@ -223,14 +241,10 @@ async fn refuse_used(place: &Place, catalog: &Catalog) -> Result<(), ArchiveErro
     if store.note(BACKUP).await?.is_some() {
         return refused("a backup".to_owned());
     }
-    for first in 0..=u8::MAX {
-        for folder in Object::folders(first) {
-            if let Some((object, _)) = store.list(&folder).try_next().await? {
-                return refused(format!("the object {object}"));
-            }
-        }
+    match store.list(FOLDER).try_next().await? {
+        Some((object, _)) => refused(format!("the object {object}")),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -240,7 +254,7 @@ mod tests {
     #[test]
     fn a_batch_ends_by_its_number_and_by_its_bytes() {
         let files = |bytes: Option<u64>| {
-            let object = Object::fresh(Digest::of(b"any"));
+            let object = Object::fresh(&Tenant::default(), Digest::of(b"any"));
             vec![Stored { object, bytes, created_at: 0 }; 100]
         };
         for (bytes, expected) in

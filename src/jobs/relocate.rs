@@ -36,8 +36,7 @@ impl Archive {
                 continue;
             }
             hold.end(&sum.lost).await?;
-            let lost: Vec<_> = sum.lost.iter().map(|lost| lost.digest).collect();
-            archive.fill_rows(&dump, &lost).await?;
+            archive.fill_rows(&dump, &sum.lost).await?;
             return Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files: sum });
         }
         hold.end(&[]).await?;

@@ -43,7 +43,6 @@ impl Archive {
         let archive = Self::to_fill(site, &format!("a backup of the catalog {}", manifest.instance)).await?;
         let origin = Origin { store: &store, catalog: None, object: |object| kept(object.digest()) };
         let files = archive.fill_blobs(&dump, &origin).await?;
-        let lost: Vec<_> = files.lost.iter().map(|lost| lost.digest).collect();
         let new: Vec<_> = files.lost.iter().filter(|lost| !manifest.lost.contains(&lost.digest)).collect();
         if let Some(first) = new.first()
             && !accept_lost
@@ -57,7 +56,7 @@ impl Archive {
                 first.kind
             )));
         }
-        archive.fill_rows(&dump, &lost).await?;
+        archive.fill_rows(&dump, &files.lost).await?;
         Ok(CopyReport { instance: archive.catalog.instance().await?, rows: dump.rows(), files })
     }
 }

@@ -74,7 +74,7 @@ impl Archive {
                 break;
             }
             for (at, due) in claimed.iter().enumerate() {
-                match self.scrub_blob(&due.blob, &mut pace, &mut report).await {
+                match self.of(due.blob.object.tenant()).scrub_blob(&due.blob, &mut pace, &mut report).await {
                     Ok(true) => {}
                     Ok(false) => {
                         self.catalog.unclaim_checks(&claimed[at..]).await?;

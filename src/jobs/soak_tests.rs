@@ -6,7 +6,7 @@ use super::config::Limits;
 use super::publish::Published;
 use super::site::tests::sites;
 use crate::catalog::{Added, Deleted, NewMeasurement, testing};
-use crate::store::{Digest, Object, Staged, Staging, Store, StoreError};
+use crate::store::{Digest, FOLDER, Object, Staged, Staging, Store, StoreError};
 use bytes::Bytes;
 use futures::StreamExt;
 use futures::future::BoxFuture;
@@ -288,13 +288,9 @@ impl Soak {
 
 async fn objects(archive: &Archive) -> BTreeSet<Object> {
     let mut objects = BTreeSet::new();
-    for first in 0..=u8::MAX {
-        for folder in Object::folders(first) {
-            let mut found = archive.store.list(&folder);
-            while let Some(found) = found.next().await {
-                objects.insert(found.unwrap().0);
-            }
-        }
+    let mut found = archive.store.list(FOLDER);
+    while let Some(found) = found.next().await {
+        objects.insert(found.unwrap().0);
     }
     objects
 }

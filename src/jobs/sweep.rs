@@ -82,9 +82,15 @@ impl Archive {
         let (staging, stale) = (self.staging.clone(), limits.stale);
         let removed_staging =
             tokio::task::spawn_blocking(move || staging.sweep(stale)).await.map_err(|e| StoreError::Io(e.into()))??;
-        let ages = Retention { succeeded: limits.keep_succeeded, failed: limits.keep_failed, keys: KEYS };
+        let ages = Retention {
+            succeeded: limits.keep_succeeded,
+            failed: limits.keep_failed,
+            keys: KEYS,
+            acts: limits.keep_audit,
+        };
         let forgotten_jobs = self.catalog.forget(&ages).await?;
         self.catalog.forget_partials(REMEMBERED).await?;
+        self.catalog.recount().await?;
         let mut report = SweepReport { removed_staging, forgotten_jobs, ..SweepReport::default() };
         while self.catalog.doom_expired(AT_ONCE, LATE).await? == u64::from(AT_ONCE) && !stopped() {}
         self.doom(limits.grace, stopped).await?;
@@ -92,16 +98,16 @@ impl Archive {
         Ok(report)
     }
 
-    /// Lists for deletion the objects to which no row of the catalog refers any more.
+    /// Lists for deletion the objects of all tenants to which no row of the catalog refers any more.
     async fn doom(&self, grace: Duration, stopped: &(dyn Fn() -> bool + Sync)) -> Result<(), ArchiveError> {
         loop {
             let unnamed = self.catalog.unnamed(AT_ONCE).await?;
-            for &digest in &unnamed {
+            for (tenant, digest) in &unnamed {
                 if stopped() {
                     return Ok(());
                 }
-                if let Doom::Doomed(bytes) = self.catalog.doom_unnamed(digest, grace).await? {
-                    tracing::debug!(%digest, bytes, "no row names these bytes any more");
+                if let Doom::Doomed(bytes) = self.catalog.of(tenant).doom_unnamed(*digest, grace).await? {
+                    tracing::debug!(%tenant, %digest, bytes, "no row names these bytes any more");
                 }
             }
             if unnamed.len() < AT_ONCE as usize {

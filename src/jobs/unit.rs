@@ -11,7 +11,7 @@ pub(crate) enum Unit {
     Bytes,
     /// A rate in bytes per second, written like a size in bytes.
     Rate,
-    /// A time: `500ms`, `30s`, `15min`, `1h`; a number alone counts seconds.
+    /// A time: `500ms`, `30s`, `15min`, `1h`, `7d`; a number alone counts seconds.
     Time,
 }
 
@@ -28,10 +28,11 @@ const BYTES: [(&str, u64); 7] = [
 
 /// Suffixes of times, each with its length in milliseconds. `ms` stands before `s`, so that `5ms` is not read as
 /// seconds.
-const TIMES: [(&str, u64); 4] = [("ms", 1), ("min", 60_000), ("h", 3_600_000), ("s", 1000)];
+const TIMES: [(&str, u64); 5] = [("ms", 1), ("min", 60_000), ("h", 3_600_000), ("s", 1000), ("d", 86_400_000)];
 
 impl Unit {
-    pub(super) fn parse(self, text: &str) -> Option<u64> {
+    /// Reads a number with this unit; times are in milliseconds. Returns `None` for any other text.
+    pub(crate) fn parse(self, text: &str) -> Option<u64> {
         let (suffixes, alone): (&[_], u64) = match self {
             Self::Count => (&[], 1),
             Self::Bytes | Self::Rate => (&BYTES, 1),
@@ -122,11 +123,25 @@ impl Value for u32 {
 impl Value for Duration {
     fn from_number(number: u64) -> Option<Self> {
         // Longer times overflow the clock when they are added to it.
-        (number <= 366 * 24 * 3_600_000).then(|| Self::from_millis(number))
+        (number <= 10 * 366 * 24 * 3_600_000).then(|| Self::from_millis(number))
     }
 
     fn number(&self) -> u64 {
         self.as_millis() as u64
+    }
+}
+
+/// Time of at most 15 minutes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Brief(pub Duration);
+
+impl Value for Brief {
+    fn from_number(number: u64) -> Option<Self> {
+        (number <= 15 * 60_000).then(|| Self(Duration::from_millis(number)))
+    }
+
+    fn number(&self) -> u64 {
+        self.0.number()
     }
 }
 
@@ -145,6 +160,7 @@ mod tests {
             (Unit::Time, "500ms", 500, "500ms"),
             (Unit::Time, "90", 90_000, "90s"),
             (Unit::Time, "15min", 900_000, "15min"),
+            (Unit::Time, "7d", 604_800_000, "168h"),
             (Unit::Time, "0s", 0, "0s"),
         ] {
             assert_eq!(unit.parse(text), Some(value), "{text}");

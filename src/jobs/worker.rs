@@ -93,6 +93,7 @@ async fn working(engine: Arc<Engine>, stop: CancellationToken) {
 /// Runs one attempt at a job, from its claim until its end is recorded.
 async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) {
     let start = Instant::now();
+    let engine = &engine.of(&job.tenant);
     let control = engine.hub.enter(&job.id);
     // A panic outside the maths must not take the worker with it.
     let running = tokio::spawn({
@@ -148,7 +149,7 @@ async fn attempt(engine: &Arc<Engine>, job: &Claimed, stop: &CancellationToken) 
             }
         }
         // `end` handles a claim that ran out itself.
-        Ok(Ending::Lost | Ending::Unpublished) => {
+        Ok(Ending::Lost | Ending::Unpublished | Ending::Over(_)) => {
             tracing::warn!(job = job.id, duration_ms, "the job was another worker's before it ended here");
         }
         Err(error) => tracing::error!(job = job.id, duration_ms, %error, "the end of a job was not written"),
@@ -256,6 +257,10 @@ async fn end(
                     None => "the result was not published".to_owned(),
                 };
                 ended = again(engine, job, detail);
+            }
+            Ok(Ending::Over(over)) => {
+                ended = Ended::Failed(JobProblem::new(Code::QuotaExceeded, over.to_string()).to_json());
+                published = None;
             }
             Err(CatalogError::Sql(error)) if !stop.is_cancelled() || pause < Duration::from_secs(1) => {
                 tracing::warn!(job = job.id, %error, "the end of a job is written again");

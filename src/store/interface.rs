@@ -8,6 +8,7 @@ use futures::future::BoxFuture;
 use futures::stream::BoxStream;
 use std::fmt;
 use std::ops::Range;
+use std::time::Duration;
 
 /// A store of immutable objects (files that are written once).
 ///
@@ -23,6 +24,7 @@ use std::ops::Range;
 /// * `remove` frees an object's bytes; an object that is absent already is removed. Nobody publishes under its name
 ///   again.
 /// * `note` and `set_note` read and write a small text beside the objects.
+/// * `presigned` tells no secret of the store but the URL, which reads one object and nothing else.
 /// * All calls may be made at any time from any thread or process.
 pub(crate) trait Store: Send + Sync + fmt::Debug {
     /// Makes a staged (temporary) file a durable object of the store.
@@ -31,6 +33,17 @@ pub(crate) trait Store: Send + Sync + fmt::Debug {
     fn size<'a>(&'a self, object: &'a Object) -> BoxFuture<'a, Result<Option<u64>, StoreError>>;
     /// Returns the bytes of `range` of an object, without checking its digest.
     fn read<'a>(&'a self, object: &'a Object, range: Range<u64>) -> BoxFuture<'a, Result<Bytes, StoreError>>;
+    /// Returns a URL from which anybody can read an object for the time `life`, with these headers of the answer;
+    /// `None` if the store has no such URLs. Sends no request for the object, so that it may be absent.
+    fn presigned<'a>(
+        &'a self,
+        _object: &'a Object,
+        _life: Duration,
+        _media_type: &'a str,
+        _disposition: &'a str,
+    ) -> BoxFuture<'a, Result<Option<String>, StoreError>> {
+        Box::pin(std::future::ready(Ok(None)))
+    }
     /// Lists the objects below a folder of the store with their sizes in bytes, in no particular order.
     fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>>;
     /// Removes objects from the store, and returns one outcome for each, in the order of `objects`.

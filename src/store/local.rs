@@ -34,6 +34,7 @@ pub(super) fn open_to_read(root: &Path) -> Result<Option<Objects>, StoreError> {
 mod tests {
     use super::*;
     use crate::store::{Object, Store, StoreExt, contract};
+    use crate::trust::Tenant;
     use futures::StreamExt;
 
     #[tokio::test]
@@ -50,7 +51,7 @@ mod tests {
         let (store, staging) = open(root.path()).unwrap();
         let store = Arc::new(store);
         let staged = staging.stage(b"the truth").unwrap();
-        let object = Object::fresh(staged.digest());
+        let object = Object::fresh(&Tenant::default(), staged.digest());
         store.publish(&staged, &object).await.unwrap();
         std::fs::write(root.path().join(object.to_string()), b"a lie   ").unwrap();
         assert!(matches!(store.get(&object, Some(8)).await, Err(StoreError::Corrupt { .. })));

@@ -27,7 +27,7 @@ pub use tls::provide_tls;
 pub use verified::WHOLE;
 
 pub(crate) use interface::Store;
-pub(crate) use object::{Object, PARTS};
+pub(crate) use object::{FOLDER, Object, PARTS};
 pub(crate) use probe::{Probe, Step};
 #[cfg(test)]
 pub(crate) use s3::tests::at as s3_at;
@@ -39,6 +39,7 @@ pub(crate) mod contract {
     //! The suite that every store passes.
 
     use super::*;
+    use crate::trust::Tenant;
     use bytes::Bytes;
     use futures::TryStreamExt;
     use std::sync::Arc;
@@ -52,7 +53,8 @@ pub(crate) mod contract {
     }
 
     pub(crate) async fn holds<S: Store + ?Sized + 'static>(store: Arc<S>, staging: &Staging) {
-        let absent = Object::fresh(Digest::of(b"never published"));
+        let tenant = Tenant::default();
+        let absent = Object::fresh(&tenant, Digest::of(b"never published"));
         assert_eq!(store.size(&absent).await.unwrap(), None);
         assert!(matches!(store.read(&absent, 0..1).await, Err(StoreError::NotFound(_))));
         assert!(matches!(store.get(&absent, None).await, Err(StoreError::NotFound(_))));
@@ -64,7 +66,7 @@ pub(crate) mod contract {
         let mut objects = Vec::new();
         for bytes in [b"".as_slice(), b"x", &[7; 1000], &large] {
             let staged = staging.stage(bytes).unwrap();
-            let (object, size) = (Object::fresh(staged.digest()), bytes.len() as u64);
+            let (object, size) = (Object::fresh(&tenant, staged.digest()), bytes.len() as u64);
             assert_eq!(store.size(&object).await.unwrap(), None, "not visible before it is published");
             store.publish(&staged, &object).await.unwrap();
             store.publish(&staging.stage(bytes).unwrap(), &object).await.unwrap();
@@ -88,7 +90,7 @@ pub(crate) mod contract {
         }
         let mut listed = Vec::new();
         for first in 0..=u8::MAX {
-            for folder in Object::folders(first) {
+            for folder in Object::folders(&tenant, first) {
                 listed.extend(store.list(&folder).try_collect::<Vec<_>>().await.unwrap());
             }
         }
@@ -98,7 +100,7 @@ pub(crate) mod contract {
         assert_eq!(listed, expected);
 
         // Another generation of the same bytes is another object.
-        let (first, second) = (&objects[1], Object::fresh(objects[1].digest()));
+        let (first, second) = (&objects[1], Object::fresh(&tenant, objects[1].digest()));
         store.publish(&staging.stage(b"x").unwrap(), &second).await.unwrap();
         assert!(store.remove(std::slice::from_ref(first)).await.iter().all(Result::is_ok));
         assert_eq!(store.size(first).await.unwrap(), None);

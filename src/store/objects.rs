@@ -8,9 +8,11 @@ use bytes::Bytes;
 use futures::future::BoxFuture;
 use futures::stream::{BoxStream, StreamExt};
 use object_store::path::Path;
+use object_store::signer::{Method, SignedUrlOptions, Signer};
 use object_store::{ObjectStore, ObjectStoreExt, PutPayload};
 use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Way in which a staged (temporary) file becomes an object of the store.
 #[derive(Clone, Debug)]
@@ -26,11 +28,18 @@ pub(super) enum Publication {
 pub(crate) struct Objects {
     store: Arc<dyn ObjectStore>,
     publication: Publication,
+    /// Maker of URLs from which clients read objects without credentials of their own; `None` for a directory.
+    signer: Option<Arc<dyn Signer>>,
 }
 
 impl Objects {
     pub(super) fn new(store: Arc<dyn ObjectStore>, publication: Publication) -> Self {
-        Self { store, publication }
+        Self { store, publication, signer: None }
+    }
+
+    /// Adds the maker of URLs from which clients read objects.
+    pub(super) fn with_signer(self, signer: Arc<dyn Signer>) -> Self {
+        Self { signer: Some(signer), ..self }
     }
 }
 
@@ -84,6 +93,22 @@ impl Store for Objects {
                     (_, Err(error)) => Err(error.into()),
                 },
             }
+        })
+    }
+
+    fn presigned<'a>(
+        &'a self,
+        object: &'a Object,
+        life: Duration,
+        media_type: &'a str,
+        disposition: &'a str,
+    ) -> BoxFuture<'a, Result<Option<String>, StoreError>> {
+        Box::pin(async move {
+            let Some(signer) = &self.signer else { return Ok(None) };
+            let labels = [("response-content-type", media_type), ("response-content-disposition", disposition)];
+            let options = SignedUrlOptions::new().with_query(labels);
+            let url = signer.signed_url_opts(Method::GET, &path(object), life, &options).await?;
+            Ok(Some(url.into()))
         })
     }
 

@@ -51,7 +51,7 @@ impl Probe {
             Place::Directory(root) => {
                 Arc::new(LocalFileSystem::new_with_prefix(root)?.with_fsync(true).with_automatic_cleanup(true))
             }
-            Place::S3 { bucket, prefix } => s3::client(bucket, prefix, PATIENCE / 2, PATIENCE / 2)?,
+            Place::S3 { bucket, prefix } => s3::client(bucket, prefix, PATIENCE / 2, PATIENCE / 2)?.0,
         };
         Ok(Self { store, folder: format!("wavelume-probe-{}", uuid::Uuid::now_v7().simple()) })
     }

@@ -7,6 +7,7 @@ use super::error::StoreError;
 use super::objects::{Objects, Publication};
 use object_store::aws::AmazonS3Builder;
 use object_store::prefix::PrefixStore;
+use object_store::signer::Signer;
 use object_store::{BackoffConfig, ClientOptions, ObjectStore, RetryConfig};
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,17 +25,16 @@ const REPETITIONS: usize = 10_000;
 
 /// Opens the objects under a prefix of an S3 bucket; the prefix may be empty. Sends no request to the store yet.
 pub(super) fn open(bucket: &str, prefix: &str) -> Result<Objects, StoreError> {
-    Ok(Objects::new(client(bucket, prefix, PATIENCE, REQUEST)?, Publication::Upload))
+    let (client, signer) = client(bucket, prefix, PATIENCE, REQUEST)?;
+    Ok(Objects::new(client, Publication::Upload).with_signer(signer))
 }
+
+/// Client for a prefix of a bucket, and the maker of URLs that read single objects there.
+pub(super) type Client = (Arc<dyn ObjectStore>, Arc<dyn Signer>);
 
 /// Builds the client for a prefix of an S3 bucket. A failed call is tried again for the time `patience`; one request
 /// may take the time `request`.
-pub(super) fn client(
-    bucket: &str,
-    prefix: &str,
-    patience: Duration,
-    request: Duration,
-) -> Result<Arc<dyn ObjectStore>, StoreError> {
+pub(super) fn client(bucket: &str, prefix: &str, patience: Duration, request: Duration) -> Result<Client, StoreError> {
     let plain = std::env::var("AWS_ENDPOINT_URL").is_ok_and(|endpoint| endpoint.starts_with("http://"));
     with(AmazonS3Builder::from_env(), plain, bucket, prefix, patience, request)
 }
@@ -48,7 +48,7 @@ fn with(
     prefix: &str,
     patience: Duration,
     request: Duration,
-) -> Result<Arc<dyn ObjectStore>, StoreError> {
+) -> Result<Client, StoreError> {
     super::tls::provide_tls();
     let retry = RetryConfig {
         backoff: BackoffConfig {
@@ -61,7 +61,9 @@ fn with(
     };
     let options = ClientOptions::new().with_timeout(request).with_allow_http(plain);
     let bucket = builder.with_bucket_name(bucket).with_retry(retry).with_client_options(options).build()?;
-    Ok(if prefix.is_empty() { Arc::new(bucket) } else { Arc::new(PrefixStore::new(bucket, prefix)) })
+    // An empty prefix changes no path.
+    let client = Arc::new(PrefixStore::new(bucket, prefix));
+    Ok((client.clone(), client))
 }
 
 #[cfg(test)]
@@ -78,8 +80,8 @@ pub(super) mod tests {
             .with_region("us-east-1")
             .with_access_key_id("test")
             .with_secret_access_key("test");
-        let client = with(builder, true, "bucket", "", PATIENCE, REQUEST).unwrap();
-        Arc::new(Objects::new(client, Publication::Upload))
+        let (client, signer) = with(builder, true, "bucket", "", PATIENCE, REQUEST).unwrap();
+        Arc::new(Objects::new(client, Publication::Upload).with_signer(signer))
     }
 
     /// Answers each request to an S3 store with the next text of `answers`, and then ends. Returns the store.

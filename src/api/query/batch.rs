@@ -19,7 +19,7 @@ use super::question::Question;
 use super::read_ahead::ReadAhead;
 use super::stream::{stream, whole};
 use crate::store::Digest;
-use axum::extract::{FromRequest, Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderMap, header};
 use axum::response::Response;
 use serde::Deserialize;
@@ -147,7 +147,7 @@ type Parse = fn(&[u8], usize) -> Result<(Question, Places), Problem>;
     )))
 )]
 pub(super) async fn evaluate(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(options): Query<EvaluateOptions>,
     request: Request,
@@ -186,7 +186,7 @@ pub(super) async fn evaluate(
     )))
 )]
 pub(super) async fn pdf(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(options): Query<PdfOptions>,
     request: Request,
@@ -216,7 +216,7 @@ pub(super) async fn pdf(
     )))
 )]
 pub(super) async fn sample(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(options): Query<SampleOptions>,
     request: Request,
@@ -252,7 +252,7 @@ pub(super) async fn sample(
     )))
 )]
 pub(super) async fn albedo(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(options): Query<AlbedoOptions>,
     request: Request,
@@ -292,7 +292,7 @@ async fn answer(
         Err(problem) => return refuse(request, problem).await,
     };
     if body == Encoding::Json {
-        let json = JsonBytes::from_request(request, &app).await?;
+        let json = JsonBytes::receive(request, &app).await?;
         let engine = Arc::clone(&app.engine);
         if answer == Encoding::Json {
             let work = move || {

@@ -32,12 +32,12 @@ pub(super) use one::compute;
 pub(super) use opened::open;
 pub(super) use options::{direction, indices, read};
 
-use super::state::App;
+use super::state::Service;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 /// HTTP routes of queries of a material: evaluation, sampling and albedo.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(one::get_spectrum))
         .routes(routes!(one::get_albedo, batch::albedo))

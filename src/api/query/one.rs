@@ -9,7 +9,6 @@ use super::opened::open;
 use super::options::{How, Outside, direction, indices, read, wavelengths};
 use crate::evaluate::Place;
 use crate::store::Digest;
-use axum::extract::State;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
@@ -60,7 +59,7 @@ pub(super) struct AlbedoQuery {
     responses((status = 200, description = "The spectrum", body = SpectrumAnswer))
 )]
 pub(super) async fn get_spectrum(
-    State(app): State<App>,
+    app: App,
     Id(id): Id,
     Query(query): Query<SpectrumQuery>,
 ) -> Result<Response, Problem> {
@@ -92,11 +91,7 @@ pub(super) async fn get_spectrum(
     params(("id" = Digest, Path, description = "Id of the material"), AlbedoQuery),
     responses((status = 200, description = "The albedo", body = AlbedoAnswer))
 )]
-pub(super) async fn get_albedo(
-    State(app): State<App>,
-    Id(id): Id,
-    Query(query): Query<AlbedoQuery>,
-) -> Result<Response, Problem> {
+pub(super) async fn get_albedo(app: App, Id(id): Id, Query(query): Query<AlbedoQuery>) -> Result<Response, Problem> {
     let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
     let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
     let how = query.interpolation.unwrap_or_default().into();

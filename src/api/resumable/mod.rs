@@ -17,9 +17,10 @@ use super::extract::{Id32, linger};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::{Binary, TusVersion, UploadIdText};
-use super::state::App;
+use super::state::{App, Service};
+use super::upload::lacks_room;
 use crate::catalog::{Begun, Partial};
-use axum::extract::{Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -36,7 +37,7 @@ const SPOKEN: &str = "1.0.0";
 const EXTENSIONS: &str = "creation,creation-with-upload,creation-defer-length,termination,expiration,checksum";
 
 /// HTTP routes of resumable uploads.
-pub(crate) fn routes() -> OpenApiRouter<App> {
+pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new()
         .routes(routes!(upload_options, create_upload))
         .routes(routes!(get_upload_offset, append_upload, delete_upload, override_upload))
@@ -69,7 +70,7 @@ async fn protocol(request: Request, next: Next) -> Response {
         ("Tus-Checksum-Algorithm" = String, description = "Supported checksum algorithms"),
     )))
 )]
-async fn upload_options(State(app): State<App>) -> Response {
+async fn upload_options(app: App) -> Response {
     let mut response = StatusCode::NO_CONTENT.into_response();
     let headers = response.headers_mut();
     headers.insert(VERSION, HeaderValue::from_static(SPOKEN));
@@ -98,7 +99,7 @@ async fn upload_options(State(app): State<App>) -> Response {
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn create_upload(State(app): State<App>, peer: Peer, request: Request) -> Result<Response, Problem> {
+async fn create_upload(app: App, peer: Peer, request: Request) -> Result<Response, Problem> {
     let first =
         if headers::has_bytes(request.headers()) { headers::asked(request.headers()).map(Some) } else { Ok(None) };
     let begun = match first {
@@ -132,6 +133,7 @@ async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Pr
     if let Some(length) = length.filter(|length| *length > most) {
         return Err(Problem::new(Kind::TooLarge, format!("an upload of {length} bytes, expected at most {most}")));
     }
+    lacks_room(app, length).await?;
     let metadata = headers::metadata(headers)?;
     let limits = &app.engine.limits;
     match app.engine.begin_partial(peer.to_string(), length, metadata).await? {
@@ -174,7 +176,7 @@ async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Pr
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn get_upload_offset(State(app): State<App>, Id32(id): Id32) -> Result<Response, Problem> {
+async fn get_upload_offset(app: App, Id32(id): Id32) -> Result<Response, Problem> {
     let partial = app.engine.settled_partial(&id).await?.ok_or_else(|| absent(&id))?;
     if partial.is_expired {
         return Err(expired(&id));
@@ -211,12 +213,7 @@ async fn get_upload_offset(State(app): State<App>, Id32(id): Id32) -> Result<Res
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn append_upload(
-    State(app): State<App>,
-    peer: Peer,
-    Id32(id): Id32,
-    request: Request,
-) -> Result<Response, Problem> {
+async fn append_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     append(&app, peer, id, request).await
 }
 
@@ -243,7 +240,7 @@ async fn append(app: &App, peer: Peer, id: String, request: Request) -> Result<R
     ),
     responses((status = 204, description = "The upload is deleted"))
 )]
-async fn delete_upload(State(app): State<App>, Id32(id): Id32) -> Result<StatusCode, Problem> {
+async fn delete_upload(app: App, Id32(id): Id32) -> Result<StatusCode, Problem> {
     delete(&app, &id).await
 }
 
@@ -264,12 +261,7 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
     request_body(content = Binary, content_type = "application/offset+octet-stream", description = "For `PATCH`: next bytes of the upload"),
     responses((status = 204, description = "The bytes were added to the upload (`PATCH`), or the upload is deleted (`DELETE`)"))
 )]
-async fn override_upload(
-    State(app): State<App>,
-    peer: Peer,
-    Id32(id): Id32,
-    request: Request,
-) -> Result<Response, Problem> {
+async fn override_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     match request.headers().get("x-http-method-override").map(HeaderValue::as_bytes) {
         Some(b"PATCH") => append(&app, peer, id, request).await,
         Some(b"DELETE") => delete(&app, &id).await.map(IntoResponse::into_response),

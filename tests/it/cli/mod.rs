@@ -3,6 +3,7 @@
 mod compress;
 mod doctor;
 mod evaluate;
+mod keys;
 mod materials;
 mod refusals;
 mod scans;

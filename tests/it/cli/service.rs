@@ -6,9 +6,9 @@ use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
 
 /// A service that is stopped with the test.
-struct Service {
+pub(super) struct Service {
     child: Child,
-    address: String,
+    pub(super) address: String,
 }
 
 impl Service {
@@ -17,7 +17,7 @@ impl Service {
     }
 
     /// Starts a service under `limits` (shell commands), with further `options`.
-    fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
+    pub(super) fn start_with(limits: &str, data: &str, options: &[&str], log: Stdio) -> Self {
         let mut child = Command::new("sh")
             .args(["-c", &format!("{limits}\nexec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_wavelume")])
             .args(["serve", "--data", data, "--listen", "127.0.0.1:0"])
@@ -100,6 +100,43 @@ fn a_log_in_a_file_has_bounded_lines_without_colours() {
         for line in log.lines() {
             assert!(line.len() < 2_000 && !line.contains(char::is_control), "{line:?}");
         }
+    }
+}
+
+#[test]
+fn links_and_tokens_are_in_no_log() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = at(&dir, "log");
+    let key = done(&["keys", "generate"]);
+    let key = key.trim();
+    let shell = format!("export RUST_LOG=trace WAVELUME_BOOTSTRAP_KEY={key}");
+    let file = std::fs::File::create(&log).unwrap();
+    let service = Service::start_with(&shell, &at(&dir, "data"), &["--auth", "keys"], file.into());
+    let held = at(&dir, "key");
+    std::fs::write(&held, key).unwrap();
+    let id = format!("b3-{}", "0".repeat(64));
+    let link = done(&["link", "--key-file", &held, "--url", "http://x", "--material", &id]);
+    let token = done(&["token", "--key-file", &held]);
+    let (target, token) = (link.trim().strip_prefix("http://x").unwrap(), token.trim());
+    for (target, status) in [(target.to_owned(), "404"), (target.replace("signature=", "signature=A"), "401")] {
+        assert!(service.get(&target).unwrap().starts_with(&format!("HTTP/1.1 {status}")), "{target}");
+    }
+    for (credential, status) in
+        [(token, "200"), (&format!("{token}A"), "401"), (key, "200"), (&format!("{key}A"), "401")]
+    {
+        let mut stream = TcpStream::connect(&service.address).unwrap();
+        let head = format!("host: localhost\r\nauthorization: Bearer {credential}\r\nconnection: close");
+        write!(stream, "GET /v1/materials HTTP/1.1\r\n{head}\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{answer}");
+    }
+    assert_eq!(service.signal("-TERM"), Some(0));
+    let log = std::fs::read_to_string(&log).unwrap();
+    assert!(log.contains("request answered") && log.contains(&id), "{log}");
+    let (_, signature) = target.rsplit_once('=').unwrap();
+    for secret in [signature, token, &token[..40], &token[token.len() - 40..], &key[15..58]] {
+        assert!(!log.contains(secret), "{secret}");
     }
 }
 

@@ -5,12 +5,14 @@ mod content;
 mod copies;
 mod crowd;
 mod exports;
+mod farm;
 mod frames;
 mod heads;
 mod hostile;
 #[cfg(target_os = "linux")]
 mod isolation;
 mod jobs;
+mod keys;
 mod made_elsewhere;
 mod nodes;
 mod queries;

@@ -1,0 +1,390 @@
+//! Layer that asks who calls before any handler or cache: a request needs a key with the scope of its route.
+
+use super::caller::{Actor, Caller};
+use super::decisions::{Decision, Judged, KeyState, Rights};
+use super::expiring::{Expiring, SHORT};
+use super::guard::AuthMode;
+use super::layers::refuse;
+use super::needs::{self, Need};
+use super::places::Peer;
+use super::problem::{Kind, Problem};
+use super::seen::ForAll;
+use super::state::App;
+use super::words::shown;
+use crate::catalog::Act;
+use crate::trust::{self, Grant, Key, KeyId, Link, Reach, Scope, Scopes, SecretHash, Tenant, Token};
+use axum::body::{Body, HttpBody};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderValue, Method, header};
+use axum::middleware::Next;
+use axum::response::Response;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Names of headers by which a proxy tells that it passes a request on.
+const PASSED_ON: [&str; 3] = ["forwarded", "x-forwarded-for", "via"];
+
+/// Upper bound in characters on the subject of a record in the audit trail: longer than any id.
+const LONGEST_SUBJECT: usize = 80;
+
+/// Challenge of answers that ask for a key.
+const CHALLENGE: &str = "Bearer realm=\"wavelume\"";
+
+/// Reason why what a caller shows is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Refused {
+    /// The header `Authorization` has another form than `Bearer KEY`.
+    Form,
+    /// The text is not a key; most likely a character is wrong or missing.
+    Mistyped,
+    /// There is no such key.
+    Unknown(Option<KeyId>),
+    /// The key has expired.
+    Expired,
+    /// The key was revoked.
+    Revoked,
+    /// The token or the link is not valid; the key that it names, if it could be read.
+    Signed(trust::Refused, Option<KeyId>),
+}
+
+/// Middleware that finds out who calls, and refuses requests whose route needs more than the caller may do.
+pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Next) -> Response {
+    let (mut parts, body) = request.into_parts();
+    let mut end = None;
+    match caller(&app, &parts).await {
+        Ok(Some(caller)) => {
+            end = caller.actor.key().map(|key| (key, caller.left()));
+            parts.extensions.insert(caller);
+        }
+        // No route: the fallback answers.
+        Ok(None) => {}
+        Err(problem) => {
+            metrics::counter!("wavelume_unauthorised_total", "problem" => problem.code()).increment(1);
+            return refuse(Request::from_parts(parts, body), problem).await;
+        }
+    }
+    let recorded = (app.guard.mode != AuthMode::Off).then(|| act(&parts)).flatten();
+    let mut response = next.run(Request::from_parts(parts, body)).await;
+    if let Some(act) = recorded.filter(|_| response.status().is_success()) {
+        record(&app, response.headers(), act).await;
+    }
+    // A cache on the way may give a public answer to those without a key only where they may ask themselves.
+    let for_all = response.extensions().get::<ForAll>().is_some() && app.guard.mode == AuthMode::KeysAndAnonymousRead;
+    if app.guard.mode != AuthMode::Off && !for_all {
+        keep_private(response.headers_mut());
+    }
+    let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);
+    match end.filter(|_| !is_short) {
+        Some((key, left)) => response.map(|body| Body::new(Expiring::new(body, ended(app, key, left)))),
+        None => response,
+    }
+}
+
+/// Resolves when a key is no longer valid, or after the time that is left to what was made from it.
+async fn ended(app: App, key: KeyId, left: Option<Duration>) {
+    let over = async {
+        match left {
+            Some(left) => tokio::time::sleep(left).await,
+            None => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        () = app.guard.decisions.lost(&app.engine.archive.catalog, Some(key)) => {}
+        () = over => {}
+    }
+}
+
+/// Returns the record of a request in the audit trail, if it belongs there.
+fn act(parts: &Parts) -> Option<Act> {
+    let action = needs::act(parts.method.as_str(), parts.extensions.get::<MatchedPath>()?.as_str())?;
+    let last = parts.uri.path().rsplit('/').next().filter(|_| parts.method != Method::POST);
+    let subject = last.map(|id| shown(id, LONGEST_SUBJECT));
+    Some(Act { subject, ..parts.extensions.get::<Caller>()?.act(action, "") })
+}
+
+/// Records a request that has succeeded. What is new is named by the header `Location` of its answer.
+async fn record(app: &App, headers: &HeaderMap, act: Act) {
+    let made = headers.get(header::LOCATION).and_then(|value| value.to_str().ok()?.rsplit('/').next());
+    let subject = made.map(str::to_owned).or(act.subject);
+    if let Err(error) = app.engine.archive.catalog.record(&Act { subject, ..act }).await {
+        tracing::warn!(%error, "an act was not recorded");
+    }
+}
+
+/// Returns the caller of a request that may use its route; `None` if there is no such route.
+async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
+    let caller = |tenant, scopes, actor| Ok(Some(Caller::new(tenant, scopes, actor, &parts.extensions)));
+    if app.guard.mode == AuthMode::Off {
+        if let Some(name) =
+            PASSED_ON.into_iter().find(|name| !app.guard.is_insecure && parts.headers.contains_key(*name))
+        {
+            return Err(passed_on(name));
+        }
+        // A test may have said who calls.
+        if parts.extensions.get::<Caller>().is_some() {
+            return Ok(None);
+        }
+        return caller(Tenant::default(), Scopes::all(), Actor::Off);
+    }
+    let Some(path) = parts.extensions.get::<MatchedPath>().map(MatchedPath::as_str) else { return Ok(None) };
+    let Some(need) = needs::need(parts.method.as_str(), path) else {
+        let detail = format!("{} is not for this resource; see Allow", parts.method);
+        return Err(Problem::new(Kind::MethodNotAllowed, detail).with(header::ALLOW, &needs::methods(path)));
+    };
+    if need == Need::Public {
+        return caller(Tenant::nobody(), Scopes::none(), Actor::Anonymous);
+    }
+    let query = parts.uri.query().unwrap_or_default();
+    let shown = if parts.headers.contains_key(header::AUTHORIZATION) {
+        by_header(app, parts).await?
+    } else if Link::material(parts.uri.path()).is_some() && query.contains("signature=") {
+        by_link(app, parts, query).await?
+    } else if app.guard.mode == AuthMode::KeysAndAnonymousRead && need == Need::Material {
+        // Whoever owns nothing sees what is public.
+        let scopes = [Scope::Read].into_iter().collect();
+        Shown { actor: Actor::Anonymous, tenant: Tenant::nobody(), scopes, reach: Reach::All, until: None }
+    } else {
+        let detail = "the request has no key, expected the header `Authorization: Bearer KEY`";
+        return Err(Problem::new(Kind::Unauthorized, detail).with(header::WWW_AUTHENTICATE, CHALLENGE));
+    };
+    let Shown { actor, tenant, scopes, reach, until } = shown;
+    if !need.allows(scopes) {
+        let needed = need.name();
+        let detail = format!("the {actor} has the scopes {scopes}, expected the scope `{needed}` for this resource");
+        return Err(Problem::new(Kind::MissingScope, detail));
+    }
+    Ok(Some(Caller::new(tenant, scopes, actor, &parts.extensions).limited(reach, until)))
+}
+
+/// Rights that a caller has shown.
+struct Shown {
+    actor: Actor,
+    tenant: Tenant,
+    scopes: Scopes,
+    reach: Reach,
+    /// End of the rights in Unix seconds, if they end.
+    until: Option<u64>,
+}
+
+impl Shown {
+    /// Builds the rights of a token or link, in the tenant of its key.
+    fn granted(actor: Actor, grant: Grant, rights: &Rights) -> Self {
+        let Grant { scopes, reach, expires, .. } = grant;
+        Self { actor, tenant: rights.tenant.clone(), scopes, reach, until: Some(expires) }
+    }
+}
+
+/// Returns the rights of the key or token in the header `Authorization`.
+async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
+    let refuse = |reason| refused(app, parts, reason);
+    let text = bearer(&parts.headers).map_err(refuse)?;
+    if Token::is_like(text) {
+        let now = now();
+        let token = Token::read(text, now).map_err(|reason| refuse(Refused::Signed(reason, None)))?;
+        let verify = |facts: &trust::KeyFacts| token.verify(facts, now);
+        let (grant, rights) = signed(app, parts, token.key(), verify).await?;
+        if !grant.allows(parts.method.as_str(), parts.uri.path()) {
+            let methods = grant.methods;
+            let detail = match grant.reach {
+                Reach::All => format!("the token is for {methods}, expected one of these methods"),
+                Reach::One(id) => format!("the token is for {methods} at /v1/materials/{id} and below, expected these"),
+            };
+            return Err(Problem::new(Kind::MissingScope, detail));
+        }
+        return Ok(Shown::granted(Actor::Token(grant.key), grant, &rights));
+    }
+    let key = text.parse::<Key>().map_err(|_| refuse(Refused::Mistyped))?;
+    let rights = rights(app, parts, key.id(), Some(key.secret().hash())).await?;
+    // Only its owner knows the key, so that this is no guess.
+    match rights.state {
+        KeyState::Valid => {}
+        KeyState::Expired => return Err(unauthorised(Refused::Expired)),
+        KeyState::Revoked => return Err(unauthorised(Refused::Revoked)),
+        KeyState::Closed => return Err(closed(&rights.tenant)),
+    }
+    let (tenant, scopes, until) = (rights.tenant.clone(), rights.scopes, rights.until());
+    Ok(Shown { actor: Actor::Key(key.id()), tenant, scopes, reach: Reach::All, until })
+}
+
+/// Returns the rights of a signed link.
+async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem> {
+    let now = now();
+    let link = Link::read(parts.uri.path(), query, now);
+    let link = link.map_err(|reason| refused(app, parts, Refused::Signed(reason, None)))?;
+    let verify = |facts: &trust::KeyFacts| link.verify(facts, now);
+    let (grant, rights) = signed(app, parts, link.key(), verify).await?;
+    if !grant.allows(parts.method.as_str(), parts.uri.path()) {
+        return Err(Problem::new(Kind::MissingScope, "the link is for GET, expected such a request"));
+    }
+    Ok(Shown::granted(Actor::Link(grant.key), grant, &rights))
+}
+
+/// Verifies a token or a link that names the key `id`.
+async fn signed(
+    app: &App,
+    parts: &Parts,
+    id: KeyId,
+    verify: impl Fn(&trust::KeyFacts) -> Result<Grant, trust::Refused>,
+) -> Result<(Grant, Decision), Problem> {
+    let rights = rights(app, parts, id, None).await?;
+    let verified = rights.facts().ok_or(trust::Refused::Forged).and_then(|facts| verify(&facts));
+    let grant = verified.map_err(|reason| refused(app, parts, Refused::Signed(reason, Some(id))))?;
+    match rights.state {
+        // Revoked keys were refused with the signature.
+        KeyState::Valid | KeyState::Revoked => Ok((grant, rights)),
+        // The database has the better clock.
+        KeyState::Expired => Err(unauthorised(Refused::Signed(trust::Refused::KeyExpired, Some(id)))),
+        KeyState::Closed => Err(closed(&rights.tenant)),
+    }
+}
+
+/// Returns the rights of a key, if it exists and, where a hash is given, the hash is that of its secret.
+async fn rights(app: &App, parts: &Parts, id: KeyId, hash: Option<SecretHash>) -> Result<Decision, Problem> {
+    let may_ask = app.guard.guesses.wait(Peer::of_extensions(&parts.extensions), Instant::now()).is_none();
+    match app.guard.decisions.judge(&app.engine.archive.catalog, id, hash, may_ask).await? {
+        Judged::Known(rights) => Ok(rights),
+        Judged::Wrong | Judged::Unasked => Err(refused(app, parts, Refused::Unknown(Some(id)))),
+    }
+}
+
+/// Returns the time of this machine in Unix seconds.
+fn now() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+/// Returns the text after `Bearer` in the only header `Authorization`.
+fn bearer(headers: &HeaderMap) -> Result<&str, Refused> {
+    let mut fields = headers.get_all(header::AUTHORIZATION).iter();
+    let (Some(field), None) = (fields.next(), fields.next()) else { return Err(Refused::Form) };
+    let (scheme, text) = field.to_str().ok().and_then(|text| text.split_once(' ')).ok_or(Refused::Form)?;
+    if scheme.eq_ignore_ascii_case("bearer") { Ok(text.trim()) } else { Err(Refused::Form) }
+}
+
+/// Counts a wrong key, token or link, and returns the answer to it.
+fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
+    if !reason.is_guess() {
+        return unauthorised(reason);
+    }
+    let (peer, now) = (Peer::of_extensions(&parts.extensions), Instant::now());
+    let guesses = &app.guard.guesses;
+    if let Some(wait) = guesses.wait(peer, now) {
+        // Rounded up: whoever asks again after this time is answered.
+        let seconds = wait.as_secs() + 1;
+        let detail = format!("{peer} has sent too many wrong keys; try again in {seconds} s");
+        return Problem::new(Kind::TooManyRequests, detail).with(header::RETRY_AFTER, &seconds.to_string());
+    }
+    let counted = guesses.count(peer, now);
+    if counted.is_recorded {
+        let caller = Caller::new(Tenant::nobody(), Scopes::none(), Actor::Anonymous, &parts.extensions);
+        let (subject, reason) = (reason.key().map_or_else(|| "none".to_owned(), |id| id.to_string()), reason.text());
+        let then = counted.wait.map(|wait| format!("; refused with 429 for {} s", wait.as_secs() + 1));
+        let detail = Some(format!("{reason}{}", then.unwrap_or_default()));
+        tracing::warn!(%peer, key = subject, reason, "a key was refused");
+        // The wrong key may be anybody's, so that the record belongs to no tenant.
+        let act = Act { tenant: None, detail, ..caller.act("key.refused", subject) };
+        let catalog = app.engine.archive.catalog.clone();
+        tokio::spawn(async move {
+            if let Err(error) = catalog.record(&act).await {
+                tracing::warn!(%error, "a refused key was not recorded");
+            }
+        });
+    }
+    unauthorised(reason)
+}
+
+fn unauthorised(reason: Refused) -> Problem {
+    Problem::new(Kind::Unauthorized, reason.text()).with(header::WWW_AUTHENTICATE, CHALLENGE)
+}
+
+fn closed(tenant: &Tenant) -> Problem {
+    Problem::new(
+        Kind::MissingScope,
+        format!("the tenant {tenant} is closed; whoever administers the service can open it"),
+    )
+}
+
+fn passed_on(name: &str) -> Problem {
+    let detail = format!(
+        "the request has the header {name}, so it came through a proxy, behind which anybody may be; start the service \
+         with --auth keys, or with --insecure if the proxy decides who may ask"
+    );
+    Problem::new(Kind::PassedOn, detail)
+}
+
+/// Keeps answers to a caller out of caches that others use.
+fn keep_private(headers: &mut HeaderMap) {
+    headers.append(header::VARY, HeaderValue::from_static("authorization"));
+    let public = headers.get(header::CACHE_CONTROL).and_then(|value| value.to_str().ok()?.strip_prefix("public"));
+    if let Some(private) = public.and_then(|rest| HeaderValue::from_str(&format!("private{rest}")).ok()) {
+        headers.insert(header::CACHE_CONTROL, private);
+    }
+}
+
+impl Refused {
+    /// Returns true if the caller may have guessed; false if it has shown a right secret or signature, or a time that
+    /// nobody needs to guess.
+    fn is_guess(self) -> bool {
+        use trust::Refused::{Forged, NotALink, NotAToken};
+        match self {
+            Self::Form | Self::Mistyped | Self::Unknown(_) => true,
+            Self::Expired | Self::Revoked => false,
+            Self::Signed(reason, _) => matches!(reason, Forged | NotALink | NotAToken),
+        }
+    }
+
+    /// Returns the key that the caller has named.
+    fn key(self) -> Option<KeyId> {
+        match self {
+            Self::Unknown(key) | Self::Signed(_, key) => key,
+            Self::Form | Self::Mistyped | Self::Expired | Self::Revoked => None,
+        }
+    }
+
+    fn text(self) -> String {
+        let text = match self {
+            Self::Form => "found another form of the header Authorization, expected one `Authorization: Bearer KEY`",
+            Self::Mistyped => "found a mistyped or cut key, expected all 65 characters of one",
+            Self::Unknown(_) => "there is no such key",
+            Self::Expired => "the key has expired: make another one",
+            Self::Revoked => "the key was revoked: make another one",
+            Self::Signed(reason, _) => return reason.to_string(),
+        };
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_bearer_is_read_in_any_case() {
+        let found = |fields: &[&'static [u8]]| {
+            let mut headers = HeaderMap::new();
+            for field in fields {
+                headers.append(header::AUTHORIZATION, HeaderValue::from_bytes(field).unwrap());
+            }
+            bearer(&headers).map(str::to_owned)
+        };
+        for good in [&b"Bearer x_y"[..], b"bearer x_y", b"BEARER  x_y "] {
+            assert_eq!(found(&[good]), Ok("x_y".to_owned()));
+        }
+        for bad in
+            [&[][..], &[&b"x_y"[..]], &[b"Basic x_y"], &[b"Bearer"], &[b"Bearer \xff"], &[b"Bearer a", b"Bearer a"]]
+        {
+            assert_eq!(found(bad), Err(Refused::Form), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn answers_to_a_caller_are_private() {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
+        keep_private(&mut headers);
+        assert_eq!(headers[header::CACHE_CONTROL], "private, max-age=31536000, immutable");
+        assert_eq!(headers[header::VARY], "authorization");
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        keep_private(&mut headers);
+        assert_eq!(headers[header::CACHE_CONTROL], "no-store");
+    }
+}

@@ -1,0 +1,126 @@
+//! Caller of a request: the tenant for which it acts, its scopes, and how it has shown who it is.
+
+use super::places::Peer;
+use super::problem::Problem;
+use crate::catalog::Act;
+use crate::trust::{KeyId, Reach, Scope, Scopes, Tenant};
+use axum::extract::FromRequestParts;
+use axum::http::{Extensions, request::Parts};
+use std::fmt;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// Caller of a request. The layer [`authorise`](super::authorise) puts it into every request with a route.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    /// Tenant whose rows the request sees and changes.
+    pub(crate) tenant: Tenant,
+    /// Scopes of the caller: what it may do.
+    pub(crate) scopes: Scopes,
+    /// Way in which the caller has shown who it is.
+    pub(crate) actor: Actor,
+    /// Materials that the caller reaches; the path of the request is one of them.
+    pub(crate) reach: Reach,
+    /// Time at which the rights of the caller end, in Unix seconds; `None` if they do not end.
+    until: Option<u64>,
+    peer: Peer,
+    request: String,
+}
+
+/// Way in which a caller has shown who it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Actor {
+    /// The service runs without keys, and everybody who reaches it may do everything.
+    Off,
+    /// The caller has shown nothing.
+    Anonymous,
+    /// The caller has sent this key.
+    Key(KeyId),
+    /// The caller has sent a token that was made from this key.
+    Token(KeyId),
+    /// The caller follows a link that was made from this key.
+    Link(KeyId),
+}
+
+/// Id of a request, in the extensions of the request.
+#[derive(Clone, Debug)]
+pub(crate) struct RequestId(pub(crate) String);
+
+impl Caller {
+    /// Returns the caller of the request with these extensions. A request without one has not passed the layer that
+    /// asks who calls.
+    pub(crate) fn of_extensions(extensions: &Extensions) -> Result<Self, Problem> {
+        extensions.get().cloned().ok_or_else(|| Problem::internal(&"a route without a caller"))
+    }
+
+    /// Returns a caller with the data of a tenant, in a service with keys.
+    #[cfg(test)]
+    pub(crate) fn of_tenant(tenant: Tenant) -> Self {
+        Self::new(tenant, Scopes::all(), Actor::Off, &Extensions::new())
+    }
+
+    /// Builds the caller of a request with these extensions.
+    pub(crate) fn new(tenant: Tenant, scopes: Scopes, actor: Actor, extensions: &Extensions) -> Self {
+        let request = extensions.get::<RequestId>().map(|id| id.0.clone()).unwrap_or_default();
+        let (reach, until) = (Reach::All, None);
+        Self { tenant, scopes, actor, reach, until, peer: Peer::of_extensions(extensions), request }
+    }
+
+    /// Returns the caller with rights that end at `until`, in Unix seconds, and reach certain materials.
+    pub(crate) fn limited(self, reach: Reach, until: Option<u64>) -> Self {
+        Self { reach, until, ..self }
+    }
+
+    /// Returns the time for which the caller has its rights; `None` if they do not end.
+    pub(crate) fn left(&self) -> Option<Duration> {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        self.until.map(|until| Duration::from_secs(until).saturating_sub(now))
+    }
+
+    /// Returns true if the caller administers the whole service.
+    pub(crate) fn is_operator(&self) -> bool {
+        self.scopes.has(Scope::Instance)
+    }
+
+    /// Builds the record of an act of this caller on the row `subject`.
+    pub(crate) fn act(&self, action: &'static str, subject: impl fmt::Display) -> Act {
+        Act {
+            tenant: Some(self.tenant.clone()),
+            actor: self.actor.to_string(),
+            action,
+            subject: Some(subject.to_string()),
+            detail: None,
+            address: Some(self.peer.to_string()),
+            request: Some(self.request.clone()).filter(|id| !id.is_empty()),
+        }
+    }
+}
+
+impl Actor {
+    /// Returns the key on which the rights of the caller rest.
+    pub(crate) fn key(self) -> Option<KeyId> {
+        match self {
+            Self::Off | Self::Anonymous => None,
+            Self::Key(id) | Self::Token(id) | Self::Link(id) => Some(id),
+        }
+    }
+}
+
+impl fmt::Display for Actor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Off => f.write_str("everybody"),
+            Self::Anonymous => f.write_str("anonymous"),
+            Self::Key(id) => write!(f, "key {id}"),
+            Self::Token(id) => write!(f, "token of key {id}"),
+            Self::Link(id) => write!(f, "link of key {id}"),
+        }
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Caller {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        Self::of_extensions(&parts.extensions)
+    }
+}

@@ -1,0 +1,334 @@
+//! Decisions about keys, each remembered in this process for at most four seconds.
+
+use crate::catalog::{Catalog, CatalogError, Credential};
+use crate::trust::{KeyFacts, KeyId, Scopes, SecretHash, Tenant, Verifier};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time for which a decision is remembered. Raising it spares the database, but delays the effect of a revocation on
+/// other nodes: together with [`LOOK`] it must stay below the promised 5 s.
+const BELIEVED: Duration = Duration::from_secs(4);
+
+/// Interval at which a long answer looks whether its key is still valid. Raising it spares looks into memory, but lets
+/// the answer go on for longer.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// Age at which one request asks the database again, while the others still use the remembered decision. Lowering it
+/// asks more often; above [`BELIEVED`] all requests with a key would ask at once when it runs out.
+const RENEWED: Duration = Duration::from_millis(2500);
+
+/// Upper bound on the remembered keys. Raising it costs memory, some 200 bytes for each.
+const KEYS: usize = 10_000;
+
+/// Remembered decisions about keys.
+#[derive(Debug, Default)]
+pub(crate) struct Decisions {
+    known: Mutex<Known>,
+}
+
+#[derive(Debug, Default)]
+struct Known {
+    by: HashMap<KeyId, Remembered>,
+    /// Number of decisions that were dropped before their time. A decision that was asked for before the last of them
+    /// is not remembered.
+    dropped: u64,
+}
+
+#[derive(Debug)]
+struct Remembered {
+    hash: SecretHash,
+    decision: Decision,
+    renewed: Instant,
+    until: Instant,
+}
+
+/// Decision about a key that exists, shared by all requests that come with it.
+pub(crate) type Decision = Arc<Rights>;
+
+/// Rights of a key that exists, and the state on which they depend.
+#[derive(Debug)]
+pub(crate) struct Rights {
+    /// Tenant for which the key acts.
+    pub(crate) tenant: Tenant,
+    /// Scopes of the key: what it allows.
+    pub(crate) scopes: Scopes,
+    /// State of the key when the database was asked.
+    pub(crate) state: KeyState,
+    verifier: Option<Verifier>,
+    expires_ms: Option<i64>,
+}
+
+/// State of a key that exists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum KeyState {
+    /// The key is valid.
+    Valid,
+    /// The time of the key is over.
+    Expired,
+    /// The key was revoked.
+    Revoked,
+    /// The key is valid, but its tenant is closed.
+    Closed,
+}
+
+/// Judgement of a request that presents a key.
+#[derive(Clone, Debug)]
+pub(crate) enum Judged {
+    /// The key exists, and the secret is right if one was given.
+    Known(Decision),
+    /// There is no such key, or the secret is wrong.
+    Wrong,
+    /// This process does not know the key, and the database was not to be asked.
+    Unasked,
+}
+
+/// Memory of a key before the database is asked.
+enum Recalled {
+    Fresh(Decision),
+    /// The decision has to be renewed; it still holds if the database does not answer.
+    /// The database is to be asked; until the given time the remembered decision holds if it does not answer.
+    Due(Option<(Decision, Instant)>),
+    Wrong,
+    Unknown,
+}
+
+impl Decisions {
+    /// Judges a key by its id and, unless something else proves that the caller has it, the hash of its secret. If the
+    /// process does not know the key, the database is asked only with `may_ask`.
+    pub(crate) async fn judge(
+        &self,
+        catalog: &Catalog,
+        id: KeyId,
+        hash: Option<SecretHash>,
+        may_ask: bool,
+    ) -> Result<Judged, CatalogError> {
+        let before = match self.recall(id, hash, Instant::now()) {
+            Recalled::Fresh(decision) => return Ok(Judged::Known(decision)),
+            Recalled::Wrong => return Ok(Judged::Wrong),
+            Recalled::Unknown if !may_ask => return Ok(Judged::Unasked),
+            Recalled::Unknown => None,
+            Recalled::Due(before) => before,
+        };
+        let found = match (self.ask(catalog, id).await, before) {
+            (Err(_), Some((before, until))) if Instant::now() < until => return Ok(Judged::Known(before)),
+            (found, _) => found?,
+        };
+        let Some(found) = found.filter(|found| hash.is_none_or(|hash| hash == found.hash)) else {
+            return Ok(Judged::Wrong);
+        };
+        let decision = Rights::of(&found);
+        if found.is_use_old && decision.state == KeyState::Valid {
+            let catalog = catalog.clone();
+            tokio::spawn(async move {
+                if let Err(error) = catalog.note_use(id).await {
+                    tracing::warn!(%error, key = %id, "the use of a key was not recorded");
+                }
+            });
+        }
+        Ok(Judged::Known(decision))
+    }
+
+    /// Resolves when the key on which a long answer rests is no longer valid; never if the answer rests on no key. A
+    /// key that was valid stays so while the database does not answer.
+    pub(crate) async fn lost(&self, catalog: &Catalog, key: Option<KeyId>) {
+        let Some(key) = key else { return std::future::pending().await };
+        while self.holds(catalog, key).await {
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+
+    /// Returns true if a key is valid, as far as the process knows or the database says.
+    pub(crate) async fn holds(&self, catalog: &Catalog, id: KeyId) -> bool {
+        match self.judge(catalog, id, None, true).await {
+            Ok(judged) => matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid),
+            Err(_) => true,
+        }
+    }
+
+    /// Drops the decision about a key, because the key was changed in this process.
+    pub(crate) fn forget(&self, id: KeyId) {
+        let mut known = self.known();
+        known.dropped += 1;
+        known.by.remove(&id);
+    }
+
+    fn recall(&self, id: KeyId, hash: Option<SecretHash>, now: Instant) -> Recalled {
+        let mut known = self.known();
+        let Some(entry) = known.by.get_mut(&id) else { return Recalled::Unknown };
+        if hash.is_some_and(|hash| hash != entry.hash) {
+            return Recalled::Wrong;
+        }
+        if now < entry.renewed {
+            return Recalled::Fresh(entry.decision.clone());
+        }
+        if now >= entry.until {
+            return Recalled::Due(None);
+        }
+        // The others go on with what is remembered.
+        entry.renewed = entry.until;
+        Recalled::Due(Some((entry.decision.clone(), entry.until)))
+    }
+
+    async fn ask(&self, catalog: &Catalog, id: KeyId) -> Result<Option<Credential>, CatalogError> {
+        let (start, dropped) = (Instant::now(), self.known().dropped);
+        let found = catalog.credential(id).await?;
+        let mut known = self.known();
+        let Some(credential) = &found else {
+            known.by.remove(&id);
+            return Ok(None);
+        };
+        if known.dropped != dropped {
+            return Ok(found);
+        }
+        let (hash, decision) = (credential.hash, Rights::of(credential));
+        let left = if decision.state == KeyState::Valid { credential.left } else { BELIEVED };
+        let (renewed, until) = (start + RENEWED.min(left), start + BELIEVED.min(left));
+        if known.by.len() >= KEYS && !known.by.contains_key(&id) {
+            known.by.retain(|_, entry| start < entry.until);
+            if known.by.len() >= KEYS {
+                known.by.clear();
+            }
+        }
+        known.by.insert(id, Remembered { hash, decision, renewed, until });
+        Ok(found)
+    }
+
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Rights {
+    fn of(credential: &Credential) -> Decision {
+        let row = &credential.row;
+        let state = match row.revoked_ms {
+            Some(_) => KeyState::Revoked,
+            None if credential.left.is_zero() => KeyState::Expired,
+            None if credential.is_closed => KeyState::Closed,
+            None => KeyState::Valid,
+        };
+        Arc::new(Self {
+            tenant: row.tenant.clone(),
+            scopes: row.scopes,
+            state,
+            verifier: credential.verifier,
+            expires_ms: row.expires_ms,
+        })
+    }
+
+    /// Returns the end of the key in Unix seconds; `None` if it does not expire.
+    pub(crate) fn until(&self) -> Option<u64> {
+        self.expires_ms.map(|ms| ms.max(0) as u64 / 1000)
+    }
+
+    /// Returns the facts by which tokens and links of the key are verified; `None` if the key signs nothing.
+    pub(crate) fn facts(&self) -> Option<KeyFacts> {
+        Some(KeyFacts {
+            scopes: self.scopes,
+            verifier: self.verifier?,
+            expires: self.until(),
+            is_revoked: self.state == KeyState::Revoked,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::{Act, AddedKey, NewKey, testing};
+    use crate::trust::Key;
+
+    async fn stored(catalog: &Catalog, life: Duration) -> Key {
+        let key = Key::generate().unwrap();
+        let new = NewKey {
+            id: key.id(),
+            tenant: Tenant::default(),
+            name: "test".to_owned(),
+            hash: key.secret().hash(),
+            verifier: None,
+            scopes: "read".parse().unwrap(),
+            life,
+            created_by: "test".to_owned(),
+        };
+        assert!(matches!(catalog.add_key(&new, &Act::default()).await.unwrap(), AddedKey::Row(_)));
+        key
+    }
+
+    async fn judged(decisions: &Decisions, catalog: &Catalog, key: &Key) -> &'static str {
+        match decisions.judge(catalog, key.id(), Some(key.secret().hash()), true).await.unwrap() {
+            Judged::Known(rights) => match rights.state {
+                KeyState::Valid => "valid",
+                KeyState::Expired => "expired",
+                KeyState::Revoked => "revoked",
+                KeyState::Closed => "closed",
+            },
+            Judged::Wrong => "wrong",
+            Judged::Unasked => "unasked",
+        }
+    }
+
+    #[tokio::test]
+    async fn a_decision_is_remembered_and_dropped_at_once_in_the_process_that_revokes() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let (here, elsewhere) = (Decisions::default(), Decisions::default());
+            let key = stored(&catalog, Duration::from_hours(1)).await;
+            for decisions in [&here, &elsewhere] {
+                assert_eq!(judged(decisions, &catalog, &key).await, "valid");
+            }
+            assert!(catalog.revoke_key(key.id(), None, &Act::default()).await.unwrap());
+            here.forget(key.id());
+            assert_eq!(judged(&here, &catalog, &key).await, "revoked");
+            assert!(!here.holds(&catalog, key.id()).await);
+            assert_eq!(judged(&elsewhere, &catalog, &key).await, "valid", "remembered for a moment");
+            let until = elsewhere.known().by[&key.id()].until;
+            assert!(until <= Instant::now() + BELIEVED);
+            assert!(matches!(elsewhere.recall(key.id(), None, until), Recalled::Due(None)));
+        }
+    }
+
+    #[tokio::test]
+    async fn wrong_secrets_and_unknown_keys_are_wrong_and_a_wrong_one_of_a_known_key_asks_nobody() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let decisions = Decisions::default();
+            let (key, other) = (stored(&catalog, Duration::from_hours(1)).await, Key::generate().unwrap());
+            assert_eq!(judged(&decisions, &catalog, &other).await, "wrong");
+            let wrong = Some(other.secret().hash());
+            for _ in 0..2 {
+                let judged = decisions.judge(&catalog, key.id(), wrong, true).await.unwrap();
+                assert!(matches!(judged, Judged::Wrong));
+            }
+            let unasked = decisions.judge(&catalog, other.id(), wrong, false).await.unwrap();
+            assert!(matches!(unasked, Judged::Unasked));
+            // The right one is known meanwhile.
+            let known = decisions.judge(&catalog, key.id(), Some(key.secret().hash()), false).await.unwrap();
+            assert!(matches!(known, Judged::Known(_)));
+            catalog.close().await;
+            let known = decisions.judge(&catalog, key.id(), Some(key.secret().hash()), true).await.unwrap();
+            assert!(matches!(known, Judged::Known(_)), "without the database");
+        }
+    }
+
+    #[tokio::test]
+    async fn an_expired_key_is_not_remembered_beyond_its_time() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let decisions = Decisions::default();
+            let key = stored(&catalog, Duration::from_millis(700)).await;
+            assert_eq!(judged(&decisions, &catalog, &key).await, "valid");
+            assert!(decisions.known().by[&key.id()].until <= Instant::now() + Duration::from_millis(700));
+            tokio::time::sleep(Duration::from_millis(800)).await;
+            assert_eq!(judged(&decisions, &catalog, &key).await, "expired");
+        }
+    }
+
+    #[tokio::test]
+    async fn one_request_renews_a_decision_while_the_others_use_it() {
+        let (catalog, _guard) = testing::catalogs().await.remove(0);
+        let decisions = Decisions::default();
+        let key = stored(&catalog, Duration::from_hours(1)).await;
+        judged(&decisions, &catalog, &key).await;
+        let due = decisions.known().by[&key.id()].renewed;
+        assert!(matches!(decisions.recall(key.id(), None, due), Recalled::Due(Some(_))));
+        assert!(matches!(decisions.recall(key.id(), None, due), Recalled::Fresh(_)));
+    }
+}

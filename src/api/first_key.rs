@@ -1,0 +1,64 @@
+//! First key of a service that nobody can administer yet: given by whoever starts the service.
+
+use crate::catalog::{Act, CatalogError, NewKey};
+use crate::jobs::Engine;
+use crate::trust::{Key, Scopes, Signer, Tenant};
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// Key that whoever starts a service gives to it. Neither `Debug` nor an error shows its text.
+#[derive(Clone)]
+pub struct BootstrapKey(Arc<Key>);
+
+/// Text that is not a key.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}; `wavelume keys generate` prints one")]
+pub struct NotAKey(String);
+
+impl FromStr for BootstrapKey {
+    type Err = NotAKey;
+
+    fn from_str(text: &str) -> Result<Self, NotAKey> {
+        text.trim()
+            .parse()
+            .map(|key| Self(Arc::new(key)))
+            .map_err(|error: crate::trust::KeyError| NotAKey(error.to_string()))
+    }
+}
+
+impl fmt::Debug for BootstrapKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Stores the key with all scopes, unless there has ever been a key.
+pub(super) async fn store(engine: &Engine, BootstrapKey(key): &BootstrapKey) -> Result<(), CatalogError> {
+    let id = key.id();
+    let tenant = Tenant::default();
+    let new = NewKey {
+        id,
+        tenant: tenant.clone(),
+        name: "bootstrap".to_owned(),
+        hash: key.secret().hash(),
+        verifier: Signer::of(key).and_then(|signer| signer.verifier()).ok(),
+        scopes: Scopes::all(),
+        life: engine.limits.key_age,
+        created_by: "bootstrap".to_owned(),
+    };
+    let act = Act {
+        tenant: Some(tenant),
+        actor: "bootstrap".to_owned(),
+        action: "key.create",
+        subject: Some(id.to_string()),
+        detail: Some(new.scopes.to_string()),
+        ..Act::default()
+    };
+    if engine.archive.catalog.add_first_key(&new, &act).await? {
+        tracing::info!(key = %id, "the bootstrap key was stored with all scopes");
+    } else {
+        tracing::info!(key = %id, "the bootstrap key is ignored: the database has keys");
+    }
+    Ok(())
+}

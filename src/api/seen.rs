@@ -1,0 +1,74 @@
+//! Materials that a caller may read: those of its tenant, those shared with it, and public ones.
+
+use super::problem::{Kind, Problem};
+use super::state::App;
+use crate::catalog::{Sight, Visible};
+use crate::store::Digest;
+use axum::response::Response;
+
+/// A material that the caller of a request may read.
+pub(super) struct Seen {
+    /// State for the data of the material's owner. It answers for this material alone.
+    pub(super) app: App,
+    /// Name of the material given by its owner.
+    pub(super) name: Option<String>,
+    /// Reason for which the caller may read the material.
+    pub(super) sight: Sight,
+    is_public: bool,
+}
+
+/// Mark of an answer that everybody may have, whoever has asked for it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ForAll;
+
+/// Finds out whether the caller may read the material `id`, and whose it is. Every answer about a material asks this
+/// first, even if the material is in memory: it may have been deleted or made private by another process. The problem
+/// is the same for a material that nobody has and for one that others keep private.
+pub(super) async fn seen(app: &App, id: Digest) -> Result<Seen, Problem> {
+    find(app, id).await?.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
+}
+
+/// Like [`seen`], but trusts what the catalog said within the last two seconds, unless this process has changed it
+/// since. For downloads, which renderers repeat.
+pub(super) async fn seen_lately(app: &App, id: Digest) -> Result<Seen, Problem> {
+    let catalog = &app.engine.archive.catalog;
+    let Some(visible) = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await? else {
+        forget(app, id).await;
+        return Err(Problem::new(Kind::NotFound, absent(id)));
+    };
+    Ok(Seen::of(app, &visible))
+}
+
+/// Like [`seen`], but returns `None` for a material that the caller may not read.
+pub(super) async fn find(app: &App, id: Digest) -> Result<Option<Seen>, Problem> {
+    let Some(visible) = app.engine.archive.catalog.sees(id).await? else {
+        forget(app, id).await;
+        return Ok(None);
+    };
+    Ok(Some(Seen::of(app, &visible)))
+}
+
+/// Frees the memory that an opened material occupies after it was deleted.
+pub(super) async fn forget(app: &App, id: Digest) {
+    app.engine.close_material(id).await;
+    app.contents.forget(app.engine.archive.catalog.tenant(), id).await;
+}
+
+pub(super) fn absent(id: Digest) -> String {
+    format!("there is no material {id}")
+}
+
+impl Seen {
+    fn of(app: &App, visible: &Visible) -> Self {
+        let Visible { owner, name, sight, is_public } = visible;
+        Self { app: app.of(owner), name: name.clone(), sight: *sight, is_public: *is_public }
+    }
+
+    /// Marks an answer about a public material.
+    pub(super) fn mark(&self, mut response: Response) -> Response {
+        if self.is_public {
+            response.extensions_mut().insert(ForAll);
+        }
+        response
+    }
+}

@@ -1,0 +1,227 @@
+//! `/v1/tenants`: the tenants of the service, for those who administer it.
+
+use super::caller::Caller;
+use super::extract::{Name, SmallJson, parse_json};
+use super::problem::{Kind, Problem};
+use super::schemas::TenantText;
+use super::state::{App, Service};
+use crate::catalog::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
+use crate::jobs::{Text, check_text};
+use crate::trust::Tenant;
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+/// HTTP routes of tenants.
+pub(crate) fn routes() -> OpenApiRouter<Service> {
+    OpenApiRouter::new().routes(routes!(list_tenants, create_tenant)).routes(routes!(get_tenant, change_tenant))
+}
+
+/// State of a tenant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = TenantState)]
+enum StateText {
+    /// The tenant is served.
+    Active,
+    /// Requests of the tenant are refused; its data are kept.
+    Closed,
+}
+
+/// Description of a tenant: its limits, and what it uses.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Tenant)]
+struct About {
+    #[schema(value_type = TenantText)]
+    id: String,
+    name: String,
+    state: StateText,
+    /// Share of the workers, relative to those of others; 100 is the usual one.
+    weight: u64,
+    /// Upper bound on the bytes of measurements and materials; null for none.
+    max_bytes: Option<u64>,
+    /// Upper bound on the number of materials; null for none.
+    max_materials: Option<u64>,
+    /// Upper bound on the number of jobs that wait; null for none.
+    max_queued: Option<u64>,
+    /// Bytes of measurements and materials.
+    used_bytes: u64,
+    /// Number of materials.
+    used_materials: u64,
+    /// Time of creation, in milliseconds since the Unix epoch.
+    created_ms: i64,
+}
+
+/// All tenants of the service.
+#[derive(Debug, Serialize, ToSchema)]
+struct TenantList {
+    items: Vec<About>,
+}
+
+/// Request for a new tenant.
+#[derive(Debug, ToSchema)]
+#[allow(dead_code, reason = "describes the body; serde cannot refuse unknown fields of flattened structs")]
+struct TenantRequest {
+    /// Id of the tenant, which never changes.
+    #[schema(value_type = TenantText)]
+    id: String,
+    #[serde(flatten)]
+    change: ChangeRequest,
+}
+
+/// Properties of a tenant to set. A property that is absent stays as it is, or as it is by default.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(as = TenantChange)]
+struct ChangeRequest {
+    /// Name of the tenant, for people. Default: the id.
+    #[schema(value_type = Option<Text>, nullable = false)]
+    name: Option<String>,
+    /// State of the tenant. Default: `active`.
+    #[schema(nullable = false)]
+    state: Option<StateText>,
+    /// Share of the workers, relative to those of others. Default: 100.
+    #[schema(nullable = false, minimum = 1, maximum = 10_000)]
+    weight: Option<u64>,
+    /// Upper bound on the bytes of measurements and materials; null for none.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<u64>)]
+    max_bytes: Option<Limit>,
+    /// Upper bound on the number of materials; null for none.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<u64>)]
+    max_materials: Option<Limit>,
+    /// Upper bound on the number of jobs that wait; null for none.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<u64>)]
+    max_queued: Option<Limit>,
+}
+
+/// Tells a field that is null from one that is absent.
+fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Limit>, D::Error> {
+    Option::deserialize(deserializer).map(|limit| Some(Limit(limit)))
+}
+
+/// List all tenants.
+#[utoipa::path(
+    get, path = "/v1/tenants", tag = "tenants",
+    responses((status = 200, description = "The tenants", body = TenantList))
+)]
+async fn list_tenants(app: App) -> Result<Json<TenantList>, Problem> {
+    let rows = app.engine.archive.catalog.tenants().await?;
+    Ok(Json(TenantList { items: rows.into_iter().map(About::of).collect() }))
+}
+
+/// Create a tenant.
+#[utoipa::path(
+    post, path = "/v1/tenants", tag = "tenants", request_body = TenantRequest,
+    responses((status = 201, description = "New", body = About, headers(("Location" = String, description = "The tenant"))))
+)]
+async fn create_tenant(app: App, SmallJson(body): SmallJson) -> Result<Response, Problem> {
+    let mut request: Map<String, Value> = parse_json(&body.bytes)?;
+    let id = request.remove("id").and_then(|id| Some(id.as_str()?.to_owned()));
+    let id = id.ok_or_else(|| Problem::invalid("found no text `id`, expected the id of the tenant"))?;
+    let id: Tenant = id.parse().map_err(|error| Problem::invalid(format!("id: {error}")))?;
+    let change: Result<ChangeRequest, _> = serde_json::from_value(Value::Object(request));
+    let change = change.map_err(|error| Problem::invalid(error.to_string()))?.read()?;
+    match app.engine.archive.catalog.create_tenant(&id, &change).await? {
+        Settled::Row(row) => {
+            tracing::info!(tenant = %id, "a tenant was created");
+            let location = HeaderValue::from_str(&format!("/v1/tenants/{id}")).ok();
+            let mut response = (StatusCode::CREATED, Json(About::of(*row))).into_response();
+            response.headers_mut().extend(location.map(|value| (header::LOCATION, value)));
+            Ok(response)
+        }
+        Settled::Taken => Err(Problem::new(Kind::InUse, format!("there is a tenant with the id or the name {id}"))),
+        Settled::Absent => Err(absent(&id.to_string())),
+    }
+}
+
+/// Get a tenant, with what it uses.
+#[utoipa::path(
+    get, path = "/v1/tenants/{tenant}", tag = "tenants", params(("tenant" = TenantText, Path, description = "Id of the tenant")),
+    responses((status = 200, description = "The tenant", body = About))
+)]
+async fn get_tenant(app: App, caller: Caller, Name(id): Name) -> Result<Json<About>, Problem> {
+    if !caller.is_operator() && id != caller.tenant.as_str() {
+        return Err(absent(&id));
+    }
+    let row = app.engine.archive.catalog.tenant_row(&tenant(&id)?).await?;
+    row.map(|row| Json(About::of(row))).ok_or_else(|| absent(&id))
+}
+
+/// Change a tenant: its name, its state, its limits, or its share of the workers.
+#[utoipa::path(
+    patch, path = "/v1/tenants/{tenant}", tag = "tenants", params(("tenant" = TenantText, Path, description = "Id of the tenant")),
+    request_body = ChangeRequest,
+    responses((status = 200, description = "Changed", body = About))
+)]
+async fn change_tenant(app: App, Name(id): Name, SmallJson(body): SmallJson) -> Result<Json<About>, Problem> {
+    let request: ChangeRequest = parse_json(&body.bytes)?;
+    let (tenant, change) = (tenant(&id)?, request.read()?);
+    match app.engine.archive.catalog.change_tenant(&tenant, &change).await? {
+        Settled::Row(row) => {
+            tracing::info!(%tenant, ?change, "a tenant was changed");
+            Ok(Json(About::of(*row)))
+        }
+        Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has it")),
+        Settled::Absent => Err(absent(&id)),
+    }
+}
+
+/// Parses the id of a tenant in a path.
+fn tenant(id: &str) -> Result<Tenant, Problem> {
+    id.parse().map_err(|error: crate::trust::NotATenant| Problem::new(Kind::NotFound, error.to_string()))
+}
+
+fn absent(id: &str) -> Problem {
+    Problem::new(Kind::NotFound, format!("there is no tenant {id}"))
+}
+
+impl ChangeRequest {
+    fn read(self) -> Result<TenantChange, Problem> {
+        if let Some(name) = &self.name {
+            check_text("name", name).map_err(Problem::invalid)?;
+        }
+        if let Some(weight) = self.weight.filter(|weight| !(1..=MOST_WEIGHT).contains(weight)) {
+            return Err(Problem::invalid(format!("weight: found {weight}, expected 1 to {MOST_WEIGHT}")));
+        }
+        Ok(TenantChange {
+            name: self.name,
+            state: self.state.map(|state| match state {
+                StateText::Active => TenantState::Active,
+                StateText::Closed => TenantState::Closed,
+            }),
+            weight: self.weight,
+            bytes: self.max_bytes,
+            materials: self.max_materials,
+            queued: self.max_queued,
+        })
+    }
+}
+
+impl About {
+    fn of(row: TenantRow) -> Self {
+        let Quotas { bytes, materials, queued } = row.quotas;
+        Self {
+            id: row.id.to_string(),
+            name: row.name,
+            state: match row.state {
+                TenantState::Active => StateText::Active,
+                TenantState::Closed => StateText::Closed,
+            },
+            weight: row.weight,
+            max_bytes: bytes,
+            max_materials: materials,
+            max_queued: queued,
+            used_bytes: row.bytes,
+            used_materials: row.materials,
+            created_ms: row.created_ms,
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! Audit trail: rows that say who did what, kept for longer than what was done.
+
+use super::database::{Catalog, Write};
+use super::error::CatalogError;
+use super::page::{Cursor, Page, filtered};
+use crate::trust::Tenant;
+use sqlx::Row;
+use sqlx::any::AnyRow;
+use std::time::Duration;
+
+/// An act to record in the audit trail. It never holds the secret of a key.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Act {
+    /// Tenant that may read the record; `None` if the act belongs to no tenant, such as an attempt with an unknown key.
+    pub tenant: Option<Tenant>,
+    /// Id of the key that acted, or another word for the actor.
+    pub actor: String,
+    /// Name of the act, such as `key.create`.
+    pub action: &'static str,
+    /// Id of the row that was acted on.
+    pub subject: Option<String>,
+    /// Further facts about the act, in words.
+    pub detail: Option<String>,
+    /// Network address of the client.
+    pub address: Option<String>,
+    /// Id of the HTTP request.
+    pub request: Option<String>,
+}
+
+/// An act as recorded in the audit trail.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ActRow {
+    /// Id of the record.
+    pub id: String,
+    /// Time of the act, ms of the Unix epoch.
+    pub at_ms: i64,
+    /// Id of the key that acted, or another word for the actor.
+    pub actor: String,
+    /// Name of the act, such as `key.create`.
+    pub action: String,
+    /// Id of the row that was acted on.
+    pub subject: Option<String>,
+    /// Further facts about the act, in words.
+    pub detail: Option<String>,
+    /// Network address of the client.
+    pub address: Option<String>,
+    /// Id of the HTTP request.
+    pub request: Option<String>,
+}
+
+/// Upper bound on the old records that one transaction deletes. Raising it makes other writers wait for longer.
+const MOST: i64 = 1000;
+
+impl Catalog {
+    /// Records an act that changes nothing else in the catalog.
+    pub(crate) async fn record(&self, act: &Act) -> Result<(), CatalogError> {
+        self.repeat(|_| async {
+            let mut write = self.write().await?;
+            record(&mut write, act).await?;
+            write.commit().await
+        })
+        .await
+    }
+
+    /// Returns a page of the audit trail of a tenant, newest first; with `None`, of the acts that belong to no tenant.
+    pub(crate) async fn acts(
+        &self,
+        tenant: Option<&Tenant>,
+        after: Option<Cursor>,
+        limit: usize,
+    ) -> Result<Page<ActRow>, CatalogError> {
+        let after = after.unwrap_or_else(Cursor::newest);
+        let statement = filtered(
+            "SELECT id, at, actor, action, subject, detail, address, request FROM audit WHERE (at, id) < ($1, $2)",
+            &[(tenant.is_some(), "tenant = $3"), (tenant.is_none(), "tenant IS NULL")],
+            " ORDER BY at DESC, id DESC LIMIT $4",
+        );
+        let mut list = self.list().await?;
+        let rows = sqlx::query(statement)
+            .bind(after.created_at)
+            .bind(after.id)
+            .bind(tenant.map(Tenant::to_string).unwrap_or_default())
+            .bind(limit as i64 + 1)
+            .fetch_all(&mut *list)
+            .await?;
+        list.commit().await?;
+        let rows = rows.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        Ok(Page::of(rows, limit, |row| Cursor { created_at: row.at_ms, id: row.id.clone() }))
+    }
+
+    /// Deletes records of the audit trail that are older than `age`.
+    pub(super) async fn forget_acts(&self, age: Duration) -> Result<(), CatalogError> {
+        loop {
+            let turn = self.turn().await;
+            let gone = sqlx::query(self.sql(
+                "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE at < {now} - $1 ORDER BY at LIMIT $2) \
+                 DELETE FROM audit WHERE id {among SELECT id FROM old}",
+            ))
+            .bind(age.as_millis() as i64)
+            .bind(MOST)
+            .execute(&self.pool)
+            .await?;
+            drop(turn);
+            if gone.rows_affected() < MOST as u64 {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Records an act in the transaction that does it.
+pub(super) async fn record(write: &mut Write, act: &Act) -> Result<(), CatalogError> {
+    sqlx::query(
+        "INSERT INTO audit (id, at, tenant, actor, action, subject, detail, address, request) \
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)",
+    )
+    .bind(uuid::Uuid::now_v7().to_string())
+    .bind(write.now)
+    .bind(act.tenant.as_ref().map(Tenant::to_string))
+    .bind(act.actor.clone())
+    .bind(act.action)
+    .bind(act.subject.clone())
+    .bind(act.detail.clone())
+    .bind(act.address.clone())
+    .bind(act.request.clone())
+    .execute(&mut *write.transaction)
+    .await?;
+    Ok(())
+}
+
+fn read(row: &AnyRow) -> Result<ActRow, CatalogError> {
+    Ok(ActRow {
+        id: row.try_get(0)?,
+        at_ms: row.try_get(1)?,
+        actor: row.try_get(2)?,
+        action: row.try_get(3)?,
+        subject: row.try_get(4)?,
+        detail: row.try_get(5)?,
+        address: row.try_get(6)?,
+        request: row.try_get(7)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::testing;
+
+    #[tokio::test]
+    async fn a_trail_is_read_in_pages_by_its_tenant_and_forgotten_by_age() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let act = |tenant: Option<&str>, action| Act {
+                tenant: tenant.map(|id| id.parse().unwrap()),
+                actor: "someone".to_owned(),
+                action,
+                detail: Some("é \"x\"".to_owned()),
+                ..Act::default()
+            };
+            for (tenant, action) in [(Some("a"), "one"), (Some("b"), "two"), (None, "three"), (Some("a"), "four")] {
+                catalog.record(&act(tenant, action)).await.unwrap();
+            }
+            let a: Tenant = "a".parse().unwrap();
+            let first = catalog.acts(Some(&a), None, 1).await.unwrap();
+            assert_eq!((first.items[0].action.as_str(), first.items.len()), ("four", 1));
+            assert_eq!((first.items[0].detail.as_deref(), &first.items[0].subject), (Some("é \"x\""), &None));
+            let second = catalog.acts(Some(&a), first.next, 1).await.unwrap();
+            assert_eq!((second.items[0].action.as_str(), second.next), ("one", None));
+            assert_eq!(catalog.acts(None, None, 9).await.unwrap().items[0].action, "three");
+            catalog.forget_acts(Duration::from_mins(1)).await.unwrap();
+            assert_eq!(testing::count(&catalog, "audit").await, 4);
+            sqlx::query("UPDATE audit SET at = 0 WHERE tenant = 'a'").execute(&catalog.pool).await.unwrap();
+            catalog.forget_acts(Duration::from_mins(1)).await.unwrap();
+            assert_eq!(testing::count(&catalog, "audit").await, 2);
+        }
+    }
+}

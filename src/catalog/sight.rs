@@ -1,0 +1,302 @@
+//! Right to read a material: its owner may, tenants that it is shared with, and, if it is public, everybody.
+
+use super::database::Catalog;
+use super::error::{CatalogError, tenant};
+use super::materials::{MaterialFilter, MaterialRow, PUBLIC};
+use super::page::{Cursor, Page, filtered, pattern};
+use crate::domain::Quantity;
+use crate::store::Digest;
+use crate::trust::Tenant;
+use sqlx::Row;
+use sqlx::any::AnyRow;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+/// Reason for which a tenant may read a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// The tenant owns the material.
+    Own,
+    /// The owner shares the material with the tenant.
+    Shared,
+    /// The material is public.
+    Public,
+}
+
+/// A material that a tenant may read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Visible {
+    /// Owner of the material.
+    pub owner: Tenant,
+    /// Name of the material given by the owner.
+    pub name: Option<String>,
+    /// True if everybody may read the material.
+    pub is_public: bool,
+    /// Reason for which the tenant may read the material.
+    pub sight: Sight,
+}
+
+/// Change of the right to read a material; what is `None` stays.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Opening {
+    /// True to make the material public, false to make it private.
+    pub is_public: Option<bool>,
+    /// Tenants that may read the material although it is private.
+    pub readers: Option<Vec<Tenant>>,
+}
+
+/// Outcome of changing the right to read a material.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Opened {
+    /// The right was changed.
+    Done,
+    /// The tenant owns no such material.
+    Absent,
+    /// There is no tenant with this id to share the material with, so nothing was changed.
+    NoTenant(Tenant),
+}
+
+impl Catalog {
+    /// Returns how this tenant may read a material: its own before one shared with it, and that before a public one.
+    /// Takes as long for a material that another tenant keeps private as for one that exists nowhere.
+    pub(crate) async fn sees(&self, id: Digest) -> Result<Option<Visible>, CatalogError> {
+        let own = sqlx::query("SELECT tenant, name, visibility FROM materials WHERE tenant = $2 AND id = $1")
+            .bind(id.to_string())
+            .bind(self.tenant.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        if let Some(row) = own {
+            return visible(id, &row, Sight::Own).map(Some);
+        }
+        let others = sqlx::query(
+            "SELECT m.tenant AS tenant, m.name, m.visibility, 1 AS kind FROM shares s \
+             JOIN materials m ON m.tenant = s.tenant AND m.id = s.material WHERE s.reader = $2 AND s.material = $1 \
+             UNION ALL SELECT tenant, name, visibility, 2 FROM materials WHERE id = $1 AND visibility = 'public' \
+             ORDER BY kind, tenant LIMIT 1",
+        )
+        .bind(id.to_string())
+        .bind(self.tenant.to_string())
+        .fetch_optional(&self.pool)
+        .await?;
+        let Some(row) = others else { return Ok(None) };
+        let sight = if row.try_get::<i64, _>(3)? == 1 { Sight::Shared } else { Sight::Public };
+        visible(id, &row, sight).map(Some)
+    }
+
+    /// Changes who may read one of this tenant's materials.
+    pub(crate) async fn open_material(&self, id: Digest, access: &Opening) -> Result<Opened, CatalogError> {
+        self.repeat(|_| async {
+            let mut write = self.write().await?;
+            let owner = self.tenant.to_string();
+            let visibility = access.is_public.map(|public| if public { PUBLIC } else { "private" }.to_owned());
+            // Locks the row, so that changes of its readers follow one another.
+            let changed =
+                sqlx::query("UPDATE materials SET visibility = COALESCE($3, visibility) WHERE tenant = $2 AND id = $1")
+                    .bind(id.to_string())
+                    .bind(owner.clone())
+                    .bind(visibility)
+                    .execute(&mut *write.transaction)
+                    .await?;
+            if changed.rows_affected() == 0 {
+                return Ok(Opened::Absent);
+            }
+            if let Some(readers) = &access.readers {
+                sqlx::query("DELETE FROM shares WHERE tenant = $2 AND material = $1")
+                    .bind(id.to_string())
+                    .bind(owner.clone())
+                    .execute(&mut *write.transaction)
+                    .await?;
+                for reader in readers {
+                    let there = sqlx::query("SELECT 1 FROM tenants WHERE id = $1")
+                        .bind(reader.to_string())
+                        .fetch_optional(&mut *write.transaction)
+                        .await?;
+                    if there.is_none() {
+                        return Ok(Opened::NoTenant(reader.clone()));
+                    }
+                    sqlx::query(
+                        "INSERT INTO shares (tenant, material, reader, created_at) VALUES ($1, $2, $3, $4) \
+                         ON CONFLICT DO NOTHING",
+                    )
+                    .bind(owner.clone())
+                    .bind(id.to_string())
+                    .bind(reader.to_string())
+                    .bind(write.now)
+                    .execute(&mut *write.transaction)
+                    .await?;
+                }
+            }
+            write.commit().await?;
+            Ok(Opened::Done)
+        })
+        .await
+    }
+
+    /// Returns a page of other tenants' materials that this tenant may read, newest first: those shared with it, or
+    /// public ones. A public material that several tenants have is listed once.
+    pub(crate) async fn visible_materials(
+        &self,
+        sight: Sight,
+        filter: &MaterialFilter,
+        after: Option<Cursor>,
+        limit: usize,
+    ) -> Result<Page<MaterialRow>, CatalogError> {
+        let after = after.unwrap_or_else(Cursor::newest);
+        let start = match sight {
+            Sight::Own => return self.materials(filter, Some(after), limit).await,
+            Sight::Shared => {
+                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM shares s \
+                 JOIN materials m ON m.tenant = s.tenant AND m.id = s.material \
+                 WHERE s.reader = $7 AND (m.created_at, m.id) < ($1, $2)"
+            }
+            Sight::Public => {
+                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM materials m \
+                 WHERE m.visibility = 'public' AND m.tenant <> $7 AND (m.created_at, m.id) < ($1, $2) \
+                 AND NOT EXISTS (SELECT 1 FROM materials o WHERE o.id = m.id AND o.visibility = 'public' \
+                 AND o.tenant <> $7 AND o.tenant < m.tenant)"
+            }
+        };
+        let statement = filtered(
+            start,
+            &[
+                (filter.quantity.is_some(), "m.quantity = $3"),
+                (
+                    filter.tag.is_some(),
+                    "EXISTS (SELECT 1 FROM material_tags t WHERE t.tenant = m.tenant AND t.material = m.id \
+                     AND t.tag = $4)",
+                ),
+                (filter.q.is_some(), "m.search LIKE $5 ESCAPE '\\'"),
+            ],
+            " ORDER BY m.created_at DESC, m.id DESC LIMIT $6",
+        );
+        let mut list = self.list().await?;
+        let rows = sqlx::query(statement)
+            .bind(after.created_at)
+            .bind(after.id)
+            .bind(filter.quantity.map(Quantity::name).map(str::to_owned))
+            .bind(filter.tag.clone())
+            .bind(filter.q.as_deref().map(pattern))
+            .bind(limit as i64 + 1)
+            .bind(self.tenant.to_string())
+            .fetch_all(&mut *list)
+            .await?;
+        list.commit().await?;
+        let mut owners: BTreeMap<Tenant, Vec<AnyRow>> = BTreeMap::new();
+        for row in rows {
+            let (owner, id): (String, String) = (row.try_get("tenant")?, row.try_get("id")?);
+            owners.entry(tenant("materials", &id, &owner)?).or_default().push(row);
+        }
+        let mut materials = Vec::new();
+        for (owner, rows) in owners {
+            materials.extend(self.of(&owner).read_materials(&rows).await?);
+        }
+        materials.sort_by_key(|row| Reverse((row.created_ms, row.id)));
+        Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
+    }
+}
+
+fn visible(id: Digest, row: &AnyRow, sight: Sight) -> Result<Visible, CatalogError> {
+    let (owner, visibility): (String, String) = (row.try_get(0)?, row.try_get(2)?);
+    let owner = tenant("materials", &id.to_string(), &owner)?;
+    Ok(Visible { owner, name: row.try_get(1)?, is_public: visibility == PUBLIC, sight })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::{Deleted, NewMaterial, testing};
+
+    fn material(text: &str) -> NewMaterial {
+        NewMaterial {
+            id: Digest::of(text.as_bytes()),
+            payload: Digest::of(b"payload"),
+            quantity: Quantity::Edf,
+            bytes: 4,
+            name: Some(text.to_owned()),
+            tags: vec!["office".to_owned()],
+            measurements: Vec::new(),
+            document: serde_json::Map::new(),
+        }
+    }
+
+    async fn add(catalog: &Catalog, new: &NewMaterial) {
+        let claim = testing::publish(catalog, new.id, new.bytes).await;
+        catalog.add_material(new, &claim).await.unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_material_is_seen_by_its_owner_its_readers_and_if_public_by_all() {
+        for (mine, _guard) in testing::catalogs().await {
+            let (reader, third) = (testing::other(&mine, "lab").await, testing::other(&mine, "third").await);
+            let new = material("lamp");
+            add(&mine, &new).await;
+            let sight =
+                async |catalog: &Catalog| catalog.sees(new.id).await.unwrap().map(|seen| (seen.owner, seen.sight));
+            let owner = mine.tenant().clone();
+            assert_eq!(sight(&mine).await, Some((owner.clone(), Sight::Own)));
+            assert_eq!((sight(&reader).await, sight(&third).await), (None, None));
+
+            let share = Opening { readers: Some(vec![reader.tenant().clone()]), ..Opening::default() };
+            assert_eq!(reader.open_material(new.id, &share).await.unwrap(), Opened::Absent);
+            assert_eq!(mine.open_material(new.id, &share).await.unwrap(), Opened::Done);
+            assert_eq!(sight(&reader).await, Some((owner.clone(), Sight::Shared)));
+            assert_eq!(sight(&third).await, None);
+            assert_eq!(mine.material(new.id).await.unwrap().unwrap().readers, [reader.tenant().clone()]);
+            let nobody: Tenant = "nobody".parse().unwrap();
+            let wrong = Opening { is_public: Some(true), readers: Some(vec![nobody.clone()]) };
+            assert_eq!(mine.open_material(new.id, &wrong).await.unwrap(), Opened::NoTenant(nobody));
+            assert_eq!(sight(&third).await, None, "nothing of a refused change is kept");
+
+            let public = Opening { is_public: Some(true), ..Opening::default() };
+            assert_eq!(mine.open_material(new.id, &public).await.unwrap(), Opened::Done);
+            assert_eq!(sight(&third).await, Some((owner.clone(), Sight::Public)));
+            assert_eq!(sight(&reader).await, Some((owner.clone(), Sight::Shared)));
+            add(&third, &new).await;
+            assert_eq!(sight(&third).await, Some((third.tenant().clone(), Sight::Own)));
+            assert_eq!(third.delete_material(new.id).await.unwrap(), Deleted::Done);
+            assert_eq!(sight(&third).await, Some((owner, Sight::Public)));
+
+            let private = Opening { is_public: Some(false), readers: Some(Vec::new()) };
+            assert_eq!(mine.open_material(new.id, &private).await.unwrap(), Opened::Done);
+            assert_eq!((sight(&reader).await, sight(&third).await), (None, None));
+        }
+    }
+
+    #[tokio::test]
+    async fn lists_have_what_is_shared_and_what_is_public_once() {
+        for (mine, _guard) in testing::catalogs().await {
+            let (reader, third) = (testing::other(&mine, "lab").await, testing::other(&mine, "third").await);
+            for text in ["a", "b", "c", "private"] {
+                add(&mine, &material(text)).await;
+            }
+            add(&third, &material("a")).await;
+            let share = Opening { readers: Some(vec![reader.tenant().clone()]), ..Opening::default() };
+            let public = Opening { is_public: Some(true), ..Opening::default() };
+            mine.open_material(Digest::of(b"c"), &share).await.unwrap();
+            for text in ["a", "b"] {
+                mine.open_material(Digest::of(text.as_bytes()), &public).await.unwrap();
+            }
+            third.open_material(Digest::of(b"a"), &public).await.unwrap();
+            let names = async |sight, filter: &MaterialFilter| {
+                let (mut names, mut cursor) = (Vec::new(), None);
+                loop {
+                    let page = reader.visible_materials(sight, filter, cursor, 1).await.unwrap();
+                    names.extend(page.items.into_iter().map(|row| row.name.unwrap()));
+                    cursor = page.next;
+                    if cursor.is_none() {
+                        names.sort();
+                        return names;
+                    }
+                }
+            };
+            let all = MaterialFilter::default();
+            assert_eq!(names(Sight::Own, &all).await, Vec::<String>::new());
+            assert_eq!(names(Sight::Shared, &all).await, ["c"]);
+            assert_eq!(names(Sight::Public, &all).await, ["a", "b"]);
+            let b = MaterialFilter { q: Some("b".to_owned()), tag: Some("office".to_owned()), ..all.clone() };
+            assert_eq!(names(Sight::Public, &b).await, ["b"]);
+            let none = MaterialFilter { quantity: Some(Quantity::Brdf), ..all };
+            assert_eq!(names(Sight::Public, &none).await, Vec::<String>::new());
+        }
+    }
+}

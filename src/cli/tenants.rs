@@ -1,0 +1,207 @@
+//! `wavelume tenants`: makes, lists, changes and closes tenants in the database, also while services run.
+
+use super::failure::Failure;
+use super::output::{Table, print, print_json};
+use super::runtime::block_on;
+use super::site::PlaceArgs;
+use crate::catalog::{Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
+use crate::jobs::{Archive, check_text};
+use crate::trust::Tenant;
+use serde_json::{Value, json};
+
+/// Action on the tenants of a service.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "A service without keys has one tenant, `default`")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Make a tenant
+    Create(Named),
+    /// List tenants with their limits and what they use
+    List(List),
+    /// Change a tenant's name, limits or share of the workers, or open it again
+    Set(Set),
+    /// Close a tenant: its requests are refused, its data are kept
+    Close(Close),
+}
+
+#[derive(Debug, clap::Args)]
+struct Named {
+    #[command(flatten)]
+    places: PlaceArgs,
+    /// Id of the tenant, which never changes: 1 to 40 of a–z, 0–9 and `-`, the first one a letter
+    #[arg(value_name = "ID")]
+    tenant: Tenant,
+    #[command(flatten)]
+    change: Change,
+}
+
+#[derive(Debug, clap::Args)]
+struct Set {
+    #[command(flatten)]
+    named: Named,
+    /// Serve the tenant again after it was closed
+    #[arg(long)]
+    open: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct Close {
+    #[command(flatten)]
+    places: PlaceArgs,
+    /// Id of the tenant
+    #[arg(value_name = "ID")]
+    tenant: Tenant,
+}
+
+#[derive(Debug, clap::Args)]
+struct List {
+    #[command(flatten)]
+    places: PlaceArgs,
+    /// Print the tenants as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Properties of a tenant.
+#[derive(Debug, clap::Args)]
+struct Change {
+    /// Name of the tenant, for people; by default its id
+    #[arg(long, value_name = "TEXT")]
+    name: Option<String>,
+    /// Upper bound on the bytes of measurements and materials, or `none`
+    #[arg(long, value_name = "BYTES", value_parser = limit)]
+    max_bytes: Option<Limit>,
+    /// Upper bound on the number of materials, or `none`
+    #[arg(long, value_name = "N", value_parser = limit)]
+    max_materials: Option<Limit>,
+    /// Upper bound on the number of jobs that wait, or `none`
+    #[arg(long, value_name = "N", value_parser = limit)]
+    max_queued: Option<Limit>,
+    /// Share of the workers, relative to those of others; 100 is the usual one
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_WEIGHT))]
+    weight: Option<u64>,
+}
+
+fn limit(text: &str) -> Result<Limit, String> {
+    if text == "none" {
+        return Ok(Limit(None));
+    }
+    let number = text.parse::<u64>().ok().filter(|number| i64::try_from(*number).is_ok());
+    number.map(|number| Limit(Some(number))).ok_or_else(|| "expected a whole number, or `none`".to_owned())
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match &args.action {
+        Action::Create(args) => block_on(create(args)),
+        Action::List(args) => block_on(list(args)),
+        Action::Set(args) => {
+            let change = TenantChange { state: args.open.then_some(TenantState::Active), ..args.named.change.read()? };
+            block_on(change_tenant(&args.named.places, &args.named.tenant, change))
+        }
+        Action::Close(args) => {
+            let change = TenantChange { state: Some(TenantState::Closed), ..TenantChange::default() };
+            block_on(change_tenant(&args.places, &args.tenant, change))
+        }
+    }
+}
+
+impl Change {
+    fn read(&self) -> Result<TenantChange, Failure> {
+        if let Some(name) = &self.name {
+            check_text("name", name).map_err(|reason| Failure::usage(format!("--name: {reason}")))?;
+        }
+        Ok(TenantChange {
+            name: self.name.clone(),
+            state: None,
+            weight: self.weight,
+            bytes: self.max_bytes,
+            materials: self.max_materials,
+            queued: self.max_queued,
+        })
+    }
+}
+
+async fn create(args: &Named) -> Result<(), Failure> {
+    let change = args.change.read()?;
+    let catalog = Archive::open_catalog(&args.places.site(), true).await.map_err(Failure::failed)?;
+    let settled = catalog.create_tenant(&args.tenant, &change).await.map_err(Failure::failed)?;
+    catalog.close().await;
+    tell(&args.tenant, settled)
+}
+
+async fn change_tenant(places: &PlaceArgs, tenant: &Tenant, change: TenantChange) -> Result<(), Failure> {
+    let catalog = open(places).await?;
+    let settled = catalog.change_tenant(tenant, &change).await.map_err(Failure::failed)?;
+    catalog.close().await;
+    tell(tenant, settled)
+}
+
+fn tell(tenant: &Tenant, settled: Settled) -> Result<(), Failure> {
+    match settled {
+        Settled::Row(row) => print(&table(&[*row])),
+        Settled::Taken => Err(Failure::failed(format!("the id or the name of the tenant {tenant} is another's"))),
+        Settled::Absent => Err(Failure::failed(format!("there is no tenant {tenant}"))),
+    }
+}
+
+async fn list(args: &List) -> Result<(), Failure> {
+    let catalog = open(&args.places).await?;
+    let tenants = catalog.tenants().await.map_err(Failure::failed)?;
+    catalog.close().await;
+    if args.json {
+        return print_json(&tenants.iter().map(described).collect::<Vec<_>>());
+    }
+    print(&table(&tenants))
+}
+
+fn table(tenants: &[TenantRow]) -> String {
+    let mut table = Table::new(&["tenant", "state", "weight", "bytes", "materials", "max queued", "name"]);
+    let of = |used: u64, limit: Option<u64>| limit.map_or(used.to_string(), |limit| format!("{used} of {limit}"));
+    for row in tenants {
+        table.row([
+            row.id.to_string(),
+            row.state.name().to_owned(),
+            row.weight.to_string(),
+            of(row.bytes, row.quotas.bytes),
+            of(row.materials, row.quotas.materials),
+            row.quotas.queued.map_or_else(|| "none".to_owned(), |most| most.to_string()),
+            row.name.clone(),
+        ]);
+    }
+    table.render()
+}
+
+/// Opens the database of a service. A missing data directory is an error, because it is most likely a typing mistake.
+async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
+    let site = places.site();
+    if site.database.is_none() && !site.data.is_dir() {
+        return Err(Failure::failed("no such data directory").about(&site.data));
+    }
+    Archive::open_catalog(&site, false).await.map_err(Failure::failed)
+}
+
+fn described(row: &TenantRow) -> Value {
+    json!({
+        "id": row.id, "name": row.name, "state": row.state.name(), "weight": row.weight,
+        "max_bytes": row.quotas.bytes, "max_materials": row.quotas.materials, "max_queued": row.quotas.queued,
+        "used_bytes": row.bytes, "used_materials": row.materials, "created_ms": row.created_ms,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_whole_numbers_or_none() {
+        assert_eq!((limit("0"), limit("none")), (Ok(Limit(Some(0))), Ok(Limit(None))));
+        for wrong in ["", "-1", "1.5", "1k", "9223372036854775808", "None"] {
+            assert!(limit(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,80 @@
+//! Upkeep of the bytes of two tenants: checks, sweeps, backups and restores see both, and mix them nowhere.
+
+use super::fsck::{Check, Fault};
+use super::publish::tests::stored;
+use super::site::tests::sites;
+use super::*;
+use crate::catalog::testing;
+use crate::store::StoreExt;
+use std::sync::Arc;
+
+/// Returns a site's archive as two tenants see it.
+async fn archives(site: &Site) -> [Archive; 2] {
+    let mine = Archive::serve(site).await.unwrap();
+    let theirs = testing::other(&mine.catalog, "ab").await;
+    let theirs = mine.of(theirs.tenant());
+    [mine, theirs]
+}
+
+#[tokio::test]
+async fn equal_bytes_of_two_tenants_are_two_objects_that_are_checked_and_swept_apart() {
+    for (site, _guard) in sites().await {
+        let [mine, theirs] = archives(&site).await;
+        let (digest, other) = (stored(&mine, b"bytes").await, stored(&theirs, b"bytes").await);
+        assert_eq!(digest, other);
+        let object = async |archive: &Archive| archive.catalog.blob(digest).await.unwrap().unwrap().object;
+        let objects = [object(&mine).await, object(&theirs).await];
+        assert_ne!(objects[0], objects[1]);
+        assert_eq!(mine.check().await.unwrap().checked_blobs, 2);
+
+        theirs.store.publish(&theirs.staging.stage(b"setyb").unwrap(), &objects[1]).await.unwrap();
+        let checked = mine.check_within(Check::default()).await.unwrap();
+        let tenant = Some("ab".to_owned());
+        assert_eq!(checked.faults, [Fault::Corrupt { digest: digest.to_string(), tenant }]);
+        assert!(theirs.catalog.blob(digest).await.unwrap().unwrap().suspect);
+        assert!(!mine.catalog.blob(digest).await.unwrap().unwrap().suspect);
+        assert_eq!(mine.get(digest).await.unwrap(), b"bytes".as_slice());
+        assert!(theirs.get(digest).await.is_err());
+        stored(&theirs, b"bytes").await;
+        assert_eq!(theirs.get(digest).await.unwrap(), b"bytes".as_slice());
+
+        theirs.catalog.delete_measurement(digest).await.unwrap();
+        // The damaged object and the deleted one.
+        assert_eq!(mine.sweep_now().await.unwrap().removed_blobs, 2);
+        assert!(theirs.get(digest).await.is_err());
+        assert_eq!(mine.get(digest).await.unwrap(), b"bytes".as_slice());
+        assert_eq!(mine.check().await.unwrap().faults, []);
+    }
+}
+
+#[tokio::test]
+async fn a_restored_backup_has_the_bytes_of_every_tenant() {
+    for ((site, _guard), (new, _other)) in sites().await.into_iter().zip(sites().await) {
+        let [mine, theirs] = archives(&site).await;
+        let (both, lost) = (stored(&mine, b"both").await, stored(&theirs, b"lost").await);
+        stored(&theirs, b"both").await;
+        stored(&mine, b"lost").await;
+        stored(&theirs, b"theirs").await;
+        let object = mine.catalog.blob(lost).await.unwrap().unwrap().object;
+        mine.store.remove(&[object]).await;
+        let place = tempfile::tempdir().unwrap();
+        let place = Place::Directory(place.path().join("backup"));
+        let report = mine.backup(&place, false).await.unwrap();
+        assert_eq!(report.files.lost.len(), 1);
+        assert_eq!(report.files.lost[0].tenant, *mine.catalog.tenant());
+
+        let restored = Archive::restore(&new, &place, false).await.unwrap();
+        assert_eq!(restored.files.lost, [], "the bytes that one tenant has lost are the other's");
+        let again = Archive::serve(&new).await.unwrap();
+        let theirs = again.of(theirs.catalog.tenant());
+        for (archive, digest, bytes) in
+            [(&again, both, b"both"), (&theirs, both, b"both"), (&again, lost, b"lost"), (&theirs, lost, b"lost")]
+        {
+            let blob = archive.catalog.blob(digest).await.unwrap().unwrap();
+            assert_eq!(blob.object.tenant(), archive.catalog.tenant());
+            assert_eq!(Arc::clone(&archive.store).verify(&blob.object).await.unwrap(), 4);
+            assert_eq!(archive.get(digest).await.unwrap(), bytes.as_slice());
+        }
+        assert_eq!(again.check().await.unwrap().faults, []);
+    }
+}

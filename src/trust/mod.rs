@@ -1,0 +1,19 @@
+//! Trust: tenants, keys, the scopes that they give, and the tokens and links that are made from them. Knows no clock,
+//! database or network: whoever checks a credential passes the time and the facts of its key.
+
+mod grant;
+mod key;
+mod link;
+mod scope;
+mod set;
+mod signing;
+mod tenant;
+mod token;
+
+pub(crate) use grant::{Grant, KeyFacts, LONGEST, MaterialId, Method, Methods, Reach, Refused};
+pub(crate) use key::{Key, KeyError, KeyId, NotAKeyId, SecretHash};
+pub(crate) use link::Link;
+pub(crate) use scope::{Scope, Scopes};
+pub(crate) use signing::{Signer, Verifier};
+pub(crate) use tenant::{NotATenant, Tenant};
+pub(crate) use token::Token;
