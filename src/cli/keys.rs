@@ -1,176 +1,281 @@
-//! Keys of the configuration file, derived from the options of the commands that read it.
+//! `wavelume keys`: makes, lists and revokes access keys in the database, also while services run.
 
-use super::settings;
-use crate::catalog::without_password;
-use clap::error::{ContextKind, ContextValue};
-use clap::{Arg, Command};
-use std::error::Error;
+use super::failure::Failure;
+use super::output::{Table, print, print_json, warn};
+use super::runtime::block_on;
+use super::settings::AccessSettings;
+use super::site::PlaceArgs;
+use crate::catalog::{Act, AddedKey, Catalog, KeyRow, NewKey};
+use crate::jobs::{Archive, Unit, WorkConfig, check_text};
+use crate::trust::{Key, KeyId, Scopes, Signer, Tenant};
+use serde_json::json;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// Id of the option that names the configuration file; the commands that have it read the file.
-pub(super) const CONFIG: &str = "config";
-
-/// Beginning of the names of all environment variables of settings.
-const PREFIX: &str = "WAVELUME_";
-
-/// A key of the configuration file, and the option that it sets.
-pub(super) struct Key {
-    /// Section (TOML table) that holds the key: the first word of the option's help heading, in lower case. Empty for
-    /// keys before the first section.
-    pub(super) section: String,
-    /// Name of the key: that of the environment variable without its prefix, in lower case.
-    pub(super) name: String,
-    /// Option of the command line that the key sets.
-    pub(super) option: Arg,
-    /// Commands whose default differs from that of `option`, with their default.
-    pub(super) other_defaults: Vec<(String, String)>,
+/// Action on the access keys of a service.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "A key is printed once. The database holds a hash, from which nobody can make the key again")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
 }
 
-/// Kind of TOML value that a key takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// A whole number.
-    Count,
-    /// A size or a time: a text with a unit, or a whole number of bytes or seconds.
-    Amount,
-    /// A text.
-    Text,
-    /// A list of texts.
-    List,
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Make a key and print it
+    Create(Create),
+    /// List keys, newest first
+    List(List),
+    /// Revoke keys; running services refuse them within five seconds
+    Revoke(Revoke),
+    /// Print a new key that no database knows, for the variable `WAVELUME_BOOTSTRAP_KEY`
+    Generate,
 }
 
-/// Returns all keys of the configuration file: the options of `wavelume config` that have an environment variable.
-pub(super) fn keys(program: &Command) -> Vec<Key> {
-    let readers: Vec<&Command> = program.get_subcommands().filter(|command| reads_file(command)).collect();
-    let config = readers.iter().find(|command| command.get_name() == "config");
-    let options = program.get_arguments().chain(config.into_iter().flat_map(|config| config.get_arguments()));
-    let key = |option: &Arg| {
-        let name = name(option)?;
-        let differing = readers.iter().filter_map(|command| {
-            let default = shown_default(command.get_arguments().find(|other| other.get_id() == option.get_id())?);
-            (default != shown_default(option)).then(|| (command.get_name().to_owned(), default))
-        });
-        let other_defaults = differing.collect();
-        Some(Key { section: section(option), name, option: option.clone(), other_defaults })
+#[derive(Debug, clap::Args)]
+struct Create {
+    #[command(flatten)]
+    places: PlaceArgs,
+    #[command(flatten)]
+    settings: AccessSettings,
+    /// Tenant for which the key acts
+    #[arg(long, value_name = "ID", default_value_t)]
+    tenant: Tenant,
+    /// Scopes of the key, with commas between: read, write, jobs, tenant (keys and audit trail of its tenant), instance
+    /// (the whole service)
+    #[arg(long, value_name = "LIST", default_value = "read,write,jobs")]
+    scopes: Scopes,
+    /// Name of the key, to recognise it in lists
+    #[arg(long, value_name = "TEXT")]
+    name: Option<String>,
+    /// Time for which the key is valid, such as 12h or 90d; by default the setting `key-age`, which is also the most
+    #[arg(long, value_name = "TIME", value_parser = life)]
+    expires: Option<Duration>,
+    /// Print the key and its description as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct List {
+    #[command(flatten)]
+    places: PlaceArgs,
+    /// Only keys of this tenant
+    #[arg(long, value_name = "ID")]
+    tenant: Option<Tenant>,
+    /// Print the keys as one line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct Revoke {
+    #[command(flatten)]
+    places: PlaceArgs,
+    /// Ids of the keys to revoke, as `wavelume keys list` shows them
+    #[arg(value_name = "KEY", required = true)]
+    keys: Vec<KeyId>,
+}
+
+/// Word for this command among the makers of keys and in the audit trail.
+const ACTOR: &str = "wavelume keys";
+
+/// Number of keys that are read from the database at once. Raising it needs fewer queries and more memory.
+const PAGE: usize = 1000;
+
+pub(crate) fn run(args: &Args) -> Result<(), Failure> {
+    match &args.action {
+        Action::Create(args) => block_on(create(args)),
+        Action::List(args) => block_on(list(args)),
+        Action::Revoke(args) => block_on(revoke(args)),
+        Action::Generate => print(&format!("{}\n", new_key()?.reveal())),
+    }
+}
+
+fn new_key() -> Result<Key, Failure> {
+    Key::generate().map_err(Failure::failed)
+}
+
+/// Parses a time such as `12h` or `90d`.
+fn life(text: &str) -> Result<Duration, String> {
+    let millis = Unit::Time.parse(text).filter(|millis| *millis >= 1000);
+    millis.map(Duration::from_millis).ok_or_else(|| "expected a time such as 12h or 90d, at least 1s".to_owned())
+}
+
+async fn create(args: &Create) -> Result<(), Failure> {
+    let mut config = WorkConfig::new(&args.places.directory);
+    args.settings.apply(&mut config);
+    let most = config.limits.key_age;
+    let life = args.expires.unwrap_or(most);
+    if life > most {
+        let (found, most) = (in_words(life), in_words(most));
+        return Err(Failure::usage(format!("--expires: found {found}, expected at most {most} (--key-age)")));
+    }
+    if let Some(name) = &args.name {
+        check_text("name", name).map_err(|reason| Failure::usage(format!("--name: {reason}")))?;
+    }
+    let site = args.places.site();
+    let catalog = Archive::open_catalog(&site, true).await.map_err(Failure::failed)?;
+    let key = new_key()?;
+    let verifier = Signer::of(&key).and_then(|signer| signer.verifier()).map_err(Failure::failed)?;
+    let new = NewKey {
+        id: key.id(),
+        tenant: args.tenant.clone(),
+        name: args.name.clone().unwrap_or_default(),
+        hash: key.secret().hash(),
+        verifier: Some(verifier),
+        scopes: args.scopes,
+        life,
+        created_by: ACTOR.to_owned(),
     };
-    let mut keys: Vec<Key> = options.filter_map(key).collect();
-    // In TOML, keys without a section stand first, and a section stands once.
-    let mut sections: Vec<String> = vec![String::new()];
+    let act = Act { detail: Some(new.scopes.to_string()), ..act(Some(args.tenant.clone()), "key.create", key.id()) };
+    let added = catalog.add_key(&new, &act).await.map_err(Failure::failed)?;
+    catalog.close().await;
+    match added {
+        AddedKey::Row(row) if args.json => {
+            let mut about = described(&row);
+            about["key"] = json!(key.reveal());
+            print_json(&about)
+        }
+        AddedKey::Row(row) => {
+            print(&format!("{}\n", key.reveal()))?;
+            warn(&format!(
+                "this is the only time that the key is shown; it has the scopes {} for the tenant {} and expires on {}",
+                row.scopes,
+                row.tenant,
+                day(row.expires_ms)
+            ));
+            Ok(())
+        }
+        AddedKey::NoTenant => Err(Failure::usage(format!("--tenant: there is no tenant {}", args.tenant))),
+        AddedKey::Taken => Err(Failure::failed("a random id of a key is taken: try again")),
+    }
+}
+
+async fn list(args: &List) -> Result<(), Failure> {
+    let catalog = open(&args.places).await?;
+    let (mut keys, mut after) = (Vec::new(), None);
+    loop {
+        let page = catalog.keys(args.tenant.as_ref(), after, PAGE).await.map_err(Failure::failed)?;
+        keys.extend(page.items);
+        after = page.next;
+        if after.is_none() {
+            break;
+        }
+    }
+    catalog.close().await;
+    if args.json {
+        return print_json(&keys.iter().map(described).collect::<Vec<_>>());
+    }
+    let mut table = Table::new(&["key", "tenant", "scopes", "state", "expires", "last used", "name"]);
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64);
     for key in &keys {
-        if !sections.contains(&key.section) {
-            sections.push(key.section.clone());
-        }
+        let state = match (key.revoked_ms, key.expires_ms) {
+            (Some(_), _) => "revoked",
+            (None, Some(expires)) if expires <= now => "expired",
+            _ => "valid",
+        };
+        table.row([
+            key.id.to_string(),
+            key.tenant.to_string(),
+            key.scopes.to_string(),
+            state.to_owned(),
+            day(key.expires_ms),
+            day(key.used_ms),
+            key.name.clone(),
+        ]);
     }
-    keys.sort_by_key(|key| sections.iter().position(|section| *section == key.section));
-    keys
+    print(&if keys.is_empty() { "no keys\n".to_owned() } else { table.render() })
 }
 
-/// Returns true if a command reads the configuration file.
-pub(super) fn reads_file(command: &Command) -> bool {
-    command.get_arguments().any(|option| option.get_id() == CONFIG)
-}
-
-/// Returns the name of the key that sets an option; `None` if no key does.
-pub(super) fn name(option: &Arg) -> Option<String> {
-    let variable = option.get_env()?.to_str()?;
-    (option.get_id() != CONFIG).then(|| variable.trim_start_matches(PREFIX).to_lowercase())
-}
-
-/// Returns the section of the key that sets an option; empty for keys before the first section.
-pub(super) fn section(option: &Arg) -> String {
-    option.get_help_heading().and_then(|heading| heading.split(' ').next()).unwrap_or_default().to_lowercase()
-}
-
-fn shown_default(option: &Arg) -> String {
-    option.get_default_values().iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(",")
-}
-
-impl Key {
-    /// Name of the option on the command line, and id of its value.
-    pub(super) fn id(&self) -> &str {
-        self.option.get_id().as_str()
-    }
-
-    /// Returns the full name of the key: `work.lease`.
-    pub(super) fn full_name(&self) -> String {
-        if self.section.is_empty() { self.name.clone() } else { format!("{}.{}", self.section, self.name) }
-    }
-
-    /// Kind of TOML value that the key takes.
-    pub(super) fn kind(&self) -> Kind {
-        match settings::unit(self.id()) {
-            _ if self.option.get_value_delimiter().is_some() => Kind::List,
-            Some(unit) if unit.is_count() => Kind::Count,
-            Some(_) => Kind::Amount,
-            None => Kind::Text,
+async fn revoke(args: &Revoke) -> Result<(), Failure> {
+    let catalog = open(&args.places).await?;
+    let mut unknown = Vec::new();
+    for id in &args.keys {
+        if catalog.revoke_key(*id, None, &act(None, "key.revoke", *id)).await.map_err(Failure::failed)? {
+            print(&format!("{id}  revoked\n"))?;
+        } else {
+            unknown.push(id.to_string());
         }
     }
-
-    /// Returns the description of a value that the key takes, for messages.
-    pub(super) fn expected(&self) -> &'static str {
-        match (self.kind(), settings::unit(self.id())) {
-            (Kind::List, _) => "a list of texts",
-            (_, Some(unit)) => unit.expected(),
-            (_, None) => "a text in quotes",
-        }
+    catalog.close().await;
+    match unknown.as_slice() {
+        [] => Ok(()),
+        [id] => Err(Failure::failed(format!("there is no key {id}"))),
+        ids => Err(Failure::failed(format!("there are no keys {}", ids.join(", ")))),
     }
+}
 
-    /// Checks a text as a value of the option. The error says what was found and expected.
-    pub(super) fn check(&self, text: &str) -> Result<(), String> {
-        let found = format!("found `{}`", without_password(text));
-        if self.option.get_value_delimiter().is_some_and(|delimiter| text.contains(delimiter)) {
-            return Err(format!("{found}, expected a text of its own for each"));
-        }
-        let flag = self.option.get_long().unwrap_or_default();
-        let command = Command::new("wavelume").no_binary_name(true).arg(self.option.clone());
-        let Err(error) = command.try_get_matches_from([format!("--{flag}={text}")]) else { return Ok(()) };
-        if let Some(reason) = error.source().map(ToString::to_string) {
-            // Some parsers say what they found, without a password.
-            return Err(if reason.starts_with("found") { reason } else { format!("{found}, {reason}") });
-        }
-        Err(match error.get(ContextKind::ValidValue) {
-            Some(ContextValue::Strings(valid)) if !valid.is_empty() => {
-                format!("{found}, expected one of {}", valid.join(", "))
-            }
-            _ => format!("{found}, expected a text that is not empty"),
-        })
+/// Opens the database of a service. A missing data directory is an error, because it is most likely a typing mistake.
+async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
+    let site = places.site();
+    if site.database.is_none() && !site.data.is_dir() {
+        return Err(Failure::failed("no such data directory").about(&site.data));
+    }
+    Archive::open_catalog(&site, false).await.map_err(Failure::failed)
+}
+
+fn act(tenant: Option<Tenant>, action: &'static str, id: KeyId) -> Act {
+    Act { tenant, actor: ACTOR.to_owned(), action, subject: Some(id.to_string()), ..Act::default() }
+}
+
+fn described(row: &KeyRow) -> serde_json::Value {
+    json!({
+        "id": row.id, "tenant": row.tenant.to_string(), "name": row.name, "scopes": row.scopes,
+        "created_ms": row.created_ms, "expires_ms": row.expires_ms, "revoked_ms": row.revoked_ms,
+        "used_ms": row.used_ms, "created_by": row.created_by,
+    })
+}
+
+/// Returns the day and minute of a time in UTC: `2026-11-26 05:40`.
+fn day(ms: Option<i64>) -> String {
+    let Some(ms) = ms.and_then(|ms| u64::try_from(ms).ok()) else { return "never".to_owned() };
+    let (days, minutes) = (ms / 86_400_000, ms / 60_000 % 1440);
+    // Civil date of a day since 1970-01-01; the year begins on 1 March, so that leap days come last.
+    let shifted = days + 719_468;
+    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let (month, year) = (if month < 10 { month + 3 } else { month - 9 }, era * 400 + year + u64::from(month >= 10));
+    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}", minutes / 60, minutes % 60)
+}
+
+fn in_words(time: Duration) -> String {
+    match time.as_secs() {
+        seconds if seconds % 86_400 == 0 => format!("{}d", seconds / 86_400),
+        seconds if seconds % 3600 == 0 => format!("{}h", seconds / 3600),
+        seconds => format!("{seconds}s"),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Cli;
     use super::*;
-    use clap::CommandFactory;
-    use std::collections::BTreeSet;
 
-    /// Returns the commands that read the configuration file, those below other commands too.
-    fn readers(command: &Command, found: &mut Vec<Command>) {
-        if reads_file(command) {
-            found.push(command.clone());
+    #[test]
+    fn times_are_days_too() {
+        assert_eq!(life("90d"), Ok(Duration::from_hours(90 * 24)));
+        assert_eq!(life("12h"), Ok(Duration::from_hours(12)));
+        for wrong in ["0d", "-1d", "999ms", "soon", "999999999999999999d"] {
+            assert!(life(wrong).is_err(), "{wrong}");
         }
-        command.get_subcommands().for_each(|below| readers(below, found));
+        assert_eq!([in_words(Duration::from_hours(48)), in_words(Duration::from_mins(90))], ["2d", "5400s"]);
     }
 
     #[test]
-    fn every_variable_of_a_command_that_reads_the_file_is_a_key_once() {
-        let program = Cli::command();
-        let keys = keys(&program);
-        let names: BTreeSet<&str> = keys.iter().map(|key| key.name.as_str()).collect();
-        assert_eq!(names.len(), keys.len());
-        let mut commands = Vec::new();
-        readers(&program, &mut commands);
-        let read: Vec<_> = commands.iter().map(Command::get_name).collect();
-        for command in ["serve", "worker", "migrate", "gc", "fsck", "config", "list", "retry"] {
-            assert!(read.contains(&command), "{read:?}");
+    fn days_are_those_of_the_calendar() {
+        for (ms, expected) in [
+            (0, "1970-01-01 00:00"),
+            (951_782_399_999, "2000-02-28 23:59"),
+            (951_782_400_000, "2000-02-29 00:00"),
+            (951_868_800_000, "2000-03-01 00:00"),
+            (1_798_675_200_000, "2026-12-31 00:00"),
+            (4_107_542_399_000, "2100-02-28 23:59"),
+            (4_107_542_400_000, "2100-03-01 00:00"),
+        ] {
+            assert_eq!(day(Some(ms)), expected);
         }
-        for option in commands.iter().flat_map(Command::get_arguments) {
-            assert!(name(option).is_none_or(|name| names.contains(name.as_str())), "{}", option.get_id());
-        }
-        let full: Vec<_> = keys.iter().map(Key::full_name).collect();
-        for name in ["database", "log_format", "server.names", "work.lease", "work.metrics", "uploads.upload_bytes"] {
-            assert!(full.iter().any(|full| full == name), "{full:?}");
-        }
-        let drain = keys.iter().find(|key| key.name == "drain").unwrap();
-        assert_eq!(drain.other_defaults, [("worker".to_owned(), "10min".to_owned())]);
+        assert_eq!(day(None), "never");
     }
 }
