@@ -12,6 +12,7 @@ use super::seen::ForAll;
 use super::state::App;
 use super::words::shown;
 use crate::catalog::Act;
+use crate::jobs::unix_seconds;
 use crate::trust::{self, Grant, Key, KeyId, Link, Reach, Scope, Scopes, SecretHash, Tenant, Token};
 use axum::body::{Body, HttpBody};
 use axum::extract::{MatchedPath, Request, State};
@@ -19,7 +20,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::middleware::Next;
 use axum::response::Response;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 /// Names of headers by which a proxy tells that it passes a request on.
 const PASSED_ON: [&str; 3] = ["forwarded", "x-forwarded-for", "via"];
@@ -53,7 +54,7 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
     let mut end = None;
     match caller(&app, &parts).await {
         Ok(Some(caller)) => {
-            end = caller.actor.key().map(|key| (key, caller.left()));
+            end = caller.actor.key().map(|key| (key, caller.left().map(|left| Instant::now() + left)));
             parts.extensions.insert(caller);
         }
         // No route: the fallback answers.
@@ -75,22 +76,11 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
     }
     let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);
     match end.filter(|_| !is_short) {
-        Some((key, left)) => response.map(|body| Body::new(Expiring::new(body, ended(app, key, left)))),
-        None => response,
-    }
-}
-
-/// Resolves when a key is no longer valid, or after the time that is left to what was made from it.
-async fn ended(app: App, key: KeyId, left: Option<Duration>) {
-    let over = async {
-        match left {
-            Some(left) => tokio::time::sleep(left).await,
-            None => std::future::pending().await,
+        Some((key, end)) => {
+            let lost = async move { app.guard.decisions.lost(&app.engine.archive.catalog, key, end).await };
+            response.map(|body| Body::new(Expiring::new(body, lost)))
         }
-    };
-    tokio::select! {
-        () = app.guard.decisions.lost(&app.engine.archive.catalog, Some(key)) => {}
-        () = over => {}
+        None => response,
     }
 }
 
@@ -179,7 +169,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
     let refuse = |reason| refused(app, parts, reason);
     let text = bearer(&parts.headers).map_err(refuse)?;
     if Token::is_like(text) {
-        let now = now();
+        let now = unix_seconds();
         let token = Token::read(text, now).map_err(|reason| refuse(Refused::Signed(reason, None)))?;
         let verify = |facts: &trust::KeyFacts| token.verify(facts, now);
         let (grant, rights) = signed(app, parts, token.key(), verify).await?;
@@ -208,7 +198,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
 
 /// Returns the rights of a signed link.
 async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem> {
-    let now = now();
+    let now = unix_seconds();
     let link = Link::read(parts.uri.path(), query, now);
     let link = link.map_err(|reason| refused(app, parts, Refused::Signed(reason, None)))?;
     let verify = |facts: &trust::KeyFacts| link.verify(facts, now);
@@ -245,11 +235,6 @@ async fn rights(app: &App, parts: &Parts, id: KeyId, hash: Option<SecretHash>) -
         Judged::Known(rights) => Ok(rights),
         Judged::Wrong | Judged::Unasked => Err(refused(app, parts, Refused::Unknown(Some(id)))),
     }
-}
-
-/// Returns the time of this machine in Unix seconds.
-fn now() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
 }
 
 /// Returns the text after `Bearer` in the only header `Authorization`.

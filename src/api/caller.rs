@@ -48,8 +48,8 @@ pub(crate) struct RequestId(pub(crate) String);
 impl Caller {
     /// Returns the caller of the request with these extensions. A request without one has not passed the layer that
     /// asks who calls.
-    pub(crate) fn of_extensions(extensions: &Extensions) -> Result<Self, Problem> {
-        extensions.get().cloned().ok_or_else(|| Problem::internal(&"a route without a caller"))
+    pub(crate) fn of_extensions(extensions: &Extensions) -> Result<&Self, Problem> {
+        extensions.get().ok_or_else(|| Problem::internal(&"a route without a caller"))
     }
 
     /// Returns a caller with the data of a tenant, in a service with keys.
@@ -121,6 +121,6 @@ impl<S: Sync> FromRequestParts<S> for Caller {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
-        Self::of_extensions(&parts.extensions)
+        Self::of_extensions(&parts.extensions).cloned()
     }
 }

@@ -168,10 +168,14 @@ impl Asked {
         Ok(Self { illuminant, column, observer: named("observer", observer)? })
     }
 
+    /// Returns true if the illuminant or the observer is a stored table, which may be private.
+    pub(super) fn has_stored(&self) -> bool {
+        matches!(self.illuminant, Named::Stored(_)) || matches!(self.observer, Named::Stored(_))
+    }
+
     /// Refuses stored tables to a caller that reaches one material alone.
     pub(super) fn within(self, caller: &Caller) -> Result<Self, Problem> {
-        let is_stored = matches!(self.illuminant, Named::Stored(_)) || matches!(self.observer, Named::Stored(_));
-        if is_stored && caller.reach != Reach::All {
+        if self.has_stored() && caller.reach != Reach::All {
             let detail = "the token is for one material, expected the name of an illuminant and observer, not an id";
             return Err(Problem::new(Kind::MissingScope, detail));
         }

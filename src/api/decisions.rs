@@ -129,17 +129,17 @@ impl Decisions {
         Ok(Judged::Known(decision))
     }
 
-    /// Resolves when the key on which a long answer rests is no longer valid; never if the answer rests on no key. A
-    /// key that was valid stays so while the database does not answer.
-    pub(crate) async fn lost(&self, catalog: &Catalog, key: Option<KeyId>) {
-        let Some(key) = key else { return std::future::pending().await };
-        while self.holds(catalog, key).await {
-            tokio::time::sleep(LOOK).await;
+    /// Resolves when the key on which a long answer rests is no longer valid, or at `end`, when what was made from the
+    /// key ends. A key that was valid stays so while the database does not answer.
+    pub(crate) async fn lost(&self, catalog: &Catalog, key: KeyId, end: Option<Instant>) {
+        while end.is_none_or(|end| Instant::now() < end) && self.holds(catalog, key).await {
+            let next = Instant::now() + LOOK;
+            tokio::time::sleep_until(end.map_or(next, |end| end.min(next)).into()).await;
         }
     }
 
     /// Returns true if a key is valid, as far as the process knows or the database says.
-    pub(crate) async fn holds(&self, catalog: &Catalog, id: KeyId) -> bool {
+    async fn holds(&self, catalog: &Catalog, id: KeyId) -> bool {
         match self.judge(catalog, id, None, true).await {
             Ok(judged) => matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid),
             Err(_) => true,

@@ -3,7 +3,8 @@
 use super::access::{Access, Page};
 use super::caller::RequestId;
 use super::problem::{Kind, Problem};
-use super::words::{holds_secret, shown};
+use super::words::shown;
+use crate::trust::holds_secret;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;

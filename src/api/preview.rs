@@ -74,7 +74,7 @@ async fn preview(
     let asked = Asked::of(query.illuminant, query.illuminant_column, query.observer)?.within(&caller)?;
     let seen = seen(&app, id).await?;
     let material = open(&seen.app, id).await?;
-    let is_stored = asked.key().contains("b3-");
+    let in_stored_light = asked.has_stored();
     // The version is part of the key: another version may draw another picture.
     let what = format!("{id} {size} {index:?} {} {}", asked.key(), env!("CARGO_PKG_VERSION"));
     let etag = format!("\"{}\"", Digest::of(what.as_bytes()));
@@ -90,5 +90,5 @@ async fn preview(
     headers.extend(HeaderValue::from_str(&etag).ok().map(|value| (header::ETAG, value)));
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));
     // The light of a stored material may be private although this material is public.
-    if is_stored { Ok(response) } else { Ok(seen.mark(response)) }
+    if in_stored_light { Ok(response) } else { Ok(seen.mark(response)) }
 }

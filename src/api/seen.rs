@@ -32,20 +32,14 @@ pub(super) async fn seen(app: &App, id: Digest) -> Result<Seen, Problem> {
 /// since. For downloads, which renderers repeat.
 pub(super) async fn seen_lately(app: &App, id: Digest) -> Result<Seen, Problem> {
     let catalog = &app.engine.archive.catalog;
-    let Some(visible) = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await? else {
-        forget(app, id).await;
-        return Err(Problem::new(Kind::NotFound, absent(id)));
-    };
-    Ok(Seen::of(app, &visible))
+    let visible = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await?;
+    Seen::of(app, id, visible.as_deref()).await.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
 /// Like [`seen`], but returns `None` for a material that the caller may not read.
 pub(super) async fn find(app: &App, id: Digest) -> Result<Option<Seen>, Problem> {
-    let Some(visible) = app.engine.archive.catalog.sees(id).await? else {
-        forget(app, id).await;
-        return Ok(None);
-    };
-    Ok(Some(Seen::of(app, &visible)))
+    let visible = app.engine.archive.catalog.sees(id).await?;
+    Ok(Seen::of(app, id, visible.as_ref()).await)
 }
 
 /// Frees the memory that an opened material occupies after it was deleted.
@@ -59,9 +53,13 @@ pub(super) fn absent(id: Digest) -> String {
 }
 
 impl Seen {
-    fn of(app: &App, visible: &Visible) -> Self {
-        let Visible { owner, name, sight, is_public } = visible;
-        Self { app: app.of(owner), name: name.clone(), sight: *sight, is_public: *is_public }
+    /// Builds the material that the catalog lets the caller see. Frees the memory of one that it does not.
+    async fn of(app: &App, id: Digest, visible: Option<&Visible>) -> Option<Self> {
+        let Some(Visible { owner, name, sight, is_public }) = visible else {
+            forget(app, id).await;
+            return None;
+        };
+        Some(Self { app: app.of(owner), name: name.clone(), sight: *sight, is_public: *is_public })
     }
 
     /// Marks an answer about a public material.

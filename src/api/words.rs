@@ -1,32 +1,6 @@
 //! Text of a client in logs and answers: on one line, without control characters, and bounded.
 
-use std::borrow::Cow;
-
-/// Openings of the texts that let their holder in: keys and tokens.
-const SECRETS: [&str; 2] = ["wlm_", "wlt_"];
-
-/// Returns true if `text` holds a key or a token, or something like one.
-pub(crate) fn holds_secret(text: &str) -> bool {
-    SECRETS.iter().any(|opening| text.contains(opening))
-}
-
-/// Returns `text` with the rest of every key and token, and of words like them, left out.
-fn without_secrets(text: &str) -> Cow<'_, str> {
-    if !holds_secret(text) {
-        return Cow::Borrowed(text);
-    }
-    let mut out = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(at) = SECRETS.iter().filter_map(|opening| rest.find(opening)).min() {
-        let (before, secret) = rest.split_at(at);
-        let (opening, secret) = secret.split_at(SECRETS[0].len());
-        out.extend([before, opening, "…"]);
-        // A percent sign, too: an encoded character may stand in the middle.
-        rest = secret.trim_start_matches(|c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.' | '%'));
-    }
-    out.push_str(rest);
-    Cow::Owned(out)
-}
+use crate::trust::without_secrets;
 
 /// Returns `text` on one line, safe to display. Keys and tokens are left out but for their openings; control
 /// characters, line separators and marks that change the direction of writing are escaped. Beyond `most` characters the
@@ -63,6 +37,7 @@ fn escaped(text: impl Iterator<Item = char>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trust::holds_secret;
 
     #[test]
     fn ordinary_words_stay_as_they_are() {

@@ -13,7 +13,7 @@ use std::time::Duration;
 pub(crate) struct Act {
     /// Tenant that may read the record; `None` if the act belongs to no tenant, such as an attempt with an unknown key.
     pub tenant: Option<Tenant>,
-    /// Id of the key that acted, or another word for the actor.
+    /// Key that acted, or its token or link, each with the id of the key; otherwise the command that acted.
     pub actor: String,
     /// Name of the act, such as `key.create`.
     pub action: &'static str,
@@ -34,7 +34,7 @@ pub(crate) struct ActRow {
     pub id: String,
     /// Time of the act, ms of the Unix epoch.
     pub at_ms: i64,
-    /// Id of the key that acted, or another word for the actor.
+    /// Key that acted, or its token or link, each with the id of the key; otherwise the command that acted.
     pub actor: String,
     /// Name of the act, such as `key.create`.
     pub action: String,

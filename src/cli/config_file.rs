@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::input::read_within;
-use super::keys::{Key, Kind, reads_file};
+use super::setting_keys::{Key, Kind, reads_file};
 use clap::{Arg, Command};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -219,7 +219,7 @@ fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a String> {
 #[cfg(test)]
 mod tests {
     use super::super::Cli;
-    use super::super::keys::keys;
+    use super::super::setting_keys::keys;
     use super::*;
     use clap::CommandFactory;
 

@@ -2,10 +2,10 @@
 
 use super::failure::Failure;
 use super::input::describe;
+use crate::jobs::unix_seconds;
 use crate::trust::{Key, LONGEST, MaterialId};
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Environment variable that holds a key.
 pub(crate) const VARIABLE: &str = "WAVELUME_KEY";
@@ -48,8 +48,7 @@ impl KeyArgs {
 impl TimeArgs {
     /// Returns the current time in Unix seconds, and the seconds from then on.
     pub(crate) fn since_now(&self) -> (u64, u64) {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        (now, self.expires)
+        (unix_seconds(), self.expires)
     }
 }
 
@@ -75,16 +74,6 @@ pub(crate) fn material(text: &str) -> Result<MaterialId, String> {
     MaterialId::read(text).ok_or_else(|| "expected `b3-` and 64 lower-case hexadecimal digits".to_owned())
 }
 
-/// Returns `text` without the keys and tokens that it contains: `wlm_…`.
-pub(crate) fn without_keys(text: &str) -> String {
-    let ends = |c: char| !(c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.'));
-    let hidden = |word: &str| match ["wlm_", "wlt_"].iter().find_map(|opening| word.find(opening)) {
-        Some(at) => format!("{}…{}", &word[..at + 4], &word[word.trim_end_matches(ends).len()..]),
-        None => word.to_owned(),
-    };
-    text.split_inclusive(ends).map(hidden).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,19 +87,6 @@ mod tests {
         }
         for text in ["", "0s", "999ms", "8d", "169h", "-1h", "1w", "99999999999999999999d"] {
             assert!(seconds(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn keys_and_tokens_are_taken_out_of_a_message() {
-        for (text, expected) in [
-            ("found `wlm_0123456xyz_-06h9E`, expected x", "found `wlm_…`, expected x"),
-            ("a wlt_ab.c-d b --wlm_x", "a wlt_… b --wlm_…"),
-            ("no key at all", "no key at all"),
-            ("wlm_éé", "wlm_…éé"),
-            ("", ""),
-        ] {
-            assert_eq!(without_keys(text), expected);
         }
     }
 

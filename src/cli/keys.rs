@@ -6,6 +6,7 @@ use super::runtime::block_on;
 use super::settings::AccessSettings;
 use super::site::PlaceArgs;
 use crate::catalog::{Act, AddedKey, Catalog, KeyRow, NewKey};
+use crate::jobs::date;
 use crate::jobs::{Archive, Unit, WorkConfig, check_text};
 use crate::trust::{Key, KeyId, Scopes, Signer, Tenant};
 use serde_json::json;
@@ -76,7 +77,7 @@ struct Revoke {
     keys: Vec<KeyId>,
 }
 
-/// Word for this command among the makers of keys and in the audit trail.
+/// Name under which keys and the audit trail record what was done by this command, which has no key of its own.
 const ACTOR: &str = "wavelume keys";
 
 /// Number of keys that are read from the database at once. Raising it needs fewer queries and more memory.
@@ -228,17 +229,7 @@ fn described(row: &KeyRow) -> serde_json::Value {
 
 /// Returns the day and minute of a time in UTC: `2026-11-26 05:40`.
 fn day(ms: Option<i64>) -> String {
-    let Some(ms) = ms.and_then(|ms| u64::try_from(ms).ok()) else { return "never".to_owned() };
-    let (days, minutes) = (ms / 86_400_000, ms / 60_000 % 1440);
-    // Civil date of a day since 1970-01-01; the year begins on 1 March, so that leap days come last.
-    let shifted = days + 719_468;
-    let (era, of_era) = (shifted / 146_097, shifted % 146_097);
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * month + 2) / 5 + 1;
-    let (month, year) = (if month < 10 { month + 3 } else { month - 9 }, era * 400 + year + u64::from(month >= 10));
-    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}", minutes / 60, minutes % 60)
+    ms.map_or_else(|| "never".to_owned(), |ms| date(ms.div_euclid(1000)))
 }
 
 fn in_words(time: Duration) -> String {

@@ -1,6 +1,5 @@
 //! Command line, one file per command: translates between words and the library, without any science of its own.
 
-mod access_keys;
 mod answer;
 mod backup;
 mod bases;
@@ -51,6 +50,7 @@ mod rows;
 mod runtime;
 mod sample;
 mod serve;
+mod setting_keys;
 mod settings;
 mod site;
 mod table;
@@ -64,6 +64,7 @@ pub use failure::{Failure, one_line};
 pub use log::LogFormat;
 
 use crate::catalog::without_password;
+use crate::trust::without_secrets;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use config_file::ConfigFile;
 use std::ffi::OsString;
@@ -126,7 +127,7 @@ enum Command {
     /// List, cancel or repeat jobs of a running service
     Jobs(jobs::Args),
     /// Make, list or revoke access keys
-    Keys(access_keys::Args),
+    Keys(keys::Args),
     /// Print URLs that fetch materials without a header, for a limited time; asks no service
     Link(link::Args),
     /// Print a token that stands for a key for a limited time; asks no service
@@ -175,7 +176,7 @@ impl Cli {
             Ok(matches) => matches,
             Err(error) => return shown(error),
         };
-        let keys = keys::keys(&Self::command());
+        let keys = setting_keys::keys(&Self::command());
         let file = config_file(&matches).map(|path| ConfigFile::read(&path, &keys)).transpose()?;
         if let Some(file) = &file {
             matches = match file.set_defaults(Self::command(), &keys).try_get_matches_from(&line) {
@@ -226,7 +227,7 @@ impl Cli {
             Command::Serve(args) => serve::run(&args),
             Command::Worker(args) => worker::run(&args),
             Command::Jobs(args) => jobs::run(&args),
-            Command::Keys(args) => access_keys::run(&args),
+            Command::Keys(args) => keys::run(&args),
             Command::Link(args) => link::run(&args),
             Command::Token(args) => token::run(&args),
             Command::Tenants(args) => tenants::run(&args),
@@ -256,7 +257,7 @@ impl Parsed {
 fn config_file(matches: &ArgMatches) -> Option<PathBuf> {
     match matches.subcommand() {
         Some((_, below)) => config_file(below),
-        None => matches.try_get_one::<PathBuf>(keys::CONFIG).ok().flatten().cloned(),
+        None => matches.try_get_one::<PathBuf>(setting_keys::CONFIG).ok().flatten().cloned(),
     }
 }
 
@@ -274,7 +275,7 @@ fn shown(mut error: clap::Error) -> Result<Parsed, Failure> {
     let text = error.render().to_string();
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(Parsed::Show(text)),
-        _ => Err(Failure::Usage(key_file::without_keys(&usage_line(&text)))),
+        _ => Err(Failure::Usage(without_secrets(&usage_line(&text)).into_owned())),
     }
 }
 

@@ -118,7 +118,7 @@ impl<const CHOICE: u8> clap::FromArgMatches for Chosen<CHOICE> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Cli, keys};
+    use super::super::{Cli, setting_keys};
     use super::*;
     use clap::CommandFactory;
     use std::fmt::Write;
@@ -146,7 +146,7 @@ mod tests {
         }
         let mut text = String::new();
         for (heading, options) in groups {
-            let section = keys::section(options[0]);
+            let section = setting_keys::section(options[0]);
             let place = if section.is_empty() { String::new() } else { format!(": `[{section}]`") };
             write!(
                 text,
@@ -158,7 +158,7 @@ mod tests {
                 let unit = option.get_value_names().and_then(|names| names.first()).map_or("", |name| name.as_str());
                 let quoted = |text: Option<String>| text.map_or("–".to_owned(), |text| format!("`{text}`"));
                 let variable = quoted(option.get_env().map(|name| name.to_str().unwrap().to_owned()));
-                let key = quoted(keys::name(option));
+                let key = quoted(setting_keys::name(option));
                 let default: Vec<_> = option.get_default_values().iter().filter_map(|value| value.to_str()).collect();
                 let default = quoted((!default.is_empty()).then(|| default.join(",")));
                 let help = option.get_help().unwrap().to_string().replace('\n', " ");

@@ -5,6 +5,7 @@ mod attempt;
 mod backup;
 mod blobs;
 mod child;
+mod clock;
 mod compress;
 mod computation;
 mod config;
@@ -61,6 +62,7 @@ pub use sweep::SweepReport;
 
 pub(crate) use blobs::BlobError;
 pub(crate) use child::compute_job;
+pub(crate) use clock::{DAY, date, days, unix_seconds};
 pub(crate) use config::{SETTINGS, Setting};
 pub(crate) use describe::{AxisKind, Understood, describe};
 pub(crate) use doctor::{Finding, Verdict, examine};

@@ -8,7 +8,7 @@ use std::fmt::{self, Write};
 use std::str::FromStr;
 
 /// Opening of every key; scanners find leaked keys by it.
-const PREFIX: &str = "wlm_";
+pub(super) const PREFIX: &str = "wlm_";
 
 /// Characters of an id, 5 random bits each: 50 bits in all. Ids name keys and are not secret.
 const ID: usize = 10;

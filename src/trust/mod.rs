@@ -4,6 +4,7 @@
 mod grant;
 mod key;
 mod link;
+mod redact;
 mod scope;
 mod set;
 mod signing;
@@ -13,6 +14,7 @@ mod token;
 pub(crate) use grant::{Grant, KeyFacts, LONGEST, MaterialId, Method, Methods, Reach, Refused};
 pub(crate) use key::{Key, KeyError, KeyId, NotAKeyId, SecretHash};
 pub(crate) use link::Link;
+pub(crate) use redact::{holds_secret, without_secrets};
 pub(crate) use scope::{Scope, Scopes};
 pub(crate) use signing::{Signer, Verifier};
 pub(crate) use tenant::{NotATenant, Tenant};

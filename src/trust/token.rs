@@ -9,7 +9,7 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use serde::Deserialize;
 
 /// Opening of every token; scanners find leaked tokens by it.
-const PREFIX: &str = "wlt_";
+pub(super) const PREFIX: &str = "wlt_";
 
 /// Upper bound in characters on a token, checked before it is read. No token has more than 362.
 const LONGEST_TEXT: usize = 512;

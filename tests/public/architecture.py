@@ -39,7 +39,6 @@ ROOMS = {
     "api": (1, 60, "HTTP: translation only,", "one file a resource", 1),
     "jobs": (2, 60, "work beyond one request:", "queue, leases, workers", 2),
     "catalog": (3, 60, "descriptions by digest,", "in SQL", 5),
-    "trust": (1, 148, "keys, scopes, tokens, links", "", None),
     "store": (3, 148, "bytes under their digest", "", 4),
     "trust": (1, 148, "tenants, keys, and what", "they allow", None),
     "reading": (3, 296, "reads a file by its path", "", None),

@@ -2,6 +2,7 @@
 
 use super::super::words::shown;
 use super::der::{Reader, SEQUENCE};
+use crate::jobs::{DAY, days};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 /// Upper bound in characters on a name that is shown.
@@ -18,9 +19,6 @@ const INTEGER: u8 = 0x02;
 const OBJECT_IDENTIFIER: u8 = 0x06;
 const OCTET_STRING: u8 = 0x04;
 const BOOLEAN: u8 = 0x01;
-
-/// Seconds of a day.
-const DAY: i64 = 24 * 60 * 60;
 
 /// Facts of a certificate, from its DER encoding. No signature is checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -127,25 +125,9 @@ fn number(digits: &[u8]) -> Option<i64> {
     is_number.then(|| digits.iter().fold(0, |sum, digit| sum * 10 + i64::from(digit - b'0')))
 }
 
-/// Returns the number of days from 1970-01-01 to a date of the Gregorian calendar.
-fn days(year: i64, month: i64, day: i64) -> i64 {
-    // Years that begin in March have their leap day at the end.
-    let (year, month) = if month < 3 { (year - 1, month + 9) } else { (year, month - 3) };
-    let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    year * 365 + leap_days + (153 * month + 2) / 5 + day - 1 - 719_468
-}
-
 /// Writes a time in seconds since 1970 as date and time of day, `2026-11-26 05:30 UTC`.
 pub(super) fn date(seconds: i64) -> String {
-    let (day, time) = (seconds.div_euclid(DAY), seconds.rem_euclid(DAY));
-    // The year in which a day lies, from below: a year has 365 or 366 days.
-    let mut year = 1970 + day.div_euclid(if day < 0 { 365 } else { 366 });
-    while days(year + 1, 1, 1) <= day {
-        year += 1;
-    }
-    let month = (2..=12).take_while(|month| days(year, *month, 1) <= day).last().unwrap_or(1);
-    let day = day - days(year, month, 1) + 1;
-    format!("{year:04}-{month:02}-{day:02} {:02}:{:02} UTC", time / 3600, time / 60 % 60)
+    format!("{} UTC", crate::jobs::date(seconds))
 }
 
 #[cfg(test)]

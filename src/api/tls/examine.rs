@@ -2,27 +2,22 @@
 
 use super::certificate::{Certificate, date};
 use super::pair::{Pair, TlsFiles};
-use crate::jobs::Finding;
+use crate::jobs::{DAY, Finding, unix_seconds};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::time::SystemTime;
 
 /// Rest of a certificate's validity in seconds below which a warning is given, the same as that of the alert
 /// `WavelumeCertificateEnds`. Raising it warns earlier.
 const SOON: i64 = 14 * DAY;
-
-/// Seconds of a day.
-const DAY: i64 = 24 * 60 * 60;
 
 const CHECK: &str = "local certificate";
 
 /// Judges the files of a certificate: pair, time, names and permissions. `names` are the hosts that requests may
 /// address.
 pub(crate) fn certificate_found(files: &TlsFiles, names: &[String]) -> Finding {
-    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
     let is_public = |path: &Path| path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o004 != 0);
     match files.load() {
-        Ok(pair) => judge(files, &pair, names, now.cast_signed(), is_public(&files.key)),
+        Ok(pair) => judge(files, &pair, names, unix_seconds().cast_signed(), is_public(&files.key)),
         Err(reason) => Finding::fault(CHECK, reason, "serve does not start with these files"),
     }
 }

@@ -29,7 +29,6 @@ macro_rules! named {
             }
 
             #[doc(hidden)]
-            #[allow(dead_code, reason = "not every list is that of an option")]
             pub fn all_names() -> Vec<&'static str> {
                 Self::ALL.iter().map(|known| known.name()).collect()
             }
