@@ -3,9 +3,9 @@
 use super::caller::Caller;
 use super::extract::Query;
 use super::keys::tenant_of;
-use super::measurements::page;
+use super::page::page;
 use super::problem::{Kind, Problem};
-use super::schemas::{CursorText, TenantText};
+use super::schemas::{CursorText, PageSize, TenantText};
 use super::state::{App, Service};
 use crate::catalog::ActRow;
 use axum::Json;
@@ -65,8 +65,8 @@ struct ListQuery {
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
     #[param(value_type = Option<CursorText>, nullable = false)]
     cursor: Option<String>,
-    /// Largest number of items on a page of the list; 50 by default
-    #[param(nullable = false, minimum = 1, maximum = 1000)]
+    /// Largest number of items on a page.
+    #[param(value_type = Option<PageSize>, nullable = false)]
     limit: Option<usize>,
 }
 

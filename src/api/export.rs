@@ -1,11 +1,11 @@
 //! `/v1/materials/{id}/export`: a material in an exchange format, with the error that the format adds.
 
 use super::content::not_modified;
-use super::export_description::{ExportParams, ExportedFile};
-use super::extract::{Id, Query};
+use super::export_description::{ExportParams, ExportedFile, FORMAT};
+use super::extract::{Id, Query, unknown_parameter};
 use super::places::{Peer, Place};
 use super::problem::{Kind, Problem};
-use super::query::{indices, open};
+use super::query::open;
 use super::seen::seen;
 use super::state::{App, Service};
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
@@ -16,7 +16,9 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use serde::Deserialize;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
+use serde_json::Map;
 use std::convert::Infallible;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -33,18 +35,44 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
-/// Export format and sampling density.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Export format and the stated options, as they are declared.
+#[derive(Debug)]
 struct ExportQuery {
     format: String,
-    index: Option<String>,
-    side: Option<usize>,
-    step: Option<f64>,
-    #[serde(default)]
-    rgb: bool,
-    /// Wavelength in nm of the exported phase function (tabphase). Default: the mean over wavelengths.
-    wavelength: Option<f64>,
+    options: ExportOptions,
+}
+
+/// Reads the parameters of an export. The error names the parameter.
+fn read(pairs: Vec<(String, String)>) -> Result<ExportQuery, String> {
+    let (mut format, mut stated) = (None, Map::new());
+    for (name, text) in pairs {
+        let is_twice = if name == FORMAT {
+            format.replace(text).is_some()
+        } else {
+            let declared = ExportOptions::OPTIONS.iter().find(|declared| declared.name == name);
+            let declared = declared.ok_or_else(|| unknown_option(&name))?;
+            let value = declared.read(&text).map_err(|expected| {
+                let shown: String = text.chars().take(40).collect();
+                format!("{name}: found `{shown}`, {expected}")
+            })?;
+            stated.insert(name.clone(), value).is_some()
+        };
+        if is_twice {
+            return Err(format!("duplicate field `{name}`"));
+        }
+    }
+    let format = format.ok_or_else(|| format!("missing field `{FORMAT}`"))?;
+    Ok(ExportQuery { format, options: ExportOptions::read(stated)? })
+}
+
+fn unknown_option(name: &str) -> String {
+    unknown_parameter(name, std::iter::once(FORMAT).chain(ExportOptions::OPTIONS.iter().map(|declared| declared.name)))
+}
+
+impl<'de> Deserialize<'de> for ExportQuery {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        read(Vec::deserialize(deserializer)?).map_err(D::Error::custom)
+    }
 }
 
 /// Export a material to another file format.
@@ -64,15 +92,10 @@ async fn export(
         "manifest" => None,
         name => Some(ExportFormat::of_name(name).map_err(|_| unknown(name))?),
     };
-    let index = query.index.as_deref().map(indices).transpose();
     let options = ExportOptions {
-        index: index.map_err(|detail| Problem::new(Kind::BadQuery, detail))?,
-        side: query.side,
-        step: query.step,
-        rgb: query.rgb,
-        wavelength: query.wavelength,
         // An exported file stays within the upload limit, so that it can be uploaded again.
         most_bytes: usize::try_from(app.engine.limits.upload_bytes).unwrap_or(usize::MAX),
+        ..query.options
     };
     let seen = seen(&app, id).await?;
     // The version is part of the key: another version may write another file.

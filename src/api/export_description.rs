@@ -1,47 +1,46 @@
 //! Description of the export of a material: its parameters and its answers, made from the table of writers.
 
 use super::schemas::{Binary, ExportName, IndexText};
-use crate::export::{ExportFormat, format_help, option_help};
+use crate::domain::{Declared, Values, values_of};
+use crate::export::{ExportFormat, ExportOptions, format_help, option_help};
 use crate::formats::ArrayManifest;
 use std::collections::BTreeMap;
-use utoipa::openapi::path::{Parameter, ParameterIn};
+use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::{
-    ContentBuilder, HeaderBuilder, ObjectBuilder, Ref, RefOr, Response, ResponseBuilder, Schema, schema::Type,
+    ContentBuilder, HeaderBuilder, ObjectBuilder, Ref, RefOr, Required, Response, ResponseBuilder, Schema, schema::Type,
 };
 use utoipa::{IntoParams, IntoResponses, ToSchema};
 
-/// Types of the query parameters with which a material is exported, for the OpenAPI description.
-#[derive(IntoParams)]
-#[into_params(parameter_in = Query)]
-#[allow(dead_code, reason = "describes the query")]
-struct Types {
-    #[param(value_type = ExportName)]
-    format: String,
-    /// Zero-based position of the exported entry on each leading index axis (columns of a table, scan positions):
-    /// `I,J`. Not allowed for `npy` and `manifest`, which contain every entry.
-    #[param(value_type = Option<IndexText>)]
-    index: Option<String>,
-    side: Option<u32>,
-    step: Option<f64>,
-    rgb: Option<bool>,
-    wavelength: Option<f64>,
-}
+/// Query parameter that names the format of an export.
+pub(super) const FORMAT: &str = "format";
 
 /// Parameters of an export.
 pub(super) struct ExportParams;
 
 impl IntoParams for ExportParams {
-    fn into_params(parameter_in: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
-        let mut parameters = Types::into_params(parameter_in);
-        for parameter in &mut parameters {
-            let described = match parameter.name.as_str() {
-                "format" => Some(format!("{}; `manifest` is the manifest of an array alone.", format_help())),
-                option => option_help(option),
-            };
-            parameter.description = described.or(parameter.description.take());
-        }
-        parameters
+    fn into_params(_: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
+        let parameter = |name: &str, help: String, required: Required, schema: RefOr<Schema>| {
+            let parameter = ParameterBuilder::new().name(name).parameter_in(ParameterIn::Query);
+            parameter.required(required).description(Some(help)).schema(Some(schema)).build()
+        };
+        let help = format!("{}; `manifest` is the manifest of an array alone.", format_help());
+        let format = parameter(FORMAT, help, Required::True, Ref::from_schema_name(ExportName::name()).into());
+        let options = ExportOptions::OPTIONS
+            .iter()
+            .map(|declared| parameter(declared.name, option_help(declared), Required::False, schema_of(declared)));
+        std::iter::once(format).chain(options).collect()
     }
+}
+
+/// Returns the schema of the text that states an option of an export in a query.
+fn schema_of(declared: &Declared) -> RefOr<Schema> {
+    if matches!(declared.values, Values::List { .. }) {
+        return Ref::from_schema_name(IndexText::name()).into();
+    }
+    // The parameter has the help text.
+    let mut values = values_of(declared);
+    values.description = None;
+    Schema::from(values).into()
 }
 
 /// HTTP responses to a request that exports a material, for the OpenAPI description: the exported file, or status 304

@@ -111,6 +111,13 @@ pub(crate) fn check_upload_id(text: &str) -> Result<(), String> {
     Err(format!("`{shown}` is no id of an upload, expected 32 hexadecimal digits"))
 }
 
+/// Returns the refusal of an unknown query parameter, with the names of the known ones.
+pub(crate) fn unknown_parameter<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
+    let shown: String = name.chars().take(40).collect();
+    format!("unknown field `{shown}`, expected one of {}", known.join(", "))
+}
+
 /// Text of the parameter `{name}` of the request path.
 #[derive(Clone, Debug)]
 pub(crate) struct Name(pub(crate) String);

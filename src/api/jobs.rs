@@ -4,10 +4,10 @@ use super::caller::Caller;
 use super::events;
 use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
-use super::measurements::page;
+use super::page::page;
 use super::places::Peer;
 use super::problem::{Kind, Problem};
-use super::schemas::JobIdText;
+use super::schemas::{JobIdText, LONGEST_REQUEST_KEY, PageSize, RequestKey};
 use super::state::{App, Service};
 use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
 use crate::jobs::{JobRequest, KindOnly, Queued, RequestError, Source};
@@ -48,10 +48,10 @@ impl Source for JsonBytes {
 #[utoipa::path(
     post, path = "/v1/jobs", tag = "jobs", request_body = JobRequest,
     params(
-        ("Idempotency-Key" = inline(Option<String>), Header, nullable = false, min_length = 1, max_length = 255,
-            pattern = "^[!-~]([ -~]*[!-~])?$", description = "Key of the request: for a day, a request with the same key and body gives the same job"),
+        ("Idempotency-Key" = Option<RequestKey>, Header, nullable = false,
+            description = "Key of the request: for a day, a request with the same key and body gives the same job"),
         ("Prefer" = inline(Option<String>), Header, nullable = false, pattern = "^wait=[0-9]{1,4}$",
-            description = "`wait=N`: answer when the job has ended, or after N (at most 60) seconds"),
+            description = format!("`wait=N`: answer when the job has ended, or after N (at most {LONGEST_WAIT}) seconds")),
     ),
     responses(
         (status = 202, description = "The job is queued or running", body = Job, headers(("Location" = String, description = "URL of the job"))),
@@ -140,8 +140,8 @@ struct ListQuery {
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
     #[param(nullable = false)]
     cursor: Option<String>,
-    /// Largest number of items on a page of the list; 50 by default
-    #[param(nullable = false, minimum = 1, maximum = 1000)]
+    /// Largest number of items on a page.
+    #[param(value_type = Option<PageSize>, nullable = false)]
     limit: Option<usize>,
 }
 
@@ -259,8 +259,9 @@ fn wait(headers: &HeaderMap) -> Option<u64> {
 fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let Some(value) = headers.get("idempotency-key") else { return Ok(None) };
     let key = value.to_str().unwrap_or_default().trim();
-    if key.is_empty() || key.len() > 255 {
-        return Err(Problem::new(Kind::BadHeader, "Idempotency-Key: expected 1 to 255 visible ASCII characters"));
+    if key.is_empty() || key.len() > LONGEST_REQUEST_KEY {
+        let detail = format!("Idempotency-Key: expected 1 to {LONGEST_REQUEST_KEY} visible ASCII characters");
+        return Err(Problem::new(Kind::BadHeader, detail));
     }
     Ok(Some(key.to_owned()))
 }

@@ -9,7 +9,7 @@ use super::schemas::{Binary, UploadIdText};
 use super::state::{App, Service};
 use super::upload_query::UPLOAD;
 use crate::catalog::MaterialRow;
-use crate::jobs::{MaterialUpload, Text};
+use crate::jobs::{MaterialUpload, Tags, Text};
 use crate::store::{Digest, Staged};
 use axum::Json;
 use axum::extract::{FromRequestParts, Request};
@@ -42,7 +42,7 @@ struct Types {
     #[param(value_type = Option<Text>)]
     licence: Option<String>,
     /// Tag of the material; may be repeated.
-    #[param(value_type = Vec<Text>, required = false, max_items = 32, explode = true)]
+    #[param(value_type = Tags, required = false, explode = true)]
     tags: Vec<String>,
     /// Id of the stored measurement that the material was made from; may be repeated. Default: the stored measurements
     /// whose bytes have the digest that the file states.

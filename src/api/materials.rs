@@ -3,9 +3,10 @@
 use super::caller::Caller;
 use super::content::{self, MATERIAL};
 use super::extract::{Id, Query, SmallJson, parse_json, word};
-use super::measurements::{deleted, page};
+use super::measurements::deleted;
+use super::page::page;
 use super::problem::{Kind, Problem};
-use super::schemas::{Binary, CursorText, TenantText, VisibleText, Word};
+use super::schemas::{Binary, CursorText, PageSize, TenantText, VisibleText, Word};
 use super::seen::{absent, find, forget, seen, seen_lately};
 use super::state::{App, Service};
 use crate::catalog::{MaterialFilter, MaterialRow, Namer, Opened, Opening, Sight};
@@ -39,8 +40,8 @@ struct ListQuery {
     /// Cursor of the wanted page: the value `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// Upper bound on the number of materials on a page, 1 to 1000. Default: 50.
-    #[param(minimum = 1, maximum = 1000)]
+    /// Largest number of items on a page.
+    #[param(value_type = Option<PageSize>)]
     limit: Option<usize>,
     /// Physical quantity to filter by: only materials of this quantity are listed.
     quantity: Option<Quantity>,

@@ -2,12 +2,13 @@
 
 use super::content;
 use super::extract::{Id, Query, linger, word};
+use super::page::page;
 use super::problem::{Kind, Problem};
 use super::resumable;
-use super::schemas::{Binary, CursorText, Word};
+use super::schemas::{Binary, CursorText, PageSize, Word};
 use super::state::{App, Service};
 use super::upload_query::UploadQuery;
-use crate::catalog::{Cursor, Deleted, MeasurementFilter, MeasurementRow};
+use crate::catalog::{Deleted, MeasurementFilter, MeasurementRow};
 use crate::domain::Quantity;
 use crate::jobs::{Ingested, Understood, check_text};
 use crate::store::Digest;
@@ -36,8 +37,8 @@ struct ListQuery {
     /// Cursor of the wanted page: the value `next` of an earlier answer.
     #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
-    /// Upper bound on the number of measurements on a page, 1 to 1000. Default: 50.
-    #[param(minimum = 1, maximum = 1000)]
+    /// Largest number of items on a page.
+    #[param(value_type = Option<PageSize>)]
     limit: Option<usize>,
     /// Physical quantity to filter by: only measurements of this quantity are listed.
     quantity: Option<Quantity>,
@@ -226,17 +227,6 @@ async fn get_measurement_content(
 async fn row(app: &App, id: Digest) -> Result<MeasurementRow, Problem> {
     let row = app.engine.archive.catalog.measurement(id).await?;
     row.ok_or_else(|| Problem::new(Kind::NotFound, format!("there is no measurement {id}")))
-}
-
-/// Parses the cursor and the page size of a list request.
-pub(super) fn page(cursor: Option<&str>, limit: Option<usize>) -> Result<(Option<Cursor>, usize), Problem> {
-    let cursor = cursor.map(str::parse).transpose();
-    let cursor =
-        cursor.map_err(|e: crate::catalog::NotACursor| Problem::new(Kind::BadQuery, format!("cursor: {e}")))?;
-    match limit.unwrap_or(50) {
-        limit @ 1..=1000 => Ok((cursor, limit)),
-        limit => Err(Problem::new(Kind::BadQuery, format!("limit: found {limit}, expected 1 to 1000"))),
-    }
 }
 
 /// Maps the outcome of deleting a measurement or a material to an HTTP answer.

@@ -33,6 +33,7 @@ mod materials;
 mod measurements;
 mod needs;
 mod pace;
+mod page;
 mod patient;
 mod places;
 mod preview;

@@ -1,6 +1,7 @@
 //! Schemas of words and numbers whose own types know nothing of OpenAPI: enumerations, patterns and limits.
 
 use super::extract::LONGEST_WORD;
+use super::page::{LONGEST_PAGE, USUAL_PAGE};
 use crate::domain::colour::{Illuminant, StandardObserver};
 use crate::export::ExportFormat;
 use std::borrow::Cow;
@@ -15,6 +16,9 @@ const NUMBER: &str = r"[0-9]{1,6}(\.[0-9]{1,12})?";
 
 /// Regular expression of a decimal number above 0.
 const POSITIVE: &str = r"([1-9][0-9]{0,4}(\.[0-9]{1,6})?|0\.0{0,3}[1-9][0-9]{0,4})";
+
+/// Upper bound on the characters of the header `Idempotency-Key`.
+pub(super) const LONGEST_REQUEST_KEY: usize = 255;
 
 macro_rules! described {
     ($($(#[$doc:meta])* $type:ident = $name:literal, $schema:expr;)+) => {
@@ -49,6 +53,9 @@ described! {
         .pattern(Some("^[a-z][a-z0-9-]{0,39}$"));
     /// Schema of the choice of materials that a list has.
     VisibleText = "Visible", one_of("Whose materials are listed.", ["own", "shared", "public"]);
+    /// Schema of the header `Idempotency-Key`.
+    RequestKey = "RequestKey", text("Key that a client makes for one request and its repetitions.")
+        .min_length(Some(1)).max_length(Some(LONGEST_REQUEST_KEY)).pattern(Some("^[!-~]([ -~]*[!-~])?$"));
     /// Schema of the id of a job.
     JobIdText = "JobId", text("UUID of a job.")
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
@@ -61,6 +68,13 @@ described! {
         .pattern(Some("^[0-9a-hjkmnp-tv-z]{10}$"));
     /// Schema of a cursor, the value `next` of a page of a list.
     CursorText = "Cursor", text("Value `next` of an earlier answer.").pattern(Some(r"^[0-9a-f]{1,15}\.[0-9a-z-]{1,80}$"));
+    /// Schema of the number of items on a page of a list.
+    PageSize = "PageSize", ObjectBuilder::new()
+        .schema_type(Type::Integer)
+        .minimum(Some(1))
+        .maximum(Some(LONGEST_PAGE))
+        .default(Some(USUAL_PAGE.into()))
+        .description(Some("Largest number of items on a page of a list."));
     /// Schema of a text by which a list is filtered.
     Word = "Word", text("Text to filter a list by; U+0000 is refused.")
         .max_length(Some(LONGEST_WORD)).pattern(Some(r"^[^\x00]*$"));

@@ -1,6 +1,6 @@
 //! Query of an upload: the names that a client gives, and the reading options as they are declared.
 
-use super::extract::check_upload_id;
+use super::extract::{check_upload_id, unknown_parameter};
 use super::resumable::upload_parameter;
 use crate::domain::Declared;
 use crate::jobs::{Options, Text, Upload, check_text, parameter_of};
@@ -48,14 +48,8 @@ fn read(pairs: Vec<(String, String)>) -> Result<(Upload, Option<String>), String
 }
 
 fn unknown(key: &str) -> String {
-    let known: Vec<String> = NAMES
-        .iter()
-        .map(|(name, _)| *name)
-        .chain([UPLOAD])
-        .chain(Options::of_upload().map(|declared| declared.name))
-        .map(|name| format!("`{name}`"))
-        .collect();
-    format!("unknown field `{key}`, expected one of {}", known.join(", "))
+    let names = NAMES.iter().map(|(name, _)| *name).chain([UPLOAD]);
+    unknown_parameter(key, names.chain(Options::of_upload().map(|declared| declared.name)))
 }
 
 impl<'de> Deserialize<'de> for UploadQuery {

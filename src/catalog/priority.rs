@@ -60,7 +60,9 @@ impl TryFrom<i64> for Priority {
 impl PartialSchema for Priority {
     fn schema() -> RefOr<Schema> {
         let number = ObjectBuilder::new().schema_type(Type::Integer).minimum(Some(-1)).maximum(Some(1));
-        number.description(Some("Jobs are started by priority: -1 urgent, 0 usual, 1 batch.")).into()
+        let help = "Jobs are started by priority: -1 urgent, 0 usual (the default), 1 batch. A priority is no part of the \
+                    result, nor of what an `Idempotency-Key` stands for.";
+        number.description(Some(help)).into()
     }
 }
 

@@ -35,6 +35,7 @@ fn placeholder(declared: &Declared) -> Option<String> {
     match declared.values {
         Values::Number { shown, .. }
         | Values::Whole { shown, .. }
+        | Values::List { shown }
         | Values::Text { shown, .. }
         | Values::File { shown }
         | Values::Document { shown } => Some(shown.to_owned()),

@@ -1,12 +1,16 @@
 //! `wavelume evaluate`: one spectrum of a material, or one for each row of a table of directions.
 
 use super::batch::{BatchArgs, Queries};
+use super::declared::{argument, refusal, stated};
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
 use crate::domain::{Axis, Direction, Unit};
-use crate::evaluate::{Beyond, Interpolation, Material, Pairs, Place};
+use crate::evaluate::{BEYOND, Beyond, INTERPOLATION, Interpolation, Material, Pairs, Place};
+use clap::{ArgMatches, Command, FromArgMatches};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -35,12 +39,8 @@ pub(crate) struct Args {
     /// Wavelengths in nm at which to evaluate [default: those of the material]
     #[arg(long, value_name = "START:STOP:STEP|A,B,...", value_parser = query::wavelengths)]
     wavelengths: Option<List<f64>>,
-    /// Interpolation between the stored directions of the material
-    #[arg(long, value_enum, default_value_t)]
-    interpolation: How,
-    /// Values that the answer contains at wavelengths outside the measured range
-    #[arg(long, value_enum, default_value_t)]
-    beyond: Outside,
+    #[command(flatten)]
+    options: OptionArgs,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// No effect, since the answer is always JSON; accepted because other commands have this option
@@ -48,24 +48,38 @@ pub(crate) struct Args {
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-enum How {
-    /// Value of the nearest direction on a grid of angles, or of the triangle that contains the direction.
-    Constant,
-    /// Interpolation that is continuous over directions; on a grid of angles cubic or linear, as the material states.
-    #[default]
-    Smooth,
+/// Options of an evaluation on the command line, derived from their declarations.
+#[derive(Clone, Copy, Debug)]
+struct OptionArgs {
+    interpolation: Interpolation,
+    beyond: Beyond,
 }
 
-#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
-enum Outside {
-    /// No value at wavelengths outside the measured range: null in JSON, NaN in tables.
-    #[default]
-    Masked,
-    /// Value 0 at wavelengths outside the measured range.
-    Zero,
-    /// Value at the first or last measured wavelength, whichever is nearer.
-    Nearest,
+impl clap::Args for OptionArgs {
+    fn augment_args(command: Command) -> Command {
+        command.args([&INTERPOLATION, &BEYOND].map(argument))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for OptionArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let [interpolation, beyond] = [&INTERPOLATION, &BEYOND].map(|option| stated(matches, option));
+        Ok(Self { interpolation: chosen(interpolation)?, beyond: chosen(beyond)? })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// Returns the chosen value of an option, or its default if none is stated.
+fn chosen<T: DeserializeOwned + Default>(stated: Option<Value>) -> Result<T, clap::Error> {
+    stated.map_or_else(|| Ok(T::default()), |value| serde_json::from_value(value).map_err(refusal))
 }
 
 /// Spectrum of a material for one pair of directions; unknown values are null.
@@ -84,15 +98,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     let about = |error| Failure::from(error).about(&args.material);
     let index = args.index.as_ref().map_or(&[][..], |index| &index.0);
     let place = Place { index, wi: args.wi, wo: args.wo };
-    let how = match args.interpolation {
-        How::Constant => Interpolation::Constant,
-        How::Smooth => Interpolation::Smooth,
-    };
-    let beyond = match args.beyond {
-        Outside::Masked => Beyond::Masked,
-        Outside::Zero => Beyond::Zero,
-        Outside::Nearest => Beyond::Nearest,
-    };
+    let OptionArgs { interpolation: how, beyond } = args.options;
     if let Some(table) = &args.directions {
         return args.threads.run(|| rows(args, table, &material, how, beyond))?;
     }

@@ -1,16 +1,17 @@
 //! `wavelume export`: a material in an exchange format.
 
+use super::declared::{all_stated, argument, refusal};
 use super::decode::decode;
 use super::failure::Failure;
 use super::input::read_file;
 use super::output::{Sheet, count, per_cent, print, print_json, write_file};
-use super::query::{self, List};
 use super::request::ThreadsArgs;
-use crate::domain::Axis;
+use crate::domain::{Axis, Declared};
 use crate::evaluate::Material;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
+use clap::{ArgMatches, Command, FromArgMatches};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -25,17 +26,8 @@ pub(crate) struct Args {
     /// File to write; an existing one is replaced as a whole
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0
-    #[arg(long, value_name = "I,...", value_parser = query::index)]
-    index: Option<List<usize>>,
-    #[arg(long, value_name = "N", help = help("side"))]
-    side: Option<usize>,
-    #[arg(long, value_name = "DEGREES", help = help("step"))]
-    step: Option<f64>,
-    #[arg(long, help = help("rgb"))]
-    rgb: bool,
-    #[arg(long, value_name = "NM", help = help("wavelength"))]
-    wavelength: Option<f64>,
+    #[command(flatten)]
+    options: OptionArgs,
     #[command(flatten)]
     threads: ThreadsArgs,
     /// Print a report on the written file as one line of JSON
@@ -52,9 +44,32 @@ struct Answer<'a> {
     summary: &'a Summary,
 }
 
-/// Returns the help text of an option, without its last full stop.
-fn help(option: &str) -> String {
-    export::option_help(option).unwrap_or_default().trim_end_matches('.').to_owned()
+/// Options of an export on the command line, derived from their declarations.
+#[derive(Clone, Debug)]
+struct OptionArgs(ExportOptions);
+
+impl clap::Args for OptionArgs {
+    fn augment_args(command: Command) -> Command {
+        let option = |declared: &'static Declared| {
+            argument(declared).help(export::option_help(declared).trim_end_matches('.').to_owned())
+        };
+        command.args(ExportOptions::OPTIONS.iter().map(option))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for OptionArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        ExportOptions::read(all_stated(matches, ExportOptions::OPTIONS)).map(Self).map_err(refusal)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
 }
 
 fn format(name: &str) -> Result<ExportFormat, String> {
@@ -62,20 +77,13 @@ fn format(name: &str) -> Result<ExportFormat, String> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
-    let options = ExportOptions {
-        index: args.index.as_ref().map(|index| index.0.clone()),
-        side: args.side,
-        step: args.step,
-        rgb: args.rgb,
-        wavelength: args.wavelength,
-        ..ExportOptions::default()
-    };
+    let options = &args.options.0;
     let about = |failure: Failure| failure.about(&args.material);
     let mut answer = json!({ "output": args.output.display().to_string() });
     let mut beside = None;
     let Exported { bytes, about: summary } = if args.format.takes_samples() {
         let measurement = decode(&args.material, None, &args.threads)?;
-        let exported = export::samples(&measurement, args.format, &options).map_err(|error| about(error.into()))?;
+        let exported = export::samples(&measurement, args.format, options).map_err(|error| about(error.into()))?;
         let axes = measurement.tensor.axes();
         answer["quantity"] = json!(measurement.quantity);
         answer["shape"] = json!(measurement.tensor.shape());
@@ -87,12 +95,12 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     } else {
         let bytes = read_file(&args.material)?;
         let work = || {
-            let reason = match export_on_grid(&bytes, args.format, &options).map_err(Failure::from)? {
+            let reason = match export_on_grid(&bytes, args.format, options).map_err(Failure::from)? {
                 OnGrid::File(file) => return Ok(*file),
                 OnGrid::Resample(reason) => reason,
             };
             let material = Material::open(&bytes).map_err(Failure::from)?;
-            let mut file = export::export(&material, args.format, &options).map_err(Failure::from)?;
+            let mut file = export::export(&material, args.format, options).map_err(Failure::from)?;
             file.about.lost.extend(reason);
             Ok(file)
         };

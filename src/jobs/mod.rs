@@ -81,7 +81,7 @@ pub(crate) use partial::Holding;
 pub(crate) use problem::{Code, JobProblem};
 pub(crate) use process::COMMAND as COMPUTE_JOB;
 pub(crate) use request::RequestError;
-pub(crate) use text::{Text, check_text};
+pub(crate) use text::{Tags, Text, check_text};
 pub(crate) use turns::CLIENT;
 pub(crate) use unit::Unit;
 pub(crate) use unpack::Ingested;

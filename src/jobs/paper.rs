@@ -36,8 +36,7 @@ pub(crate) struct PaperRequest {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Vec<u8>>, min_items = 1, max_items = 7)]
     pub tables: Option<Vec<i64>>,
-    /// Priority of the job: -1 urgent, 0 usual (the default), 1 batch. It is no part of the result, nor of what an
-    /// `Idempotency-Key` stands for.
+    /// Priority of the job.
     #[serde(default, skip_serializing_if = "Priority::is_left_out")]
     #[schema(required = false)]
     pub priority: Priority,

@@ -1,7 +1,7 @@
 //! Compression requests, in the names of the command line, and the faults of any request.
 
 use super::options::LaterOptions;
-use super::text::{Text, check_text};
+use super::text::{MAX_TAGS, Tags, Text, check_text};
 use crate::catalog::Priority;
 use crate::pipeline::{OptionError, Request};
 use crate::store::Digest;
@@ -43,10 +43,9 @@ pub(crate) struct CompressRequest {
     pub licence: Option<String>,
     /// Tags of the material.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[schema(value_type = Vec<Text>, max_items = 32, required = false)]
+    #[schema(value_type = Tags, required = false)]
     pub tags: Vec<String>,
-    /// Priority of the job: -1 urgent, 0 usual (the default), 1 batch. It is no part of the result, nor of what an
-    /// `Idempotency-Key` stands for.
+    /// Priority of the job.
     #[serde(default, skip_serializing_if = "Priority::is_left_out")]
     #[schema(required = false)]
     pub priority: Priority,
@@ -63,9 +62,6 @@ pub(crate) enum RequestError {
     #[error(transparent)]
     Option(OptionError),
 }
-
-/// Upper bound on the tags that one job gives to a material.
-const MAX_TAGS: usize = 32;
 
 impl CompressRequest {
     /// Checks the material's name, licence and tags that the client states, before the measurement is read. The error

@@ -1,7 +1,7 @@
 //! Texts that a user chooses: names, file names, licences, tags.
 
-use utoipa::openapi::RefOr;
-use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
+use utoipa::openapi::schema::{ArrayBuilder, ObjectBuilder, Schema, Type};
+use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
 /// Upper bound in characters on a name, file name, licence or tag.
@@ -21,6 +21,25 @@ impl PartialSchema for Text {
 }
 
 impl ToSchema for Text {}
+
+/// Upper bound on the tags that a client gives to a material at once.
+pub(crate) const MAX_TAGS: usize = 32;
+
+/// Tags of a material in the HTTP description: a list of at most [`MAX_TAGS`] texts.
+pub(crate) struct Tags;
+
+impl PartialSchema for Tags {
+    fn schema() -> RefOr<Schema> {
+        let tags = ArrayBuilder::new().items(Ref::from_schema_name(Text::name())).max_items(Some(MAX_TAGS));
+        tags.description(Some("Tags of a material.")).into()
+    }
+}
+
+impl ToSchema for Tags {
+    fn schemas(schemas: &mut Vec<(String, RefOr<Schema>)>) {
+        schemas.push((Text::name().into_owned(), Text::schema()));
+    }
+}
 
 /// Checks a text that a user chose: 1 to [`MAX_TEXT`] characters, none of them a control character.
 pub(crate) fn check_text(what: &str, text: &str) -> Result<(), String> {

@@ -11,13 +11,13 @@ use super::media::Encoding;
 use super::one::json_response;
 use super::opened::open;
 use super::options::{
-    AlbedoOptions, EvaluateOptions, How, Outside, PdfOptions, SampleOptions, check_wavelengths, indices, read,
-    wavelengths,
+    AlbedoOptions, EvaluateOptions, PdfOptions, SampleOptions, check_wavelengths, indices, read, wavelengths,
 };
 use super::places::{Line, Places};
 use super::question::Question;
 use super::read_ahead::ReadAhead;
 use super::stream::{stream, whole};
+use crate::evaluate::{Beyond, Interpolation};
 use crate::store::Digest;
 use axum::extract::Request;
 use axum::http::{HeaderMap, header};
@@ -42,12 +42,12 @@ struct EvaluateRequest {
     /// Wavelengths of the spectra in nm. Default: the material's own.
     #[serde(default)]
     wavelengths: Option<Vec<f64>>,
-    /// Interpolation over directions: `smooth` (the default) or `constant`.
+    /// Interpolation over directions.
     #[serde(default)]
-    interpolation: How,
-    /// Values at wavelengths outside the measured range: `masked` (the default), `zero` or `nearest`.
+    interpolation: Interpolation,
+    /// Values at wavelengths outside the measured range.
     #[serde(default)]
-    beyond: Outside,
+    beyond: Beyond,
     /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
@@ -109,9 +109,9 @@ struct AlbedoRequest {
     #[serde(default)]
     #[schema(value_type = Option<Vec<Angles>>)]
     wi: Option<Vec<[f64; 2]>>,
-    /// Interpolation over directions: `smooth` (the default) or `constant`.
+    /// Interpolation over directions.
     #[serde(default)]
-    interpolation: How,
+    interpolation: Interpolation,
     /// Zero-based position on each index axis (tensor axis before the directions).
     #[serde(default)]
     index: Vec<usize>,
@@ -158,15 +158,15 @@ pub(super) async fn evaluate(
             check_wavelengths(values).map_err(Problem::invalid)?;
         }
         let (index, wavelengths) = (request.index, request.wavelengths);
-        let (how, beyond) = (request.interpolation.into(), request.beyond.into());
+        let (how, beyond) = (request.interpolation, request.beyond);
         Ok((Question::Evaluate { index, how, beyond, wavelengths }, Places::of(request.wi, request.wo, 1, most)?))
     };
     let plain = options == EvaluateOptions::default();
     let question = read(options.index.as_deref(), indices).and_then(|index| {
         Ok(Question::Evaluate {
             index: index.unwrap_or_default(),
-            how: options.interpolation.unwrap_or_default().into(),
-            beyond: options.beyond.unwrap_or_default().into(),
+            how: options.interpolation.unwrap_or_default(),
+            beyond: options.beyond.unwrap_or_default(),
             wavelengths: read(options.wavelengths.as_deref(), wavelengths)?,
         })
     });
@@ -259,13 +259,13 @@ pub(super) async fn albedo(
 ) -> Result<Response, Problem> {
     let parse: Parse = |bytes, most| {
         let request: AlbedoRequest = parse_json(bytes)?;
-        let question = Question::Albedo { index: request.index, how: request.interpolation.into() };
+        let question = Question::Albedo { index: request.index, how: request.interpolation };
         Ok((question, Places::of(request.wi, None, 1, most)?))
     };
     let plain = options == AlbedoOptions::default();
     let question = read(options.index.as_deref(), indices).map(|index| Question::Albedo {
         index: index.unwrap_or_default(),
-        how: options.interpolation.unwrap_or_default().into(),
+        how: options.interpolation.unwrap_or_default(),
     });
     answer(app, id, request, question, plain, parse).await
 }

@@ -6,8 +6,8 @@ use super::super::schemas::{DirectionText, IndexText, WavelengthsText};
 use super::super::state::App;
 use super::answers::{AlbedoAnswer, SpectrumAnswer};
 use super::opened::open;
-use super::options::{How, Outside, direction, indices, read, wavelengths};
-use crate::evaluate::Place;
+use super::options::{direction, indices, read, wavelengths};
+use crate::evaluate::{Beyond, Interpolation, Place};
 use crate::store::Digest;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
@@ -31,10 +31,10 @@ pub(super) struct SpectrumQuery {
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Interpolation over directions: `smooth` (the default) or `constant`.
-    interpolation: Option<How>,
-    /// Values at wavelengths outside the measured range: `masked` (the default), `zero` or `nearest`.
-    beyond: Option<Outside>,
+    /// Interpolation over directions.
+    interpolation: Option<Interpolation>,
+    /// Values at wavelengths outside the measured range.
+    beyond: Option<Beyond>,
 }
 
 /// Query parameters of one directional albedo: incoming direction, index and interpolation.
@@ -48,8 +48,8 @@ pub(super) struct AlbedoQuery {
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`.
     #[param(value_type = Option<IndexText>)]
     index: Option<String>,
-    /// Interpolation over directions: `smooth` (the default) or `constant`.
-    interpolation: Option<How>,
+    /// Interpolation over directions.
+    interpolation: Option<Interpolation>,
 }
 
 /// Evaluate one spectrum of a material.
@@ -67,8 +67,8 @@ pub(super) async fn get_spectrum(
     let wo = read(query.wo.as_deref(), |text| direction("wo", text))?;
     let wavelengths = read(query.wavelengths.as_deref(), wavelengths)?;
     let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
-    let how = query.interpolation.unwrap_or_default().into();
-    let beyond = query.beyond.unwrap_or_default().into();
+    let how = query.interpolation.unwrap_or_default();
+    let beyond = query.beyond.unwrap_or_default();
     let material = open(&app, id).await?;
     compute(&app, move || {
         let place = Place { index: &index, wi, wo };
@@ -94,7 +94,7 @@ pub(super) async fn get_spectrum(
 pub(super) async fn get_albedo(app: App, Id(id): Id, Query(query): Query<AlbedoQuery>) -> Result<Response, Problem> {
     let wi = read(query.wi.as_deref(), |text| direction("wi", text))?;
     let index = read(query.index.as_deref(), indices)?.unwrap_or_default();
-    let how = query.interpolation.unwrap_or_default().into();
+    let how = query.interpolation.unwrap_or_default();
     let material = open(&app, id).await?;
     compute(&app, move || {
         let mut values = vec![0.0; material.lambdas()];

@@ -7,30 +7,7 @@ use crate::domain::limits::MAX_WAVELENGTHS;
 use crate::domain::{Direction, WavelengthGrid};
 use crate::evaluate::{Beyond, Interpolation};
 use serde::Deserialize;
-use utoipa::{IntoParams, ToSchema};
-
-/// Interpolation over directions. `smooth` is continuous; on a grid of angles it is cubic or linear as the file states.
-/// `constant` is the sample of the nearest direction of a grid of angles, or of the triangle that contains the
-/// direction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = Interpolation)]
-pub(super) enum How {
-    Constant,
-    #[default]
-    Smooth,
-}
-
-/// Values outside the measured range of wavelengths: masked, zero, or the sample at the end of the range.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-#[schema(as = Beyond)]
-pub(super) enum Outside {
-    #[default]
-    Masked,
-    Zero,
-    Nearest,
-}
+use utoipa::IntoParams;
 
 /// Query options for evaluating spectra for a stream of pairs of directions.
 #[derive(Debug, Default, PartialEq, Deserialize, IntoParams)]
@@ -40,11 +17,10 @@ pub(super) struct EvaluateOptions {
     /// Wavelengths, `A,B,C` or `START:STOP:STEP` in nm; default: the material's own. For NDJSON and f32 bodies only.
     #[param(value_type = Option<WavelengthsText>)]
     pub(super) wavelengths: Option<String>,
-    /// Interpolation over directions, `smooth` (the default) or `constant`. For NDJSON and f32 bodies only.
-    pub(super) interpolation: Option<How>,
-    /// Values at wavelengths outside the measured range, `masked` (the default), `zero` or `nearest`. For NDJSON and
-    /// f32 bodies only.
-    pub(super) beyond: Option<Outside>,
+    /// Interpolation over directions. For NDJSON and f32 bodies only.
+    pub(super) interpolation: Option<Interpolation>,
+    /// Values at wavelengths outside the measured range. For NDJSON and f32 bodies only.
+    pub(super) beyond: Option<Beyond>,
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
     /// only.
     #[param(value_type = Option<IndexText>)]
@@ -90,31 +66,12 @@ pub(super) struct SampleOptions {
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub(super) struct AlbedoOptions {
-    /// Interpolation over directions, `smooth` (the default) or `constant`. For NDJSON and f32 bodies only.
-    pub(super) interpolation: Option<How>,
+    /// Interpolation over directions. For NDJSON and f32 bodies only.
+    pub(super) interpolation: Option<Interpolation>,
     /// Zero-based position on each index axis (tensor axis before the directions), as `I,J`. For NDJSON and f32 bodies
     /// only.
     #[param(value_type = Option<IndexText>)]
     pub(super) index: Option<String>,
-}
-
-impl From<How> for Interpolation {
-    fn from(how: How) -> Self {
-        match how {
-            How::Constant => Self::Constant,
-            How::Smooth => Self::Smooth,
-        }
-    }
-}
-
-impl From<Outside> for Beyond {
-    fn from(outside: Outside) -> Self {
-        match outside {
-            Outside::Masked => Self::Masked,
-            Outside::Zero => Self::Zero,
-            Outside::Nearest => Self::Nearest,
-        }
-    }
 }
 
 /// Parses an optional parameter of the query string with the function `read`.

@@ -40,6 +40,11 @@ pub enum Values {
         /// Largest whole number that the option accepts.
         most: u64,
     },
+    /// Option that takes whole numbers from 0, as text with commas between them.
+    List {
+        /// Placeholder in the help text for the numbers that the user gives as the option's value, such as `I,...`.
+        shown: &'static str,
+    },
     /// Option that takes one of a list of names.
     Name {
         /// Placeholder in the help text for the name that the user gives as the option's value, such as `UNIT`. `None`
@@ -132,6 +137,10 @@ impl Declared {
                 let number = text.parse::<u64>().map_or(Value::Null, Value::from);
                 self.checked(number)
             }
+            Values::List { .. } => {
+                let numbers = text.split(',').map(|part| part.trim().parse::<u64>()).collect::<Result<Vec<_>, _>>();
+                self.checked(numbers.map_or(Value::Null, Value::from))
+            }
             Values::Document { .. } => serde_json::from_str(text).map_err(|error| format!("expected JSON: {error}")),
             Values::Name { .. } | Values::Text { .. } | Values::File { .. } => self.checked(Value::from(text)),
         }
@@ -154,6 +163,10 @@ impl Declared {
                 Some(number) if (least..=most).contains(&number) => Ok(()),
                 _ if most == u64::MAX => Err(format!("expected a whole number, at least {least}")),
                 _ => Err(format!("expected a whole number from {least} to {most}")),
+            },
+            Values::List { .. } => match value.as_array() {
+                Some(numbers) if numbers.iter().all(Value::is_u64) => Ok(()),
+                _ => Err("expected numbers from 0 with commas between them".to_owned()),
             },
             Values::Name { names, .. } => match value.as_str() {
                 Some(name) if names().contains(&name) => Ok(()),
@@ -193,6 +206,11 @@ mod tests {
         assert_eq!(level.read("8"), Ok(Value::from(8)));
         for bad in ["9", "-1", "1.5", ""] {
             assert_eq!(level.read(bad), Err("expected a whole number from 0 to 8".to_owned()));
+        }
+        let list = Declared { values: Values::List { shown: "I,..." }, ..FRACTION };
+        assert_eq!(list.read("3, 0"), Ok(serde_json::json!([3, 0])));
+        for bad in ["", "1,", "-1", "0.5", "x"] {
+            assert_eq!(list.read(bad), Err("expected numbers from 0 with commas between them".to_owned()));
         }
         let name = Values::Name { shown: None, names: || vec!["a", "b"] };
         let name = Declared { values: name, ..FRACTION };

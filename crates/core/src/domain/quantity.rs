@@ -13,11 +13,11 @@ pub struct UnknownName {
 }
 
 /// Implements stable names for an enum without fields: `Display`, `FromStr`, serde as text, a numeric code for files,
-/// and the list of all values.
+/// and the list of all values. The declaration of the option whose values they are may follow, for the JSON schema.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! named {
-    ($type:ident, $what:literal, { $($variant:ident = $name:literal),+ $(,)? }) => {
+    ($type:ident, $what:literal, { $($variant:ident = $name:literal),+ $(,)? } $(, $option:path)?) => {
         impl $type {
             /// All values of the enum, in the order of their codes in files.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
@@ -74,7 +74,7 @@ macro_rules! named {
             }
         }
 
-        $crate::schema_of_names!($type, $what);
+        $crate::schema_of_names!($type, $what $(, $option)?);
     };
 }
 #[doc(hidden)]

@@ -1,14 +1,21 @@
 //! JSON schemas of names, options and targets, for the description of an HTTP interface.
 
-/// Implements the JSON schema of an enum without fields: a text that is one of the enum's names.
+/// Implements the JSON schema of an enum without fields: a text that is one of the enum's names. If the enum is the
+/// value of one declared option, the help text and the default value of that option are part of the schema.
 #[doc(hidden)]
 #[macro_export]
 #[cfg(feature = "schema")]
 macro_rules! schema_of_names {
     ($type:ident, $what:literal) => {
+        $crate::schema_of_names!(@ $type, $crate::domain::one_of(concat!("Name of the ", $what, "."), $type::all_names()));
+    };
+    ($type:ident, $what:literal, $option:path) => {
+        $crate::schema_of_names!(@ $type, $crate::domain::values_of(&$option));
+    };
+    (@ $type:ident, $schema:expr) => {
         impl $crate::domain::utoipa::PartialSchema for $type {
             fn schema() -> $crate::domain::utoipa::openapi::RefOr<$crate::domain::utoipa::openapi::schema::Schema> {
-                $crate::domain::one_of(concat!("Name of the ", $what, "."), Self::all_names()).into()
+                $schema.into()
             }
         }
 
@@ -24,7 +31,7 @@ macro_rules! schema_of_names {
 #[macro_export]
 #[cfg(not(feature = "schema"))]
 macro_rules! schema_of_names {
-    ($type:ident, $what:literal) => {};
+    ($type:ident, $what:literal $(, $option:path)?) => {};
 }
 
 #[cfg(feature = "schema")]
@@ -78,6 +85,7 @@ mod described {
                 let number = described.schema_type(Type::Integer).minimum(Some(least as f64));
                 if most == u64::MAX { number } else { number.maximum(Some(most as f64)) }
             }
+            Values::List { .. } => described.schema_type(Type::String),
             Values::Name { names, .. } => described.schema_type(Type::String).enum_values(Some(names())),
             Values::Text { .. } | Values::File { .. } => described.schema_type(Type::String),
             Values::Document { .. } => described,

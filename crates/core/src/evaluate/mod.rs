@@ -95,7 +95,7 @@ pub use error::{Argument, Buffer, EvaluateError, Need, QueryError};
 pub use incoming::Alignment;
 pub use level_errors::state_levels;
 pub use material::Material;
-pub use place::{Beyond, Interpolation, Place};
+pub use place::{BEYOND, Beyond, INTERPOLATION, Interpolation, Place};
 pub use report::OpenedReport;
 pub use sampler::DirectionSample;
 pub use straight::straight_lines_for_flux;

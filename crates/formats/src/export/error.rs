@@ -1,5 +1,6 @@
 //! Reasons why a material is not exported.
 
+use crate::domain::Limits;
 use crate::evaluate::EvaluateError;
 use crate::formats::FormatError;
 use crate::preview::PreviewError;
@@ -107,11 +108,13 @@ pub enum OptionError {
         format: &'static str,
     },
     /// The requested step between neighbouring angles in the exported file is out of range.
-    #[error("option `step`: found {found} degrees between angles, expected 0.1 to 45")]
+    #[error("option `step`: found {found} degrees between angles, expected {}", limits.expected())]
     Step {
         /// Requested step in degrees between neighbouring directions in the exported file: the incident directions of a
         /// BRDF or the directions of a luminaire.
         found: f64,
+        /// Steps that an export can have.
+        limits: Limits,
     },
     /// The requested number of nodes along a side of a table of directions is out of range.
     #[error("option `side`: found {found} nodes along a side of the exported table, expected {low} to {high}")]

@@ -1,7 +1,7 @@
 //! Check that a format can hold a material; a refusal lists the formats that can.
 
 use super::error::{ExportError, OptionError, UnfitError, setting};
-use super::options::ExportOptions;
+use super::options::{ExportOptions, STEPS};
 use super::resolution::cell_axes;
 use super::writer::{Write, Writer};
 use crate::domain::{Axis, Domain, Quantity};
@@ -24,8 +24,8 @@ pub(super) fn check(
         return Err(UnfitError::Material { format, holds, found, fitting }.into());
     }
     unused(writer.name, options, writer.options)?;
-    if let Some(found) = options.step.filter(|step| !(0.1..=45.0).contains(step)) {
-        return setting(OptionError::Step { found });
+    if let Some(found) = options.step.filter(|step| !STEPS.allow(*step)) {
+        return setting(OptionError::Step { found, limits: STEPS });
     }
     index(material, writer, options)
 }
@@ -37,7 +37,9 @@ pub(super) fn unused(
     options: &ExportOptions,
     known: &[(&'static str, &'static str)],
 ) -> Result<(), ExportError> {
-    match options.stated().find(|option| known.iter().all(|(name, _)| name != option)) {
+    // The check of the index has messages of its own.
+    let mut stated = options.stated().filter(|option| *option != "index");
+    match stated.find(|option| known.iter().all(|(name, _)| name != option)) {
         Some(option) => setting(OptionError::Unused { option, format }),
         None => Ok(()),
     }

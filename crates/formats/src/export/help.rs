@@ -1,14 +1,7 @@
 //! Help texts of an export, made from the table of writers.
 
 use super::writer::Writer;
-
-/// Defaults of the options that only some formats take.
-const DEFAULTS: [(&str, &str); 4] = [
-    ("side", " Default: from the material's own axes; for mbsdf the angles of the source."),
-    ("step", " Default: from the material's own axes; for luminaires the angles of the source."),
-    ("rgb", ""),
-    ("wavelength", " Default: the mean over wavelengths."),
-];
+use crate::domain::Declared;
 
 /// Returns the help text of the option that chooses the export format: the name of each format with its description.
 pub(super) fn of_formats<'a>(writers: impl Iterator<Item = &'a Writer>) -> String {
@@ -16,12 +9,11 @@ pub(super) fn of_formats<'a>(writers: impl Iterator<Item = &'a Writer>) -> Strin
     format!("Format to write: {}", one_of(&formats))
 }
 
-/// Returns the help text of an option that only some formats take: each meaning with its formats.
-pub(super) fn of_option<'a>(option: &str, writers: impl Iterator<Item = &'a Writer>) -> Option<String> {
-    let (_, default) = DEFAULTS.iter().find(|(name, _)| *name == option)?;
+/// Returns the help text of an option: before the declared text, each meaning with the formats that have it.
+pub(super) fn of_option<'a>(option: &Declared, writers: impl Iterator<Item = &'a Writer>) -> String {
     let mut meanings: Vec<(&str, Vec<&str>)> = Vec::new();
     for writer in writers {
-        let Some((_, meaning)) = writer.options.iter().find(|(name, _)| *name == option) else { continue };
+        let Some((_, meaning)) = writer.options.iter().find(|(name, _)| *name == option.name) else { continue };
         match meanings.iter_mut().find(|(known, _)| known == meaning) {
             Some((_, names)) => names.push(writer.name),
             None => meanings.push((meaning, vec![writer.name])),
@@ -29,9 +21,12 @@ pub(super) fn of_option<'a>(option: &str, writers: impl Iterator<Item = &'a Writ
     }
     let meanings: Vec<String> =
         meanings.into_iter().map(|(meaning, names)| format!("{meaning} ({})", names.join(", "))).collect();
-    let text = one_of(&meanings);
-    let (first, rest) = text.split_at_checked(1)?;
-    Some(format!("{}{rest}.{default}", first.to_uppercase()))
+    let (text, declared) = (one_of(&meanings), option.help.trim());
+    let mut letters = text.chars();
+    match letters.next() {
+        Some(first) => format!("{}{}. {declared}", first.to_uppercase(), letters.as_str()),
+        None => declared.to_owned(),
+    }
 }
 
 /// Lists alternatives: `A, B or C`.

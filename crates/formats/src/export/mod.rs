@@ -59,7 +59,7 @@ pub use options::ExportOptions;
 
 #[cfg(doc)]
 use crate::domain::ErrorReport;
-use crate::domain::Measurement;
+use crate::domain::{Declared, Measurement};
 #[cfg(doc)]
 use crate::evaluate::Interpolation;
 use crate::evaluate::Material;
@@ -95,8 +95,8 @@ pub fn format_help() -> String {
     help::of_formats(writers())
 }
 
-/// Returns the help text of an option that only some formats take: `side`, `step`, `rgb` or `wavelength`.
-pub fn option_help(option: &str) -> Option<String> {
+/// Returns the help text of an option of [`ExportOptions::OPTIONS`], with its meaning in each format that takes it.
+pub fn option_help(option: &Declared) -> String {
     help::of_option(option, writers())
 }
 

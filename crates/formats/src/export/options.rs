@@ -2,43 +2,88 @@
 
 use super::error::ExportError;
 use crate::domain::limits::MAX_SAMPLES;
+use crate::domain::{Declared, Limits, Values};
+use serde_json::{Map, Value};
+use std::ops::Bound::Included;
 
-/// Options of an export that replace its default resolution. An option that has no effect for the format is refused.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExportOptions {
-    /// Entry (one of several spectra or samples) to export, given by one number for each leading index axis. Without an
-    /// index, `csv` writes every entry; `npy` always writes every entry.
-    pub index: Option<Vec<usize>>,
-    /// Number of nodes along a side of the table (`rgl`), of polar angles (`mbsdf`) or of scattering cosines
-    /// (`tabphase`); other formats refuse it.
-    pub side: Option<usize>,
-    /// Step in degrees between incident directions (`rgl`) or between the angles of a luminaire (`lm63`, `eulumdat`);
-    /// other formats refuse it.
-    pub step: Option<f64>,
-    /// True to write linear sRGB instead of spectra; only the format `rgl` accepts it.
-    pub rgb: bool,
-    /// Wavelength in nm at which the format `tabphase` is written, instead of the mean over wavelengths.
-    pub wavelength: Option<f64>,
-    /// Upper bound on the size of the exported file, in bytes.
-    pub most_bytes: usize,
+/// Declares the options of an export: each once, with its name, help text, default and values. Fields in the block
+/// `beside` are no options of the user.
+macro_rules! options {
+    ($(#[$meta:meta])* pub struct ExportOptions {
+        $($(#[doc = $help:literal])+ pub $name:ident: $type:ty = $default:expr => $values:expr,)+
+    } beside {
+        $(#[doc = $most_help:literal])+ pub $most:ident: usize = $limit:expr,
+    }) => {
+        $(#[$meta])*
+        pub struct ExportOptions {
+            $($(#[doc = $help])+ pub $name: $type,)+
+            $(#[doc = $most_help])+
+            pub $most: usize,
+        }
+
+        impl ExportOptions {
+            /// Options of an export, in the order of the help text. [`option_help`](super::option_help) adds to the
+            /// help text of an option what it means in each format that takes it.
+            pub const OPTIONS: &'static [Declared] = &[$(
+                Declared {
+                    name: stringify!($name),
+                    help: concat!($($help),+),
+                    values: $values,
+                    default: || serde_json::json!(Self::default().$name),
+                },
+            )+];
+
+            /// Reads the options of an export from their JSON values by name; those that are not stated have their
+            /// defaults. The error names the option.
+            pub fn read(mut stated: Map<String, Value>) -> Result<Self, String> {
+                let mut options = Self::default();
+                $(
+                    if let Some(value) = stated.remove(stringify!($name)) {
+                        let wrong = |error| format!("{}: {error}", stringify!($name));
+                        options.$name = serde_json::from_value(value).map_err(wrong)?;
+                    }
+                )+
+                Ok(options)
+            }
+
+            /// Returns the names of the options that differ from their defaults.
+            pub(super) fn stated(&self) -> impl Iterator<Item = &'static str> {
+                let usual = Self::default();
+                let options = [$((stringify!($name), self.$name != usual.$name)),+];
+                options.into_iter().filter(|(_, is_stated)| *is_stated).map(|(name, _)| name)
+            }
+        }
+
+        impl Default for ExportOptions {
+            fn default() -> Self {
+                Self { $($name: $default,)+ $most: $limit }
+            }
+        }
+    };
 }
 
-impl Default for ExportOptions {
-    fn default() -> Self {
-        Self { index: None, side: None, step: None, rgb: false, wavelength: None, most_bytes: 4 * MAX_SAMPLES }
-    }
-}
+/// Steps in degrees that an export can have between neighbouring angles.
+pub(super) const STEPS: Limits = Limits { low: Included(0.1), high: Included(45.0), remark: " degrees" };
 
-impl ExportOptions {
-    /// Returns the names of the stated options that only some formats take.
-    pub(super) fn stated(&self) -> impl Iterator<Item = &'static str> {
-        let options = [
-            ("side", self.side.is_some()),
-            ("step", self.step.is_some()),
-            ("rgb", self.rgb),
-            ("wavelength", self.wavelength.is_some()),
-        ];
-        options.into_iter().filter(|(_, is_stated)| *is_stated).map(|(name, _)| name)
+options! {
+    /// Options of an export that replace its default resolution. An option that has no effect for the format is
+    /// refused.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct ExportOptions {
+        /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0. Without an
+        /// index `csv` writes every entry; `npy` always writes every entry.
+        pub index: Option<Vec<usize>> = None => Values::List { shown: "I,..." },
+        /// Replaces the resolution of the material's own axes or, for mbsdf, the angles of its source.
+        pub side: Option<usize> = None => Values::Whole { shown: "N", least: 1, most: u32::MAX as u64 },
+        /// Replaces the angles that follow from the material's own axes or, for luminaires, those of its source.
+        pub step: Option<f64> = None => Values::Number { shown: "DEGREES", limits: STEPS },
+        /// Replaces the spectra by their colours.
+        pub rgb: bool = false => Values::Switch,
+        /// Replaces the mean over wavelengths.
+        pub wavelength: Option<f64> = None => Values::Number { shown: "NM", limits: Limits::positive(" nm") },
+    } beside {
+        /// Upper bound on the size of the exported file, in bytes.
+        pub most_bytes: usize = 4 * MAX_SAMPLES,
     }
 }
 
@@ -51,5 +96,28 @@ pub(super) fn check_size(
     match bytes {
         Some(bytes) if bytes <= options.most_bytes => Ok(()),
         found => Err(ExportError::OverLimit { found, most: options.most_bytes, instead }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn every_option_is_read_and_stated() {
+        for declared in ExportOptions::OPTIONS {
+            let value = match declared.values {
+                Values::List { .. } => json!([1]),
+                Values::Switch => json!(true),
+                _ => json!(2),
+            };
+            assert_eq!(declared.check(&value), Ok(()), "{}", declared.name);
+            let read = ExportOptions::read(Map::from_iter([(declared.name.to_owned(), value)])).unwrap();
+            assert_eq!(read.stated().collect::<Vec<_>>(), [declared.name]);
+        }
+        assert_eq!(ExportOptions::read(Map::new()), Ok(ExportOptions::default()));
+        let wrong = ExportOptions::read(Map::from_iter([("side".to_owned(), json!(0.5))])).unwrap_err();
+        assert!(wrong.starts_with("side: "), "{wrong}");
     }
 }
