@@ -229,6 +229,33 @@ async fn shares_of_the_queue_take_turns() {
 }
 
 #[tokio::test]
+async fn a_share_that_queues_its_next_job_while_the_last_one_runs_takes_no_more_turns_than_others() {
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |share: &str, number: usize| {
+            let new = NewJob { share: share.to_owned(), ..job(&format!("{share} {number}")) };
+            assert!(matches!(catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        };
+        for number in 0..4 {
+            queue("backlog", number).await;
+        }
+        let mut running = vec![claim(&catalog, "w", LEASE).await.unwrap()];
+        queue("eager", 0).await;
+        let mut eager = 0;
+        for number in 1..=6 {
+            let ended = running.pop().unwrap();
+            catalog.end(&ended, &Ended::Failed("{}".to_owned())).await.unwrap();
+            let next = claim(&catalog, "w", LEASE).await.unwrap();
+            if next.id.starts_with("eager") {
+                eager += 1;
+                queue("eager", number).await;
+            }
+            running.push(next);
+        }
+        assert_eq!(eager, 3, "of 6 turns");
+    }
+}
+
+#[tokio::test]
 async fn measurements_stay_while_work_or_materials_stand_on_them() {
     for (catalog, _guard) in with_lamp().await {
         let lamp = Digest::of(b"lamp");

@@ -1,9 +1,10 @@
 //! Rows of jobs as clients see them: queued, looked up, listed, counted, cancelled and repeated.
 //!
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
-//! of its jobs, and a share that had nothing waiting begins at the rank that is being served (start-time fair queueing:
-//! Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the running ones
-//! only. Each priority is a queue of its own, with ranks of its own.
+//! of its jobs, and a share whose rank has been passed begins at the rank that is being served (start-time fair
+//! queueing: Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the running
+//! ones only, and a share that queues one job at a time takes no more turns than others. Each priority is a queue of its
+//! own, with ranks of its own.
 
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, breaks_reference, digest};
@@ -338,9 +339,8 @@ pub(super) async fn rank(
     .try_get(0)?;
     let moved = write.sql(
         "INSERT INTO queue_shares (tenant, share, next_rank, used_at) VALUES ($5, $1, $2 + $3, $4) \
-         ON CONFLICT (tenant, share) DO UPDATE SET used_at = $4, next_rank = $3 + CASE WHEN EXISTS \
-         (SELECT 1 FROM jobs WHERE tenant = $5 AND share = $1 AND state = 'queued') \
-         THEN {greater}(queue_shares.next_rank, $2) ELSE $2 END RETURNING next_rank",
+         ON CONFLICT (tenant, share) DO UPDATE SET used_at = $4, \
+         next_rank = $3 + {greater}(queue_shares.next_rank, $2) RETURNING next_rank",
     );
     let next: i64 = sqlx::query(moved)
         .bind(share.to_owned())
