@@ -109,7 +109,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("get_job", &[ONE, CATALOG]),
     ("get_job_events", &[ONE, CATALOG]),
     ("cancel_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
-    ("retry_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished]]),
+    ("retry_job", &[WRITES, ONE, CATALOG, &[Kind::JobFinished, Kind::TooManyJobs]]),
     ("post_material", &[WRITES, QUERY, CATALOG, FILE, MATERIAL, USES, ADDS]),
     ("list_materials", &[QUERY, CATALOG]),
     ("get_material", &[ONE, CATALOG]),

@@ -97,10 +97,7 @@ async fn post_job(
             return Err(Problem::new(Kind::InvalidRequest, detail));
         }
         Enqueued::Over(over) => return Err(over.into()),
-        Enqueued::Full => {
-            let detail = format!("{} jobs are waiting already", app.engine.limits.queued_jobs);
-            return Err(Problem::new(Kind::TooManyJobs, detail));
-        }
+        Enqueued::Full => return Err(full(&app)),
     };
     if new {
         tracing::info!(job = row.id, measurement, "job queued");
@@ -189,6 +186,8 @@ async fn retry_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
         Retried::NoMeasurement => {
             Err(Problem::new(Kind::JobFinished, format!("the measurement of job {id} was deleted; upload it again")))
         }
+        Retried::Over(over) => Err(over.into()),
+        Retried::Full => Err(full(&app)),
         Retried::Absent => Err(absent(&id)),
     }
 }
@@ -219,6 +218,11 @@ async fn cancel_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
             Err(Problem::new(Kind::JobFinished, format!("job {id} has {} already", row.state)))
         }
     }
+}
+
+/// Builds the problem of a queue that is full.
+fn full(app: &App) -> Problem {
+    Problem::new(Kind::TooManyJobs, format!("the queue is full: {} jobs are waiting", app.engine.limits.queued_jobs))
 }
 
 /// Waits for a job to end, at most for `time`. Returns the last catalog row of the job.

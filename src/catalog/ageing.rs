@@ -2,8 +2,8 @@
 
 use super::database::Catalog;
 use super::error::{CatalogError, tenant};
-use super::jobs::{COST, rank};
 use super::priority::Priority;
+use super::ranks::{COST, Terms, rank};
 use crate::trust::Tenant;
 use sqlx::Row;
 use std::collections::BTreeMap;
@@ -53,8 +53,9 @@ impl Catalog {
         for (tenant, jobs) in aged {
             let ranks = || jobs.iter().map(|(_, rank)| *rank);
             let (Some(least), Some(greatest)) = (ranks().min(), ranks().max()) else { continue };
-            // Among themselves they keep their order, and their distances.
-            let start = rank(&mut write, &tenant, AGED, Priority::Usual, greatest - least + COST).await?;
+            // Among themselves they keep their order, and their distances; the last one pays for its turn like any other.
+            let distance = greatest - least + Terms::of(&mut write, &tenant).await?.distance(COST);
+            let start = rank(&mut write, &tenant, AGED, Priority::Usual, distance).await?;
             let moved = write.sql(
                 "UPDATE jobs SET priority = 0, share = $1, rank = rank + $2 \
                  WHERE id IN ({each $3}) AND state = 'queued'",

@@ -284,17 +284,43 @@ async fn a_failed_job_is_queued_again_unless_its_measurement_is_gone() {
     for (catalog, _guard) in testing::catalogs().await {
         testing::add(&catalog, &testing::measurement("lamp")).await;
         catalog.enqueue(&job("1"), 99).await.unwrap();
-        assert!(matches!(catalog.retry("1").await.unwrap(), Retried::Unended(JobState::Queued)));
+        assert!(matches!(catalog.retry("1", 99).await.unwrap(), Retried::Unended(JobState::Queued)));
         let job = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
         catalog.end(&job, &Ended::Failed("{}".to_owned())).await.unwrap();
-        let Retried::Queued(row) = catalog.retry("1").await.unwrap() else { panic!() };
+        let Retried::Queued(row) = catalog.retry("1", 99).await.unwrap() else { panic!() };
         assert_eq!((row.state, row.attempts, row.problem), (JobState::Queued, 0, None));
         let again = catalog.claim("w", LEASE, &[]).await.unwrap().unwrap();
         assert!(again.epoch > job.epoch);
         catalog.end(&again, &Ended::Failed("{}".to_owned())).await.unwrap();
         catalog.delete_measurement(Digest::of(b"lamp")).await.unwrap();
-        assert!(matches!(catalog.retry("1").await.unwrap(), Retried::NoMeasurement));
-        assert!(matches!(catalog.retry("2").await.unwrap(), Retried::Absent));
+        assert!(matches!(catalog.retry("1", 99).await.unwrap(), Retried::NoMeasurement));
+        assert!(matches!(catalog.retry("2", 99).await.unwrap(), Retried::Absent));
+    }
+}
+
+#[tokio::test]
+async fn a_job_that_is_queued_again_waits_behind_others_and_within_the_limits() {
+    for (catalog, _guard) in with_lamp().await {
+        let limit = |most| TenantChange { queued: Some(Limit(most)), ..TenantChange::default() };
+        for id in ["1", "2", "3"] {
+            catalog.enqueue(&job(id), 3).await.unwrap();
+        }
+        for id in ["1", "2"] {
+            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled);
+        }
+        catalog.enqueue(&NewJob { share: "another".to_owned(), ..job("4") }, 3).await.unwrap();
+        assert!(matches!(catalog.retry("1", 2).await.unwrap(), Retried::Full));
+        catalog.change_tenant(catalog.tenant(), &limit(Some(3))).await.unwrap();
+        assert!(matches!(catalog.retry("1", 9).await.unwrap(), Retried::Queued(_)));
+        let Retried::Over(over) = catalog.retry("2", 9).await.unwrap() else { panic!() };
+        assert_eq!(over, OverQuota { what: Limited::Queued, limit: 3, used: 3 });
+        assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
+        catalog.change_tenant(catalog.tenant(), &limit(None)).await.unwrap();
+        let mut started = Vec::new();
+        while let Some(job) = claim(&catalog, "w", LEASE).await {
+            started.push(job.id);
+        }
+        assert_eq!(started, ["3", "4", "1"], "not in its old place, before all others");
     }
 }
 

@@ -1,43 +1,21 @@
 //! Rows of jobs as clients see them: queued, looked up, listed, counted, cancelled and repeated.
-//!
-//! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
-//! of its jobs, and a share whose rank has been passed begins at the rank that is being served (start-time fair
-//! queueing: Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the running
-//! ones only, and a share that queues one job at a time takes no more turns than others. Each priority is a queue of its
-//! own, with ranks of its own.
 
-use super::database::{Catalog, Write};
+use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, digest};
 use super::job::{Enqueued, JobRow, JobState, NewJob};
 use super::page::{Cursor, Page, filtered};
 use super::priority::Priority;
-use super::usage::{Limited, OverQuota};
+use super::ranks::{Admitted, Queueing};
+use super::usage::OverQuota;
 use crate::store::Digest;
-use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
-use std::sync::atomic::Ordering::Relaxed;
 
 macro_rules! columns {
     () => {
         "id, measurement, state, priority, progress, attempts, material, report, problem, created_at, updated_at"
     };
 }
-
-/// Cost of a job that reads no measurement: the distance by which it moves later jobs of its share (jobs of one client)
-/// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
-pub(super) const COST: i64 = 8;
-
-/// Weight of a tenant with the usual share of the workers: each unit of its jobs' cost is [`STEP`] ranks.
-const USUAL: i64 = 100;
-
-/// Ranks for each unit of cost of a job of usual weight. Raising it tells greater weights apart.
-const STEP: i64 = 100;
-
-/// Part of the free places in the queue that a process fills before it counts the waiting jobs of all processes again:
-/// one in this number. Raising it keeps to the limit more exactly where several processes queue jobs, and counts more
-/// often; a count of 10,000 waiting jobs takes longer than all else that queueing a job does.
-const ROOM: u64 = 8;
 
 /// Counts of the jobs that wait or run, and the age of the oldest waiting job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,6 +46,10 @@ pub(crate) enum Retried {
     Unended(JobState),
     /// The job cannot run again, because the measurement that it reads was deleted.
     NoMeasurement,
+    /// The queue is full: too many jobs are waiting.
+    Full,
+    /// As many jobs of the tenant are waiting as its limit allows.
+    Over(OverQuota),
     /// No job has the given id.
     Absent,
 }
@@ -91,43 +73,14 @@ impl Catalog {
         }
         let mut write = self.write().await?;
         let measurement = new.measurement.map(|digest| digest.to_string());
-        let mut cost = COST;
-        if let Some(id) = &measurement {
-            let row = sqlx::query("SELECT bytes FROM measurements WHERE tenant = $2 AND id = $1")
-                .bind(id.clone())
-                .bind(self.tenant.to_string())
-                .fetch_optional(&mut *write.transaction)
-                .await?;
-            let Some(row) = row else { return Ok(Enqueued::NoMeasurement) };
-            cost = 1 + (row.try_get::<i64, _>(0)? >> 20);
-        }
-        let limits = sqlx::query("SELECT weight, most_queued FROM tenants WHERE id = $1")
-            .bind(self.tenant.to_string())
-            .fetch_optional(&mut *write.transaction)
-            .await?;
-        if let Some(row) = limits {
-            // Heavier tenants go on by smaller steps.
-            cost = (cost * STEP * USUAL / row.try_get::<i64, _>(0)?.max(1)).max(1);
-            if let Some(most) = row.try_get::<Option<i64>, _>(1)?
-                && let Some(over) = self.lacks_places(&mut write, most.max(0)).await?
-            {
-                return Ok(Enqueued::Over(over));
-            }
-        }
-        if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(1)).is_err() {
-            let waiting: i64 =
-                sqlx::query("SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE state = 'queued' LIMIT $1) AS waiting")
-                    .bind(most.min(i64::MAX as u64) as i64)
-                    .fetch_one(&mut *write.transaction)
-                    .await?
-                    .try_get(0)?;
-            let Some(room) = most.checked_sub(waiting.max(0) as u64).filter(|room| *room > 0) else {
-                return Ok(Enqueued::Full);
-            };
-            self.room.store(room / ROOM, Relaxed);
-        }
         let share = new.priority.share(&new.share);
-        let rank = rank(&mut write, &self.tenant, &share, new.priority, cost).await?;
+        let queueing = Queueing { measurement: measurement.as_deref(), share: &share, priority: new.priority };
+        let rank = match self.admit(&mut write, &queueing, most).await? {
+            Admitted::Rank(rank) => rank,
+            Admitted::NoMeasurement => return Ok(Enqueued::NoMeasurement),
+            Admitted::Over(over) => return Ok(Enqueued::Over(over)),
+            Admitted::Full => return Ok(Enqueued::Full),
+        };
         let inserted = sqlx::query(
             "INSERT INTO jobs (id, tenant, share, frame, measurement, needs, state, rank, not_before, created_at, \
              updated_at, priority, level) VALUES ($1, $9, $2, $3, $4, $4, 'queued', $5, $6, $6, $6, $7, $8) \
@@ -172,20 +125,6 @@ impl Catalog {
         let row = read(&row)?;
         write.commit().await?;
         Ok(Enqueued::New(row))
-    }
-
-    /// Returns the limit on this tenant's waiting jobs, `most`, if no further one fits.
-    async fn lacks_places(&self, write: &mut Write, most: i64) -> Result<Option<OverQuota>, CatalogError> {
-        let waiting: i64 = sqlx::query(
-            "SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE tenant = $1 AND state = 'queued' LIMIT $2) AS waiting",
-        )
-        .bind(self.tenant.to_string())
-        .bind(most)
-        .fetch_one(&mut *write.transaction)
-        .await?
-        .try_get(0)?;
-        let over = OverQuota { what: Limited::Queued, limit: most as u64, used: waiting.max(0) as u64 };
-        Ok((waiting >= most).then_some(over))
     }
 
     /// Looks up the idempotency key of a request for a job, and returns the answer to the request if the key was used
@@ -280,28 +219,61 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.clone() }))
     }
 
-    /// Puts a job that failed, was given up or was cancelled back in the queue, as if it had never been tried.
-    pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
-        let turn = self.turn().await;
-        let retried = sqlx::query(self.sql(
+    /// Puts a job that failed, was given up or was cancelled back in the queue, as if it had never been tried: behind
+    /// the jobs of its share that wait already, and within the limits that new jobs have. `most` bounds the number of
+    /// waiting jobs.
+    pub(crate) async fn retry(&self, id: &str, most: u64) -> Result<Retried, CatalogError> {
+        self.repeat(|_| async {
+            match self.try_retry(id, most).await {
+                // The measurement was deleted since it was looked up.
+                Err(CatalogError::Sql(error)) if breaks_reference(&error) => Ok(Retried::NoMeasurement),
+                retried => retried,
+            }
+        })
+        .await
+    }
+
+    async fn try_retry(&self, id: &str, most: u64) -> Result<Retried, CatalogError> {
+        let mut write = self.write().await?;
+        let found =
+            write.sql("SELECT state, measurement, share, priority FROM jobs WHERE id = $1 AND tenant = $2{lock}");
+        let found = sqlx::query(found)
+            .bind(id.to_owned())
+            .bind(self.tenant.to_string())
+            .fetch_optional(&mut *write.transaction)
+            .await?;
+        let Some(found) = found else { return Ok(Retried::Absent) };
+        let now = state(id, found.try_get("state")?)?;
+        if !matches!(now, JobState::Failed | JobState::Dead | JobState::Cancelled) {
+            return Ok(Retried::Unended(now));
+        }
+        let (measurement, share): (Option<String>, String) = (found.try_get("measurement")?, found.try_get("share")?);
+        let priority = priority(id, found.try_get("priority")?)?;
+        let queueing = Queueing { measurement: measurement.as_deref(), share: &share, priority };
+        let rank = match self.admit(&mut write, &queueing, most).await? {
+            Admitted::Rank(rank) => rank,
+            Admitted::NoMeasurement => return Ok(Retried::NoMeasurement),
+            Admitted::Over(over) => return Ok(Retried::Over(over)),
+            Admitted::Full => return Ok(Retried::Full),
+        };
+        sqlx::query(
             "UPDATE jobs SET state = 'queued', needs = measurement, attempts = 0, lost = 0, problem = NULL, \
-             cancel_requested = 0, not_before = {now}, progress = 0.0, updated_at = {now} \
-             WHERE id = $1 AND tenant = $2 AND state IN ('failed', 'dead', 'cancelled')",
-        ))
+             cancel_requested = 0, not_before = $3, progress = 0.0, updated_at = $3, rank = $4 \
+             WHERE id = $1 AND tenant = $2",
+        )
         .bind(id.to_owned())
         .bind(self.tenant.to_string())
-        .execute(&self.pool)
-        .await;
-        drop(turn);
-        let changed = match retried {
-            Err(error) if breaks_reference(&error) => return Ok(Retried::NoMeasurement),
-            changed => changed?.rows_affected() == 1,
-        };
-        Ok(match self.job(id).await? {
-            None => Retried::Absent,
-            Some(row) if changed => Retried::Queued(row),
-            Some(row) => Retried::Unended(row.state),
-        })
+        .bind(write.now)
+        .bind(rank)
+        .execute(&mut *write.transaction)
+        .await?;
+        let row = sqlx::query(concat!("SELECT ", columns!(), " FROM jobs WHERE id = $1"))
+            .bind(id.to_owned())
+            .fetch_one(&mut *write.transaction)
+            .await?;
+        let row = read(&row)?;
+        write.commit().await?;
+        Ok(Retried::Queued(row))
     }
 }
 
@@ -315,43 +287,6 @@ fn only(state: JobState) -> &'static str {
         JobState::Dead => "state = 'dead' AND state NOT IN ('queued', 'running')",
         JobState::Cancelled => "state = 'cancelled' AND state NOT IN ('queued', 'running')",
     }
-}
-
-/// Returns the rank in the queue of the next job of a share (jobs of one client with one priority), and raises the
-/// share's next rank by the cost of the job. Jobs of one priority are started in ascending order of rank, whoever owns
-/// them.
-pub(super) async fn rank(
-    write: &mut Write,
-    tenant: &Tenant,
-    share: &str,
-    priority: Priority,
-    cost: i64,
-) -> Result<i64, CatalogError> {
-    // The running job that was started last has the rank that is being served.
-    let served: i64 = sqlx::query(
-        "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running' AND priority = $1), \
-         (SELECT rank FROM jobs WHERE state = 'queued' AND priority = $1 ORDER BY priority, rank, id LIMIT 1), \
-         (SELECT MAX(next_rank) FROM queue_shares), 0)",
-    )
-    .bind(i64::from(priority))
-    .fetch_one(&mut *write.transaction)
-    .await?
-    .try_get(0)?;
-    let moved = write.sql(
-        "INSERT INTO queue_shares (tenant, share, next_rank, used_at) VALUES ($5, $1, $2 + $3, $4) \
-         ON CONFLICT (tenant, share) DO UPDATE SET used_at = $4, \
-         next_rank = $3 + {greater}(queue_shares.next_rank, $2) RETURNING next_rank",
-    );
-    let next: i64 = sqlx::query(moved)
-        .bind(share.to_owned())
-        .bind(served)
-        .bind(cost)
-        .bind(write.now)
-        .bind(tenant.to_string())
-        .fetch_one(&mut *write.transaction)
-        .await?
-        .try_get(0)?;
-    Ok(next - cost)
 }
 
 pub(super) fn state(id: &str, name: &str) -> Result<JobState, CatalogError> {

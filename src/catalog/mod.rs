@@ -40,6 +40,7 @@ mod priority;
 mod queue;
 #[cfg(test)]
 mod race_tests;
+mod ranks;
 mod ready;
 mod result_code;
 mod retention;
@@ -196,6 +197,25 @@ pub(crate) mod testing {
             let _turn = catalog.turn().await;
             sqlx::query(catalog.sql(statement)).execute(&catalog.pool).await.unwrap();
         }
+    }
+
+    /// Lets a test's catalog on PostgreSQL record each job that is queued or started, in this order.
+    pub(crate) async fn record_starts(catalog: &Catalog) {
+        let text = "CREATE TABLE starts (number BIGSERIAL, state TEXT, job TEXT); \
+             CREATE FUNCTION record_start() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN \
+             INSERT INTO starts (state, job) VALUES (NEW.state, NEW.id); RETURN NULL; END $$; \
+             CREATE TRIGGER queued AFTER INSERT ON jobs FOR EACH ROW EXECUTE FUNCTION record_start(); \
+             CREATE TRIGGER started AFTER UPDATE ON jobs FOR EACH ROW \
+             WHEN (OLD.state = 'queued' AND NEW.state = 'running') EXECUTE FUNCTION record_start()";
+        catalog.pool.execute(text).await.unwrap();
+    }
+
+    /// Returns the number of jobs that were started after a job was queued and before it was started.
+    pub(crate) async fn started_before(catalog: &Catalog, job: &str) -> i64 {
+        let count = "SELECT COUNT(*) FROM starts WHERE state = 'running' \
+             AND number > (SELECT number FROM starts WHERE job = $1 AND state = 'queued') \
+             AND number < (SELECT number FROM starts WHERE job = $1 AND state = 'running')";
+        sqlx::query(count).bind(job.to_owned()).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
     }
 
     /// Returns the number of rows of a table of the catalog.

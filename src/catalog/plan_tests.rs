@@ -249,7 +249,10 @@ async fn look(on: &mut Explained) {
     on.check("counts", f64::INFINITY, false, catalog.job_counts()).await.unwrap();
     let (queued, dead) = (ids(&catalog, JobState::Queued).await, ids(&catalog, JobState::Dead).await);
     on.check("cancel", FEW, false, catalog.cancel(&queued[50])).await.unwrap().unwrap();
-    assert!(matches!(on.check("retry", FEW, false, catalog.retry(&dead[0])).await.unwrap(), Retried::Queued(_)));
+    assert!(matches!(
+        on.check("retry", FEW, false, catalog.retry(&dead[0], 1 << 40)).await.unwrap(),
+        Retried::Queued(_)
+    ));
 
     let (tag, q) = (|text: &str| Some(text.to_owned()), |text: &str| Some(text.to_owned()));
     let plain = MaterialFilter::default;

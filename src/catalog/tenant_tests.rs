@@ -89,7 +89,7 @@ async fn jobs_keys_and_uploads_belong_to_one_tenant_and_workers_serve_all() {
         }
         assert!(theirs.job("a").await.unwrap().is_none());
         assert!(theirs.cancel("a").await.unwrap().is_none());
-        assert!(matches!(theirs.retry("a").await.unwrap(), Retried::Absent));
+        assert!(matches!(theirs.retry("a", 9).await.unwrap(), Retried::Absent));
         assert_eq!(mine.job("a").await.unwrap().unwrap().state, JobState::Queued);
         assert_eq!(theirs.jobs(&JobFilter::default(), None, 9).await.unwrap().items.len(), 1);
 
@@ -148,5 +148,28 @@ async fn tenants_take_turns_by_their_weights_and_a_new_one_waits_for_one_job_at_
         queue(&late, 0).await;
         let next = [done().await, done().await];
         assert!(next.contains(late.tenant()), "{next:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_full_queue_has_room_for_each_tenant_until_it_has_its_part() {
+    for (mine, _guard) in testing::catalogs().await {
+        let (theirs, third) = (testing::other(&mine, "lab").await, testing::other(&mine, "third").await);
+        let queue = async |catalog: &Catalog, most: u64| {
+            let mut queued = 0;
+            loop {
+                let id = format!("{} {queued}", catalog.tenant());
+                let new = NewJob { measurement: None, idempotency: None, ..job(&id, Digest::of(b"none")) };
+                match catalog.enqueue(&new, most).await.unwrap() {
+                    Enqueued::New(_) => queued += 1,
+                    Enqueued::Full => return queued,
+                    other => panic!("{other:?}"),
+                }
+            }
+        };
+        assert_eq!(queue(&mine, 12).await, 12);
+        assert_eq!(queue(&theirs, 12).await, 6, "half of the limit");
+        assert_eq!(queue(&third, 12).await, 4, "a third of it");
+        assert_eq!(queue(&third, 0).await, 0);
     }
 }

@@ -117,7 +117,8 @@ macro_rules! limits {
 
 limits! {
     "Work" {
-        /// Upper bound on the jobs that wait in the queue; a further job is refused with 429. Each further node may
+        /// Upper bound on the jobs that wait in the queue; a further job is refused with 429, unless its tenant has
+        /// fewer waiting than this number divided by the number of tenants with waiting jobs. Each further node may
         /// exceed it by an eighth.
         queued_jobs: u64 = 10_000, Count >= 0;
         /// Time after which a waiting batch job (`"priority": 1`) counts as a usual one, so that usual jobs do not hold

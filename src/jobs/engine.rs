@@ -176,7 +176,7 @@ impl Engine {
 
     /// Puts a job that has failed, died or was cancelled back to the queue.
     pub(crate) async fn retry(&self, id: &str) -> Result<Retried, CatalogError> {
-        let retried = self.archive.catalog.retry(id).await?;
+        let retried = self.archive.catalog.retry(id, self.limits.queued_jobs).await?;
         if matches!(retried, Retried::Queued(_)) {
             self.hub.changed(id);
             self.queued().await;

@@ -17,6 +17,8 @@ mod document;
 mod dump;
 mod engine;
 mod fetch;
+#[cfg(test)]
+mod flood_tests;
 mod frame;
 mod fsck;
 mod hub;
