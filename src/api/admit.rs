@@ -1,10 +1,12 @@
 //! Admission: each request holds a place until the last byte of its answer is sent.
 
 use super::body::{Guarded, Passed};
+use super::caller::Caller;
 use super::extract::linger;
 use super::places::{Full, KIB, Peer, Place};
 use super::problem::Problem;
 use super::state::App;
+use crate::jobs::Client;
 use axum::body::{Body, HttpBody};
 use axum::extract::{MatchedPath, Request, State};
 use axum::middleware::Next;
@@ -26,16 +28,25 @@ fn is_query(route: &str) -> bool {
     !matches!(question, "content" | "export")
 }
 
-/// Admits a request if its client is below its limits of simultaneous requests. The request is counted until its
-/// response is sent or dropped.
-pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) -> Response {
+/// Admits a request if its tenant has requests left, and its client is below its limits of simultaneous requests. The
+/// request is counted until its response is sent or dropped.
+pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Next) -> Response {
     if is_health(request.uri().path()) {
         return next.run(request).await;
     }
-    let peer = Peer::of_request(&request);
+    let caller = request.extensions().get::<Caller>();
+    let client = caller.map_or_else(|| Peer::of_request(&request).into(), Caller::client);
+    let tenant = caller.filter(|caller| caller.actor.key().is_some()).map(|caller| caller.tenant.clone());
+    if let Some(tenant) = tenant
+        && let Err(problem) = app.rates.take(&app.engine.archive.catalog, &tenant).await
+    {
+        linger(request).await;
+        return problem.into_response();
+    }
+    request.extensions_mut().insert(client.clone());
     let asks = request.extensions().get::<MatchedPath>().is_some_and(|route| is_query(route.as_str()));
-    let taken = app.held.requests.take(peer, 1).and_then(|request| {
-        let query = asks.then(|| app.held.queries.take(peer, 1)).transpose()?;
+    let taken = app.held.requests.take(client.clone(), 1).and_then(|request| {
+        let query = asks.then(|| app.held.queries.take(client.clone(), 1)).transpose()?;
         Ok((request, query))
     });
     let places = match taken {
@@ -45,17 +56,17 @@ pub(crate) async fn admit(State(app): State<App>, request: Request, next: Next) 
             return Problem::from(full).into_response();
         }
     };
-    let response = peer.on_behalf(next.run(request)).await;
-    match share(&app, peer, response.body()) {
+    let response = client.clone().on_behalf(next.run(request)).await;
+    match share(&app, client, response.body()) {
         Ok(answer) => response.map(|body| Body::new(Guarded::new(body, Holding { _places: (places, answer) }))),
         Err(full) => Problem::from(full).into_response(),
     }
 }
 
 /// Reserves the response memory that `body` needs. Only a body held whole in memory has a known size.
-fn share(app: &App, peer: Peer, body: &Body) -> Result<Option<Place>, Full> {
+fn share(app: &App, client: Client, body: &Body) -> Result<Option<Place>, Full> {
     let bytes = body.size_hint().exact().filter(|bytes| *bytes > LARGE);
-    bytes.map(|bytes| app.held.answers.take(peer, (bytes as usize).div_ceil(KIB))).transpose()
+    bytes.map(|bytes| app.held.answers.take(client, (bytes as usize).div_ceil(KIB))).transpose()
 }
 
 /// Places that a response occupies, until its body is sent, in three limits of the service: on simultaneous requests,

@@ -3,6 +3,7 @@
 use super::places::Peer;
 use super::problem::Problem;
 use crate::catalog::Act;
+use crate::jobs::Client;
 use crate::trust::{KeyId, Reach, Scope, Scopes, Tenant};
 use axum::extract::FromRequestParts;
 use axum::http::{Extensions, request::Parts};
@@ -79,6 +80,12 @@ impl Caller {
     /// Returns true if the caller administers the whole service.
     pub(crate) fn is_operator(&self) -> bool {
         self.scopes.has(Scope::Instance)
+    }
+
+    /// Returns the client to whom limits apply: the address of the caller, and its tenant in a service with keys.
+    pub(crate) fn client(&self) -> Client {
+        let tenant = (self.actor != Actor::Off).then(|| self.tenant.clone());
+        Client { tenant, ..self.peer.into() }
     }
 
     /// Builds the record of an act of this caller on the row `subject`.

@@ -2,12 +2,12 @@
 
 use super::extract::JobId;
 use super::job::{Job, change, find};
-use super::places::{Peer, Place};
+use super::places::Place;
 use super::problem::Problem;
 use super::schemas::{EventText, JobIdText};
 use super::state::App;
 use crate::catalog::JobState;
-use crate::jobs::Following;
+use crate::jobs::{Client, Following};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::Stream;
 use serde::Serialize;
@@ -39,10 +39,10 @@ struct Told {
 )]
 pub(super) async fn get_job_events(
     app: App,
-    peer: Peer,
+    client: Client,
     JobId(id): JobId,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Problem> {
-    let place = app.held.followers.take(peer, 1)?;
+    let place = app.held.followers.take(client, 1)?;
     // Subscribe before the first read, so that no change is missed.
     let changes = app.engine.hub.listen();
     find(&app, &id).await?;

@@ -3,13 +3,14 @@
 use super::content::not_modified;
 use super::export_description::{ExportParams, ExportedFile, FORMAT};
 use super::extract::{Id, Query, unknown_parameter};
-use super::places::{Peer, Place};
+use super::places::Place;
 use super::problem::{Kind, Problem};
 use super::query::open;
 use super::seen::seen;
 use super::state::{App, Service};
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
+use crate::jobs::Client;
 use crate::pipeline::{OnGrid, export_on_grid};
 use crate::store::Digest;
 use axum::body::Body;
@@ -84,7 +85,7 @@ impl<'de> Deserialize<'de> for ExportQuery {
 async fn export(
     app: App,
     Id(id): Id,
-    peer: Peer,
+    client: Client,
     Query(query): Query<ExportQuery>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
@@ -105,7 +106,7 @@ async fn export(
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         match format {
-            Some(format) => file(&seen.app, peer, id, format, options).await?,
+            Some(format) => file(&seen.app, client, id, format, options).await?,
             None => manifest(&seen.app, id, options).await?,
         }
     };
@@ -133,14 +134,14 @@ async fn manifest(app: &App, id: Digest, options: ExportOptions) -> Result<Respo
 
 async fn file(
     app: &App,
-    peer: Peer,
+    client: Client,
     id: Digest,
     format: ExportFormat,
     options: ExportOptions,
 ) -> Result<Response, Problem> {
     // A file stays whole in memory until its last byte is sent. The computation holds the place too, because it
     // continues when the client disconnects.
-    let place = app.held.exports.take(peer, 1)?;
+    let place = app.held.exports.take(client, 1)?;
     let (exported, place) = if format.takes_samples() {
         let measurement = app.engine.decoded(id).await.map_err(|error| Problem::from(&error))?;
         app.engine.exports.run(move || (export::samples(&measurement, format, &options), place)).await?

@@ -1,7 +1,7 @@
 //! Extractors of queries, bodies and path segments, whose errors become problems.
 
 use super::pace::Pace;
-use super::places::{KIB, Peer, Place};
+use super::places::{KIB, Place, client};
 use super::problem::{Kind, Problem};
 use super::state::{App, Service};
 use crate::store::Digest;
@@ -224,7 +224,7 @@ async fn read_json(request: Request, app: &App, limit: usize) -> Result<JsonByte
         Some(length) if length > limit as u64 => Err(too_large(limit)),
         _ => Ok(()),
     });
-    let share = checked.and_then(|()| Ok(app.held.bodies.take(Peer::of_request(&request), 0)?));
+    let share = checked.and_then(|()| Ok(app.held.bodies.take(client(request.extensions()), 0)?));
     let mut share = match share {
         Ok(share) => share,
         Err(problem) => {

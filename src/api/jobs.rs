@@ -5,12 +5,11 @@ use super::events;
 use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
 use super::page::page;
-use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::schemas::{JobIdText, LONGEST_REQUEST_KEY, PageSize, RequestKey};
 use super::state::{App, Service};
 use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
-use crate::jobs::{JobRequest, KindOnly, Queued, RequestError, Source};
+use crate::jobs::{Client, JobRequest, KindOnly, Queued, RequestError, Source};
 use crate::store::Digest;
 use axum::Json;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
@@ -61,7 +60,7 @@ impl Source for JsonBytes {
 async fn post_job(
     app: App,
     caller: Caller,
-    peer: Peer,
+    client: Client,
     headers: HeaderMap,
     SmallJson(body): SmallJson,
 ) -> Result<Response, Problem> {
@@ -103,7 +102,7 @@ async fn post_job(
         tracing::info!(job = row.id, measurement, "job queued");
     }
     // The job is queued: a client without a place to wait is answered at once.
-    let place = wait.map(|_| app.held.followers.take(peer, 1));
+    let place = wait.map(|_| app.held.followers.take(client, 1));
     let wait = wait.filter(|_| matches!(place, Some(Ok(_))));
     if let Some(seconds) = wait {
         row = until_final(&app, row, Duration::from_secs(seconds)).await?;

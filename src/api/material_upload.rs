@@ -2,14 +2,14 @@
 
 use super::extract::{Query, check_upload_id, linger};
 use super::materials::Material;
-use super::places::{KIB, Peer};
+use super::places::KIB;
 use super::problem::{Kind, Problem};
 use super::resumable;
 use super::schemas::{Binary, UploadIdText};
 use super::state::{App, Service};
 use super::upload_query::UPLOAD;
 use crate::catalog::MaterialRow;
-use crate::jobs::{MaterialUpload, Tags, Text};
+use crate::jobs::{Client, MaterialUpload, Tags, Text};
 use crate::store::{Digest, Staged};
 use axum::Json;
 use axum::extract::{FromRequestParts, Request};
@@ -110,7 +110,7 @@ fn read(pairs: Vec<(String, String)>) -> Result<(MaterialUpload, Option<String>)
             headers(("Location" = String, description = "URL of the material"))),
     )
 )]
-async fn post_material(app: App, peer: Peer, request: Request) -> Result<Response, Problem> {
+async fn post_material(app: App, client: Client, request: Request) -> Result<Response, Problem> {
     let start = std::time::Instant::now();
     let (mut parts, body) = request.into_parts();
     let stated = Query::<MaterialQuery>::from_request_parts(&mut parts, &app).await;
@@ -124,7 +124,7 @@ async fn post_material(app: App, peer: Peer, request: Request) -> Result<Respons
     };
     let (staged, used) = resumable::receive(&app, id.as_deref(), request).await?;
     let bytes = staged.bytes();
-    let ingested = ingest(&app, peer, staged, upload).await;
+    let ingested = ingest(&app, client, staged, upload).await;
     if let Some(used) = used {
         used.end(&app, ingested.is_ok()).await;
     }
@@ -141,7 +141,12 @@ async fn post_material(app: App, peer: Peer, request: Request) -> Result<Respons
 
 /// Checks and stores an uploaded file, within the memory that its client may use for that. The work goes on if the
 /// client leaves, and holds its memory until it has ended.
-async fn ingest(app: &App, peer: Peer, staged: Staged, upload: MaterialUpload) -> Result<(MaterialRow, bool), Problem> {
+async fn ingest(
+    app: &App,
+    client: Client,
+    staged: Staged,
+    upload: MaterialUpload,
+) -> Result<(MaterialRow, bool), Problem> {
     let (staged, memory) = app.engine.material_memory(staged).await?;
     let most = app.engine.limits.checking_bytes_each.min(app.engine.limits.checking_bytes);
     let over_limit = move |memory: u64| {
@@ -151,9 +156,9 @@ async fn ingest(app: &App, peer: Peer, staged: Staged, upload: MaterialUpload) -
     if memory > most as u64 {
         return Err(over_limit(memory));
     }
-    let mut place = app.held.checking.take(peer, (memory as usize).div_ceil(KIB).min(most / KIB))?;
+    let mut place = app.held.checking.take(client.clone(), (memory as usize).div_ceil(KIB).min(most / KIB))?;
     let engine = app.engine.clone();
-    let work = tokio::spawn(peer.on_behalf(async move {
+    let work = tokio::spawn(client.on_behalf(async move {
         let (mut total, mut refused) = (memory, None);
         let mut more = |bytes: u64| {
             total = total.saturating_add(bytes);

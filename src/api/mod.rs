@@ -39,6 +39,7 @@ mod places;
 mod preview;
 mod problem;
 mod query;
+mod rates;
 mod remembered;
 mod resumable;
 #[cfg(test)]

@@ -1,11 +1,13 @@
-//! Places that clients hold, counted per address and in total.
+//! Places that clients hold, counted per address, per tenant and in total.
 
 use super::problem::{Kind, Problem};
-use crate::jobs::CLIENT;
+use crate::jobs::{Client, most_of_tenant};
+use crate::trust::Tenant;
 use axum::extract::{FromRequestParts, Request};
 use axum::http::{Extensions, request::Parts};
 use std::collections::HashMap;
 use std::convert::Infallible;
+use std::hash::Hash;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -27,14 +29,14 @@ impl Peer {
         })
     }
 
+    /// Returns the client at an address that was made one before.
+    pub(crate) fn at(address: IpAddr) -> Self {
+        Self(address)
+    }
+
     /// Returns the client that the listener stored in the request. Requests without a listener share one client.
     pub(crate) fn of_extensions(extensions: &Extensions) -> Self {
         extensions.get().copied().unwrap_or(Self(IpAddr::V4(Ipv4Addr::UNSPECIFIED)))
-    }
-
-    /// Runs `work` on behalf of this client, so that its computations take turns with those of other clients.
-    pub(crate) fn on_behalf<T>(self, work: impl Future<Output = T>) -> impl Future<Output = T> {
-        CLIENT.scope(self.0, work)
     }
 
     pub(crate) fn of_request(request: &Request) -> Self {
@@ -59,7 +61,27 @@ impl<S: Sync> FromRequestParts<S> for Peer {
     }
 }
 
-/// Pool of permits of one kind (for example, simultaneous uploads), limited in total and per client. Cheap to clone.
+impl From<Peer> for Client {
+    fn from(peer: Peer) -> Self {
+        Self::at(peer.0)
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Client {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(client(&parts.extensions))
+    }
+}
+
+/// Returns the client that the layer [`admit`](super::admit) stored in the request.
+pub(crate) fn client(extensions: &Extensions) -> Client {
+    extensions.get().cloned().unwrap_or_else(|| Peer::of_extensions(extensions).into())
+}
+
+/// Pool of permits of one kind (for example, simultaneous uploads), limited in total, per address and per tenant. Two
+/// tenants at one address are counted apart. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Places {
     shared: Arc<Shared>,
@@ -73,12 +95,13 @@ struct Shared {
     taken: Mutex<Taken>,
 }
 
-/// Numbers of permits of a pool (for example, for simultaneous uploads) that are taken: in total, and by client. A
-/// client without permits has no entry, so the map never has more entries than there are permits.
+/// Numbers of permits of a pool (for example, for simultaneous uploads) that are taken: in total, by client, and by
+/// tenant. Whoever has no permit has no entry, so that no map has more entries than there are permits.
 #[derive(Debug, Default)]
 struct Taken {
     all: usize,
-    by: HashMap<Peer, usize>,
+    by: HashMap<Client, usize>,
+    tenants: HashMap<Tenant, usize>,
 }
 
 /// One or more permits taken from a pool, which are returned when this is dropped.
@@ -86,28 +109,30 @@ struct Taken {
 #[must_use]
 pub(crate) struct Place {
     shared: Arc<Shared>,
-    peer: Peer,
+    client: Client,
     count: usize,
 }
 
-/// Refusal of a permit: all permits are taken, or all that this client may have.
+/// Refusal of a permit: all permits are taken, all that this address may have, or all that this tenant may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Full {
     All { kind: &'static str, limit: usize },
     Each { kind: &'static str, limit: usize, peer: Peer },
+    Tenant { kind: &'static str, limit: usize },
 }
 
 impl Places {
-    /// Creates a pool of `all` permits, of which one client gets at most `each`. `kind` names the pool in messages and
-    /// metrics.
+    /// Creates a pool of `all` permits, of which one address gets at most `each`, and one tenant
+    /// [most of them](most_of_tenant). `kind` names the pool in messages and metrics.
     pub(crate) fn new(kind: &'static str, all: usize, each: usize) -> Self {
         Self { shared: Arc::new(Shared { kind, all, each, taken: Mutex::default() }) }
     }
 
     /// Takes `count` permits for a client, all together or none.
-    pub(crate) fn take(&self, peer: Peer, count: usize) -> Result<Place, Full> {
-        self.shared.take(peer, count)?;
-        Ok(Place { shared: Arc::clone(&self.shared), peer, count })
+    pub(crate) fn take(&self, client: impl Into<Client>, count: usize) -> Result<Place, Full> {
+        let client = client.into();
+        self.shared.take(&client, count)?;
+        Ok(Place { shared: Arc::clone(&self.shared), client, count })
     }
 
     /// Returns the number of permits of this pool (for example, for simultaneous uploads) that all clients together
@@ -126,7 +151,7 @@ impl Place {
     /// Takes `count` permits (for example, for simultaneous uploads) from the pool in addition to those already held:
     /// all of them or none.
     pub(crate) fn grow(&mut self, count: usize) -> Result<(), Full> {
-        self.shared.take(self.peer, count)?;
+        self.shared.take(&self.client, count)?;
         self.count += count;
         Ok(())
     }
@@ -134,7 +159,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.shared.give_back(self.peer, self.count);
+        self.shared.give_back(&self.client, self.count);
     }
 }
 
@@ -144,36 +169,55 @@ impl Shared {
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn take(&self, peer: Peer, count: usize) -> Result<(), Full> {
+    fn take(&self, client: &Client, count: usize) -> Result<(), Full> {
+        let most = most_of_tenant(self.all as u64, self.each as u64) as usize;
         let refused = {
             let mut taken = self.taken();
-            let own = taken.by.get(&peer).copied().unwrap_or(0);
+            let own = taken.by.get(client).copied().unwrap_or(0);
+            let tenants = client.tenant.as_ref().map(|tenant| taken.tenants.get(tenant).copied().unwrap_or(0));
             if count > self.all.saturating_sub(taken.all) {
                 Full::All { kind: self.kind, limit: self.all }
             } else if count > self.each.saturating_sub(own) {
-                Full::Each { kind: self.kind, limit: self.each, peer }
+                Full::Each { kind: self.kind, limit: self.each, peer: Peer(client.address) }
+            } else if tenants.is_some_and(|taken| count > most.saturating_sub(taken)) {
+                Full::Tenant { kind: self.kind, limit: most }
             } else {
                 taken.all += count;
                 if count > 0 {
-                    taken.by.insert(peer, own + count);
+                    taken.by.insert(client.clone(), own + count);
+                    if let Some(tenant) = &client.tenant {
+                        *taken.tenants.entry(tenant.clone()).or_default() += count;
+                    }
                 }
                 return Ok(());
             }
         };
-        let by = if matches!(refused, Full::All { .. }) { "all" } else { "address" };
+        let by = match refused {
+            Full::All { .. } => "all",
+            Full::Each { .. } => "address",
+            Full::Tenant { .. } => "tenant",
+        };
         metrics::counter!("wavelume_refused_total", "place" => self.kind, "by" => by).increment(1);
         Err(refused)
     }
 
-    fn give_back(&self, peer: Peer, count: usize) {
+    fn give_back(&self, client: &Client, count: usize) {
         let mut taken = self.taken();
         taken.all -= count;
-        let own = taken.by.get(&peer).copied().unwrap_or(0).saturating_sub(count);
-        if own == 0 {
-            taken.by.remove(&peer);
-        } else {
-            taken.by.insert(peer, own);
+        lower(&mut taken.by, client, count);
+        if let Some(tenant) = &client.tenant {
+            lower(&mut taken.tenants, tenant, count);
         }
+    }
+}
+
+/// Lowers one of several numbers, and removes it at zero.
+fn lower<K: Clone + Eq + Hash>(numbers: &mut HashMap<K, usize>, key: &K, count: usize) {
+    let left = numbers.get(key).copied().unwrap_or(0).saturating_sub(count);
+    if left == 0 {
+        numbers.remove(key);
+    } else {
+        numbers.insert(key.clone(), left);
     }
 }
 
@@ -186,6 +230,10 @@ impl From<Full> for Problem {
             Full::Each { kind, limit, peer } => Self::new(
                 Kind::TooManyAtOnce,
                 format!("{peer} holds all {limit} places for {kind} that one address may have; end one of them first"),
+            ),
+            Full::Tenant { kind, limit } => Self::new(
+                Kind::TooManyAtOnce,
+                format!("the tenant holds all {limit} places for {kind} that one may have; end one of them first"),
             ),
         }
     }
@@ -222,7 +270,30 @@ mod tests {
         assert_eq!(places.taken(), 3);
         drop((second, third, places.take(c, 1).unwrap()));
         assert_eq!(places.taken(), 0);
-        assert!(places.shared.taken().by.is_empty(), "peers without places are forgotten");
+        assert!(places.shared.taken().by.is_empty(), "clients without places are forgotten");
+    }
+
+    #[test]
+    fn tenants_are_counted_apart_at_one_address_and_together_at_all() {
+        let places = Places::new("uploads", 6, 2);
+        let client = |tenant: &str, address: &str| Client { tenant: tenant.parse().ok(), ..peer(address).into() };
+        let here = places.take(client("lab", "10.0.0.1"), 2).unwrap();
+        assert!(matches!(places.take(client("lab", "10.0.0.1"), 1), Err(Full::Each { .. })));
+        let theirs = places.take(client("other", "10.0.0.1"), 1).unwrap();
+        let there = places.take(client("lab", "10.0.0.2"), 2).unwrap();
+        let refused = places.take(client("lab", "10.0.0.3"), 1).unwrap_err();
+        assert_eq!(refused, Full::Tenant { kind: "uploads", limit: 4 });
+        drop((theirs, places.take(client("other", "10.0.0.1"), 1).unwrap()));
+        assert_eq!(places.taken(), 4);
+        drop(here);
+        drop((there, places.take(client("lab", "10.0.0.3"), 2).unwrap()));
+        let taken = places.shared.taken();
+        assert!(taken.by.is_empty() && taken.tenants.is_empty());
+        // As behind a proxy, whose address may have all.
+        let places = Places::new("uploads", 6, 6);
+        let _held = places.take(client("lab", "10.0.0.1"), 3).unwrap();
+        assert!(matches!(places.take(client("lab", "10.0.0.1"), 1), Err(Full::Tenant { limit: 3, .. })));
+        drop(places.take(client("other", "10.0.0.1"), 3).unwrap());
     }
 
     #[test]

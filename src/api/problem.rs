@@ -121,7 +121,7 @@ kinds! {
     KeyReused = UNPROCESSABLE_ENTITY, "idempotency-key-reused", "The idempotency key was used with another body";
     RangeNotSatisfiable = RANGE_NOT_SATISFIABLE, "range-not-satisfiable", "The requested range is outside the content";
     TooManyJobs = TOO_MANY_REQUESTS, "too-many-jobs", "Too many jobs are queued";
-    TooManyAtOnce = TOO_MANY_REQUESTS, "too-many-at-once", "The client address has too many requests or uploads in progress";
+    TooManyAtOnce = TOO_MANY_REQUESTS, "too-many-at-once", "The client address or the tenant has too many requests or uploads in progress";
     Overloaded = SERVICE_UNAVAILABLE, "overloaded", "The service is at its limits; try again soon";
     Unavailable = SERVICE_UNAVAILABLE, "unavailable", "The store or the database did not answer; try again soon";
     OutOfMemory = INSUFFICIENT_STORAGE, "out-of-memory", "The job needs more memory than it may use";

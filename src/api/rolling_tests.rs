@@ -20,8 +20,9 @@ const NEXT: Edition = Edition {
         EDITION.migrations[1],
         EDITION.migrations[2],
         EDITION.migrations[3],
-        ("0005_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
-        ("0006_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
+        EDITION.migrations[4],
+        ("0006_note", "ALTER TABLE jobs ADD COLUMN note TEXT;"),
+        ("0007_jobs_by_note", "CREATE INDEX IF NOT EXISTS jobs_by_note ON jobs (note) WHERE note IS NOT NULL;"),
     ],
     level: EDITION.level + 1,
 };

@@ -8,6 +8,7 @@ use super::figures::{keep_up, recorder};
 use super::first_key::{self, BootstrapKey};
 use super::guard::{AuthMode, Guard};
 use super::places::Peer;
+use super::rates::Rates;
 use super::remembered::Remembered;
 use super::router::{openapi, router};
 use super::state::{App, Held, Shared};
@@ -189,6 +190,7 @@ impl Server {
         let limits = &engine.limits;
         let shared = Shared {
             held: Held::new(limits),
+            rates: Rates::new(),
             contents: Contents::new(limits.content_bytes),
             remembered: Remembered::new(),
             access,

@@ -6,6 +6,7 @@ use super::content_cache::Contents;
 use super::guard::Guard;
 use super::places::{KIB, Places};
 use super::problem::Problem;
+use super::rates::Rates;
 use super::remembered::Remembered;
 use crate::jobs::{Engine, Limits};
 use crate::trust::Tenant;
@@ -38,6 +39,8 @@ pub(crate) struct Shared {
     pub(crate) guard: Arc<Guard>,
     /// Counts of what clients occupy at a time (requests, uploads, memory), limited per address and in total.
     pub(crate) held: Held,
+    /// Counts of the requests of tenants with a limit on them.
+    pub(crate) rates: Rates,
     /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,
     /// Memory of the materials that callers may read.

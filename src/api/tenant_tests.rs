@@ -4,6 +4,7 @@ use super::access::Access;
 use super::caller::Caller;
 use super::content_cache::Contents;
 use super::guard::{AuthMode, Guard};
+use super::rates::Rates;
 use super::remembered::Remembered;
 use super::router::{openapi, router};
 use super::state::{App, Held, Shared};
@@ -107,6 +108,7 @@ impl Desk {
         let stop = CancellationToken::new();
         let shared = Shared {
             held: Held::new(&engine.limits),
+            rates: Rates::new(),
             contents: Contents::new(engine.limits.content_bytes),
             remembered: Remembered::new(),
             access: Arc::new(access),

@@ -49,6 +49,8 @@ struct About {
     max_materials: Option<u64>,
     /// Upper bound on the number of jobs that wait; null for none.
     max_queued: Option<u64>,
+    /// Upper bound on the requests to each node within a minute; null for none.
+    max_requests: Option<u64>,
     /// Bytes of measurements and materials.
     used_bytes: u64,
     /// Number of materials.
@@ -100,6 +102,10 @@ struct ChangeRequest {
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>)]
     max_queued: Option<Limit>,
+    /// Upper bound on the requests to each node within a minute; null for none.
+    #[serde(default, deserialize_with = "given")]
+    #[schema(value_type = Option<u64>)]
+    max_requests: Option<Limit>,
 }
 
 /// Tells a field that is null from one that is absent.
@@ -201,13 +207,14 @@ impl ChangeRequest {
             bytes: self.max_bytes,
             materials: self.max_materials,
             queued: self.max_queued,
+            requests: self.max_requests,
         })
     }
 }
 
 impl About {
     fn of(row: TenantRow) -> Self {
-        let Quotas { bytes, materials, queued } = row.quotas;
+        let Quotas { bytes, materials, queued, requests } = row.quotas;
         Self {
             id: row.id.to_string(),
             name: row.name,
@@ -219,6 +226,7 @@ impl About {
             max_bytes: bytes,
             max_materials: materials,
             max_queued: queued,
+            max_requests: requests,
             used_bytes: row.bytes,
             used_materials: row.materials,
             created_ms: row.created_ms,

@@ -2,11 +2,11 @@
 
 use super::extract::{declared_length, linger, linger_body};
 use super::pace::{Pace, Slow};
-use super::places::Peer;
+use super::places::client;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use super::zstd::ZstdReader;
-use crate::jobs::Limits;
+use crate::jobs::{Client, Limits};
 use crate::store::{Staged, StagedWriter, StoreError};
 use async_compression::tokio::bufread::GzipDecoder;
 use axum::body::Body;
@@ -51,12 +51,12 @@ pub(crate) struct Lost;
 /// Streams the bytes of a resumable upload, which `headers` describe, into a staging file.
 pub(crate) async fn receive_stream(
     app: &App,
-    peer: Peer,
+    client: Client,
     headers: &HeaderMap,
     mut bytes: Pin<Box<dyn Stream<Item = io::Result<axum::body::Bytes>> + Send>>,
 ) -> Result<Staged, Problem> {
     let coding = coding(headers)?;
-    let _place = app.held.uploads.take(peer, 1)?;
+    let _place = app.held.uploads.take(client, 1)?;
     let limits = &app.engine.limits;
     let received = tokio::time::timeout(limits.upload_time, stage(app, coding, bytes.as_mut())).await;
     received.unwrap_or_else(|_| {
@@ -67,12 +67,12 @@ pub(crate) async fn receive_stream(
 /// Streams an uploaded body into a staging file.
 pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Problem> {
     let limits = &app.engine.limits;
-    let peer = Peer::of_request(&request);
+    let client = client(request.extensions());
     let admitted = coding(request.headers()).and_then(|coding| {
         if declared_length(request.headers()).is_some_and(|length| length > limits.upload_bytes) {
             return Err(too_large(limits));
         }
-        Ok((coding, app.held.uploads.take(peer, 1)?))
+        Ok((coding, app.held.uploads.take(client, 1)?))
     });
     let (coding, _place) = match (admitted, lacks_room(app, declared_length(request.headers())).await) {
         (Ok(admitted), Ok(())) => admitted,

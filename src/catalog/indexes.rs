@@ -128,14 +128,14 @@ mod tests {
             "UPDATE pg_index SET indisvalid = false WHERE indexrelid = CAST('measurements_by_format' AS regclass)",
             "ALTER TABLE keys DROP COLUMN verifier",
             "ALTER TABLE tenants DROP COLUMN most_bytes, DROP COLUMN most_materials, DROP COLUMN most_queued, \
-             DROP COLUMN counted_at",
+             DROP COLUMN counted_at, DROP COLUMN most_requests",
             "ALTER TABLE usage DROP COLUMN materials",
             "DELETE FROM _sqlx_migrations WHERE version > 2",
         ] {
             catalog.pool.execute(statement).await.unwrap();
         }
         assert_eq!(valid(&catalog).await.len(), all.len() - 3);
-        assert_eq!(Catalog::migrate(&place, false).await.unwrap().1, 2);
+        assert_eq!(Catalog::migrate(&place, false).await.unwrap().1, 3);
         assert_eq!(valid(&catalog).await, all);
     }
 }

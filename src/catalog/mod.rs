@@ -70,7 +70,7 @@ pub(crate) use keys::{AddedKey, Credential, KeyRow, NewKey};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};
-pub(crate) use partial::{Begun, Held, NewPartial, Partial, PartialLimits};
+pub(crate) use partial::{Begun, Bound, Held, NewPartial, Partial, PartialLimits};
 pub(crate) use priority::Priority;
 pub(crate) use retention::Retention;
 pub(crate) use schema::VERSION as SCHEMA;

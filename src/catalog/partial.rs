@@ -50,12 +50,16 @@ pub(crate) struct NewPartial {
 pub(crate) struct PartialLimits {
     /// Upper bound on the number of uploads of all clients.
     pub all: u64,
-    /// Upper bound on the number of uploads of one client.
+    /// Upper bound on the number of uploads of one client and tenant.
     pub each: u64,
+    /// Upper bound on the number of uploads of one tenant.
+    pub tenant: u64,
     /// Upper bound on the stated bytes of the uploads of all clients.
     pub bytes: u64,
-    /// Upper bound on the stated bytes of the uploads of one client.
+    /// Upper bound on the stated bytes of the uploads of one client and tenant.
     pub bytes_each: u64,
+    /// Upper bound on the stated bytes of the uploads of one tenant.
+    pub bytes_tenant: u64,
     /// Bytes that an upload of unknown size counts for.
     pub largest: u64,
     /// Time after its first byte at which an upload expires.
@@ -67,10 +71,21 @@ pub(crate) struct PartialLimits {
 pub(crate) enum Begun {
     /// The upload has begun.
     Now(Partial),
-    /// One client, if true, or all clients together have as many uploads as the limits allow.
-    TooMany(bool),
-    /// The uploads of one client, if true, or of all clients have as many bytes as the limits allow.
-    TooLarge(bool),
+    /// As many uploads as the limits allow have begun.
+    TooMany(Bound),
+    /// The uploads have as many bytes as the limits allow.
+    TooLarge(Bound),
+}
+
+/// Uploads that a limit bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bound {
+    /// Uploads of one client and tenant.
+    Client,
+    /// Uploads of one tenant.
+    Tenant,
+    /// Uploads of all.
+    All,
 }
 
 /// Outcome of reserving an upload for one request.
@@ -100,7 +115,8 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Begins an upload, if the client and all clients together are within `limits`.
+    /// Begins an upload, if the client, the tenant and all together are within `limits`. Uploads of other tenants do not
+    /// count for the client, so that the answer tells nothing of them.
     pub(crate) async fn begin_partial(&self, new: &NewPartial, limits: &PartialLimits) -> Result<Begun, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
@@ -113,29 +129,32 @@ impl Catalog {
             .await?;
             let row = sqlx::query(
                 "SELECT COUNT(*), CAST(COALESCE(SUM(COALESCE(length, $2)), 0) AS BIGINT), \
-                 CAST(COALESCE(SUM(CASE WHEN key = $3 THEN 1 ELSE 0 END), 0) AS BIGINT), \
-                 CAST(COALESCE(SUM(CASE WHEN key = $3 THEN COALESCE(length, $2) ELSE 0 END), 0) AS BIGINT) \
+                 CAST(COALESCE(SUM(CASE WHEN tenant = $5 AND key = $3 THEN 1 ELSE 0 END), 0) AS BIGINT), \
+                 CAST(COALESCE(SUM(CASE WHEN tenant = $5 AND key = $3 THEN COALESCE(length, $2) ELSE 0 END), 0) \
+                 AS BIGINT), CAST(COALESCE(SUM(CASE WHEN tenant = $5 THEN 1 ELSE 0 END), 0) AS BIGINT), \
+                 CAST(COALESCE(SUM(CASE WHEN tenant = $5 THEN COALESCE(length, $2) ELSE 0 END), 0) AS BIGINT) \
                  FROM uploads WHERE expires_at > $1 AND id <> $4",
             )
             .bind(write.now)
             .bind(limits.largest as i64)
             .bind(new.client.clone())
             .bind(new.id.clone())
+            .bind(self.tenant.to_string())
             .fetch_one(&mut *write.transaction)
             .await?;
             let number = |at: usize| row.try_get::<i64, _>(at).map(|number| number.max(0) as u64);
             let size = new.length.unwrap_or(limits.largest);
-            if number(2)? >= limits.each {
-                return Ok(Begun::TooMany(true));
-            }
-            if number(3)?.saturating_add(size) > limits.bytes_each {
-                return Ok(Begun::TooLarge(true));
-            }
-            if number(0)? >= limits.all {
-                return Ok(Begun::TooMany(false));
-            }
-            if number(1)?.saturating_add(size) > limits.bytes {
-                return Ok(Begun::TooLarge(false));
+            for (bound, at, most, bytes) in [
+                (Bound::Client, 2, limits.each, limits.bytes_each),
+                (Bound::Tenant, 4, limits.tenant, limits.bytes_tenant),
+                (Bound::All, 0, limits.all, limits.bytes),
+            ] {
+                if number(at)? >= most {
+                    return Ok(Begun::TooMany(bound));
+                }
+                if number(at + 1)?.saturating_add(size) > bytes {
+                    return Ok(Begun::TooLarge(bound));
+                }
             }
             let expires_ms = write.now.saturating_add(limits.keep.min(UNSENT).as_millis() as i64);
             // A repetition after an answer that was lost finds the upload that it has begun.

@@ -5,8 +5,16 @@ use super::{Catalog, testing};
 use crate::store::{Digest, Object};
 use std::time::Duration;
 
-const LIMITS: PartialLimits =
-    PartialLimits { all: 3, each: 2, bytes: 100, bytes_each: 60, largest: 50, keep: Duration::from_mins(1) };
+const LIMITS: PartialLimits = PartialLimits {
+    all: 3,
+    each: 2,
+    tenant: 3,
+    bytes: 100,
+    bytes_each: 60,
+    bytes_tenant: 100,
+    largest: 50,
+    keep: Duration::from_mins(1),
+};
 const LEASE: Duration = Duration::from_mins(1);
 
 fn upload(id: &str, client: &str, length: Option<u64>) -> NewPartial {
@@ -95,15 +103,34 @@ async fn limits_hold_for_one_client_and_for_all() {
             catalog.begin_partial(&upload(id, client, length), &LIMITS).await.unwrap()
         };
         assert!(matches!(begin("1", "a", Some(20)).await, Begun::Now(_)));
-        assert_eq!(begin("2", "a", None).await, Begun::TooLarge(true), "of unknown length");
+        assert_eq!(begin("2", "a", None).await, Begun::TooLarge(Bound::Client), "of unknown length");
         assert!(matches!(begin("2", "a", Some(40)).await, Begun::Now(_)));
-        assert_eq!(begin("3", "a", Some(0)).await, Begun::TooMany(true));
-        assert_eq!(begin("3", "b", Some(50)).await, Begun::TooLarge(false));
+        assert_eq!(begin("3", "a", Some(0)).await, Begun::TooMany(Bound::Client));
+        assert_eq!(begin("3", "b", Some(50)).await, Begun::TooLarge(Bound::Tenant));
         assert!(matches!(begin("3", "b", Some(40)).await, Begun::Now(_)));
-        assert_eq!(begin("4", "c", Some(0)).await, Begun::TooMany(false));
+        assert_eq!(begin("4", "c", Some(0)).await, Begun::TooMany(Bound::Tenant));
         sqlx::query("UPDATE uploads SET expires_at = 1 WHERE id = '3'").execute(&catalog.pool).await.unwrap();
         assert!(matches!(begin("4", "c", Some(0)).await, Begun::Now(_)), "an expired one does not count");
         assert_eq!(catalog.hold_partial("3", "x", LEASE, None).await.unwrap(), Held::Expired);
         assert_eq!(catalog.forget_partials(LEASE).await.unwrap(), 1);
+    }
+}
+
+#[tokio::test]
+async fn uploads_of_one_tenant_neither_fill_an_address_nor_the_service_for_another() {
+    let limits = PartialLimits { all: 4, bytes: 140, ..LIMITS };
+    for (mine, _guard) in testing::catalogs().await {
+        let theirs = testing::other(&mine, "lab").await;
+        let begin = async |catalog: &Catalog, id: &str, client: &str, length| {
+            catalog.begin_partial(&upload(id, client, Some(length)), &limits).await.unwrap()
+        };
+        for (id, client) in [("1", "a"), ("2", "a"), ("3", "b")] {
+            assert!(matches!(begin(&mine, id, client, 30).await, Begun::Now(_)));
+        }
+        assert_eq!(begin(&mine, "4", "c", 30).await, Begun::TooMany(Bound::Tenant));
+        assert!(matches!(begin(&theirs, "4", "a", 20).await, Begun::Now(_)), "from the same address");
+        assert_eq!(begin(&theirs, "5", "a", 0).await, Begun::TooMany(Bound::All));
+        sqlx::query("UPDATE uploads SET expires_at = 1 WHERE id = '3'").execute(&mine.pool).await.unwrap();
+        assert_eq!(begin(&mine, "5", "c", 50).await, Begun::TooLarge(Bound::Tenant));
     }
 }

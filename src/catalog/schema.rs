@@ -21,6 +21,7 @@ pub(crate) const EDITION: Edition = Edition {
         ("0002_scale", include_str!("../../migrations/0002_scale.sql")),
         ("0003_lists", include_str!("../../migrations/0003_lists.sql")),
         ("0004_trust", include_str!("../../migrations/0004_trust.sql")),
+        ("0005_requests", include_str!("../../migrations/0005_requests.sql")),
     ],
     // 2: jobs of other tenants than the default one, which older workers would look for among the rows of that one.
     level: OTHER_TENANTS,

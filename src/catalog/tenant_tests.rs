@@ -107,7 +107,16 @@ async fn jobs_keys_and_uploads_belong_to_one_tenant_and_workers_serve_all() {
         assert_eq!(owners, [mine.tenant().clone(), theirs.tenant().clone()]);
 
         let new = NewPartial { id: "0a".to_owned(), client: "x".to_owned(), length: None, metadata: String::new() };
-        let limits = PartialLimits { all: 9, each: 9, bytes: 9, bytes_each: 9, largest: 1, keep: MINUTE };
+        let limits = PartialLimits {
+            all: 9,
+            each: 9,
+            tenant: 9,
+            bytes: 9,
+            bytes_each: 9,
+            bytes_tenant: 9,
+            largest: 1,
+            keep: MINUTE,
+        };
         assert!(matches!(mine.begin_partial(&new, &limits).await.unwrap(), Begun::Now(_)));
         assert_eq!(theirs.partial("0a").await.unwrap(), None);
         assert_eq!(theirs.hold_partial("0a", "holder", MINUTE, None).await.unwrap(), Held::Absent);

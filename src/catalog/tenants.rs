@@ -24,6 +24,8 @@ pub(crate) struct Quotas {
     pub materials: Option<u64>,
     /// Upper bound on the number of its jobs that wait.
     pub queued: Option<u64>,
+    /// Upper bound on its requests to each process within a minute.
+    pub requests: Option<u64>,
 }
 
 /// Limit on what a tenant may have; `None` is no limit.
@@ -66,6 +68,8 @@ pub(crate) struct TenantChange {
     pub materials: Option<Limit>,
     /// Limit on the number of its jobs that wait.
     pub queued: Option<Limit>,
+    /// Limit on its requests to each process within a minute.
+    pub requests: Option<Limit>,
 }
 
 /// Outcome of creating or changing a tenant.
@@ -81,7 +85,8 @@ pub(crate) enum Settled {
 
 macro_rules! columns {
     () => {
-        "SELECT t.id, t.name, t.state, t.weight, t.most_bytes, t.most_materials, t.most_queued, t.created_at, \
+        "SELECT t.id, t.name, t.state, t.weight, t.most_bytes, t.most_materials, t.most_queued, t.most_requests, \
+         t.created_at, \
          CAST(COALESCE((SELECT SUM(u.bytes) FROM usage u WHERE u.tenant = t.id), 0) AS BIGINT) AS bytes, \
          CAST(COALESCE((SELECT SUM(u.materials) FROM usage u WHERE u.tenant = t.id), 0) AS BIGINT) AS materials \
          FROM tenants t"
@@ -127,6 +132,16 @@ impl Catalog {
         row.map(|row| read(&row)).transpose()
     }
 
+    /// Returns the limit on the requests of a tenant to each process within a minute.
+    pub(crate) async fn most_requests(&self, id: &Tenant) -> Result<Option<u64>, CatalogError> {
+        let row = sqlx::query("SELECT most_requests FROM tenants WHERE id = $1")
+            .bind(id.to_string())
+            .fetch_optional(&self.pool)
+            .await?;
+        let most = row.map(|row| row.try_get::<Option<i64>, _>(0)).transpose()?.flatten();
+        Ok(most.map(|most| most.max(0) as u64))
+    }
+
     /// Creates a tenant with the given name, share and limits.
     pub(crate) async fn create_tenant(&self, id: &Tenant, change: &TenantChange) -> Result<Settled, CatalogError> {
         let turn = self.turn().await;
@@ -156,7 +171,8 @@ impl Catalog {
              weight = COALESCE($4, weight), \
              most_bytes = CASE WHEN $5 <> 0 THEN $6 ELSE most_bytes END, \
              most_materials = CASE WHEN $7 <> 0 THEN $8 ELSE most_materials END, \
-             most_queued = CASE WHEN $9 <> 0 THEN $10 ELSE most_queued END WHERE id = $1",
+             most_queued = CASE WHEN $9 <> 0 THEN $10 ELSE most_queued END, \
+             most_requests = CASE WHEN $11 <> 0 THEN $12 ELSE most_requests END WHERE id = $1",
         )
         .bind(id.to_string())
         .bind(change.name.clone())
@@ -168,6 +184,8 @@ impl Catalog {
         .bind(limit(change.materials))
         .bind(changes(change.queued))
         .bind(limit(change.queued))
+        .bind(changes(change.requests))
+        .bind(limit(change.requests))
         .execute(&self.pool)
         .await;
         drop(turn);
@@ -200,6 +218,7 @@ fn read(row: &AnyRow) -> Result<TenantRow, CatalogError> {
             bytes: limit("most_bytes")?,
             materials: limit("most_materials")?,
             queued: limit("most_queued")?,
+            requests: limit("most_requests")?,
         },
         bytes: number("bytes")?,
         materials: number("materials")?,

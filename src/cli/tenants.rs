@@ -82,6 +82,9 @@ struct Change {
     /// Upper bound on the number of jobs that wait, or `none`
     #[arg(long, value_name = "N", value_parser = limit)]
     max_queued: Option<Limit>,
+    /// Upper bound on the requests to each node within a minute, or `none`
+    #[arg(long, value_name = "N", value_parser = limit)]
+    max_requests: Option<Limit>,
     /// Share of the workers, relative to those of others; 100 is the usual one
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_WEIGHT))]
     weight: Option<u64>,
@@ -122,6 +125,7 @@ impl Change {
             bytes: self.max_bytes,
             materials: self.max_materials,
             queued: self.max_queued,
+            requests: self.max_requests,
         })
     }
 }
@@ -189,6 +193,7 @@ fn described(row: &TenantRow) -> Value {
     json!({
         "id": row.id, "name": row.name, "state": row.state.name(), "weight": row.weight,
         "max_bytes": row.quotas.bytes, "max_materials": row.quotas.materials, "max_queued": row.quotas.queued,
+        "max_requests": row.quotas.requests,
         "used_bytes": row.bytes, "used_materials": row.materials, "created_ms": row.created_ms,
     })
 }

@@ -8,7 +8,7 @@ use super::hub::Hub;
 use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
 use super::presence::{Presence, WORKERS};
-use super::turns::CLIENT;
+use super::turns::Client;
 use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, OTHER_TENANTS, Retried};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
@@ -34,7 +34,7 @@ pub(crate) struct Engine {
     /// Threads that export materials to other file formats; only a few exports run at the same time.
     pub(crate) exports: Maths,
     /// True if tenants take turns in the queue of jobs, false if addresses do.
-    by_tenant: bool,
+    pub(super) by_tenant: bool,
     pub(crate) hub: Hub,
     pub(crate) presence: Arc<Presence>,
     opened: moka::future::Cache<(Tenant, Digest), Arc<Material>>,
@@ -134,7 +134,7 @@ impl Engine {
         let share = if self.by_tenant {
             self.archive.catalog.tenant().to_string()
         } else {
-            CLIENT.try_with(ToString::to_string).unwrap_or_default()
+            Client::current().map(|client| client.address.to_string()).unwrap_or_default()
         };
         let (measurement, priority) = (request.measurement(), request.priority());
         let is_other = !self.archive.catalog.tenant().is_default();

@@ -84,7 +84,7 @@ pub(crate) use problem::{Code, JobProblem};
 pub(crate) use process::COMMAND as COMPUTE_JOB;
 pub(crate) use request::RequestError;
 pub(crate) use text::{Tags, Text, check_text};
-pub(crate) use turns::CLIENT;
+pub(crate) use turns::{Client, most_of_tenant};
 pub(crate) use unit::Unit;
 pub(crate) use unpack::Ingested;
 pub(crate) use watcher::watching as watch_jobs;

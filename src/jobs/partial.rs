@@ -3,6 +3,7 @@
 use super::blobs::BlobError;
 use super::engine::Engine;
 use super::publish::publish_part;
+use super::turns::most_of_tenant;
 use crate::catalog::{Begun, CatalogError, Held, NewPartial, Partial, PartialLimits};
 use crate::store::{Digest, Staged, StoreError, StoreExt};
 use bytes::Bytes;
@@ -43,11 +44,14 @@ impl Engine {
     ) -> Result<Begun, CatalogError> {
         let limits = &self.limits;
         let new = NewPartial { id: uuid::Uuid::now_v7().simple().to_string(), client, length, metadata };
+        let of_tenant = |all, each| if self.by_tenant { most_of_tenant(all, each) } else { all };
         let bounds = PartialLimits {
             all: limits.partial_uploads,
             each: limits.partial_uploads_each,
+            tenant: of_tenant(limits.partial_uploads, limits.partial_uploads_each),
             bytes: limits.partial_bytes,
             bytes_each: limits.partial_bytes_each,
+            bytes_tenant: of_tenant(limits.partial_bytes, limits.partial_bytes_each),
             largest: limits.upload_bytes,
             keep: limits.partial_keep,
         };

@@ -1,29 +1,50 @@
 //! Turns at a scarce resource, assigned client by client: a client with many requests delays itself, not others.
 
+use crate::trust::Tenant;
 use std::collections::{HashMap, VecDeque};
+use std::hash::Hash;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::oneshot;
 
 tokio::task_local! {
-    /// Address of the client that the running task works for; all tasks without a client count as one client.
-    pub(crate) static CLIENT: IpAddr;
+    /// Client that the running task works for; all tasks without a client count as one client.
+    static CLIENT: Client;
 }
 
-/// Permits to use a scarce resource. Waiting clients get one in rotation; the requests of one client are served in
-/// order of arrival.
+/// Client to whom limits apply and who takes turns with others: an address, and in a service with keys the tenant whose
+/// key it has sent.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Client {
+    /// Address of the client.
+    pub address: IpAddr,
+    /// Tenant whose key the client has sent, or nobody's if it has sent none; `None` in a service without keys.
+    pub tenant: Option<Tenant>,
+}
+
+/// Permits to use a scarce resource. Tenants that wait get one in rotation, and so do the addresses of one tenant; the
+/// requests of one address are served in order of arrival.
 #[derive(Clone, Debug)]
 pub(super) struct Turns {
     shared: Arc<Mutex<Waiting>>,
 }
 
+/// Waiting requests of one address.
+type Requests = VecDeque<oneshot::Sender<Turn>>;
+
 #[derive(Debug)]
 struct Waiting {
     free: usize,
-    /// IP addresses of the clients that wait for a permit to use a scarce resource, the next one first. `queues` has
-    /// the waiting requests of each.
-    order: VecDeque<IpAddr>,
-    queues: HashMap<IpAddr, VecDeque<oneshot::Sender<Turn>>>,
+    /// Requests that wait for a permit to use a scarce resource, by tenant and then by address.
+    tenants: Rotation<Option<Tenant>, Rotation<IpAddr, Requests>>,
+}
+
+/// Queues that are served in rotation.
+#[derive(Debug)]
+struct Rotation<K, Q> {
+    /// Keys of the queues, the next one first.
+    order: VecDeque<K>,
+    queues: HashMap<K, Q>,
 }
 
 /// Permit to use a scarce resource; dropping it passes it to the next waiting request.
@@ -34,15 +55,68 @@ pub(super) struct Turn {
     turns: Option<Turns>,
 }
 
+impl Client {
+    /// Returns the client that the running task works for, if it works for one.
+    pub(super) fn current() -> Option<Self> {
+        CLIENT.try_with(Self::clone).ok()
+    }
+
+    /// Returns a client of a service without keys.
+    pub(crate) fn at(address: IpAddr) -> Self {
+        Self { address, tenant: None }
+    }
+
+    /// Runs `work` on behalf of this client, so that its computations take turns with those of other clients.
+    pub(crate) fn on_behalf<T>(self, work: impl Future<Output = T>) -> impl Future<Output = T> {
+        CLIENT.scope(self, work)
+    }
+}
+
+/// Returns the number of places that one tenant may have of `all`, of which one address may have `each`. It leaves those
+/// of one address to other tenants, or half of all where one address may have more.
+pub(crate) fn most_of_tenant(all: u64, each: u64) -> u64 {
+    all - each.min(all / 2)
+}
+
+impl<K, Q> Default for Rotation<K, Q> {
+    fn default() -> Self {
+        Self { order: VecDeque::new(), queues: HashMap::new() }
+    }
+}
+
+impl<K: Clone + Eq + Hash, Q: Default> Rotation<K, Q> {
+    /// Returns the queue of `key`. A new one is served last.
+    fn queue(&mut self, key: &K) -> &mut Q {
+        if !self.queues.contains_key(key) {
+            self.order.push_back(key.clone());
+        }
+        self.queues.entry(key.clone()).or_default()
+    }
+
+    /// Returns what `take` gets from the first queue that has something, which is served last then. Queues before it
+    /// have nothing, and are removed.
+    fn next<T>(&mut self, take: impl Fn(&mut Q) -> Option<T>) -> Option<T> {
+        while let Some(key) = self.order.pop_front() {
+            if let Some(next) = self.queues.get_mut(&key).and_then(&take) {
+                self.order.push_back(key);
+                return Some(next);
+            }
+            self.queues.remove(&key);
+        }
+        None
+    }
+}
+
 impl Turns {
     pub(super) fn new(count: usize) -> Self {
-        Self { shared: Arc::new(Mutex::new(Waiting { free: count, order: VecDeque::new(), queues: HashMap::new() })) }
+        Self { shared: Arc::new(Mutex::new(Waiting { free: count, tenants: Rotation::default() })) }
     }
 
     /// Waits for a permit to use a scarce resource, in the queue of the client on whose behalf the current async task
     /// runs.
     pub(super) async fn take(&self) -> Turn {
-        let client = CLIENT.try_with(|client| *client).unwrap_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
+        let unknown = || Client::at(IpAddr::V4(Ipv4Addr::UNSPECIFIED));
+        let Client { address, tenant } = Client::current().unwrap_or_else(unknown);
         let receive = {
             let mut waiting = self.waiting();
             if waiting.free > 0 {
@@ -50,12 +124,7 @@ impl Turns {
                 return Turn { turns: Some(self.clone()) };
             }
             let (send, receive) = oneshot::channel();
-            let queue = waiting.queues.entry(client).or_default();
-            let is_first = queue.is_empty();
-            queue.push_back(send);
-            if is_first {
-                waiting.order.push_back(client);
-            }
+            waiting.tenants.queue(&tenant).queue(&address).push_back(send);
             receive
         };
         // The sender is kept until it is used.
@@ -69,16 +138,12 @@ impl Turns {
     /// Returns the waiting request that gets the next permit. If none is waiting, the permit becomes free.
     fn next(&self) -> Option<oneshot::Sender<Turn>> {
         let mut waiting = self.waiting();
-        while let Some(client) = waiting.order.pop_front() {
-            let Some(mut queue) = waiting.queues.remove(&client) else { continue };
-            // Requests whose task has gone are skipped.
-            queue.retain(|send| !send.is_closed());
-            let Some(next) = queue.pop_front() else { continue };
-            if !queue.is_empty() {
-                waiting.queues.insert(client, queue);
-                waiting.order.push_back(client);
-            }
-            return Some(next);
+        // Requests whose task has gone are skipped.
+        let first =
+            |requests: &mut Requests| std::iter::from_fn(|| requests.pop_front()).find(|request| !request.is_closed());
+        let next = waiting.tenants.next(|addresses| addresses.next(first));
+        if next.is_some() {
+            return next;
         }
         waiting.free += 1;
         None
@@ -107,7 +172,7 @@ mod tests {
         let (send, mut order) = tokio::sync::mpsc::unbounded_channel();
         let ask = |last: u8| {
             let (turns, send) = (turns.clone(), send.clone());
-            tokio::spawn(CLIENT.scope(IpAddr::from([10, 0, 0, last]), async move {
+            tokio::spawn(Client::at(IpAddr::from([10, 0, 0, last])).on_behalf(async move {
                 let turn = turns.take().await;
                 send.send(last).unwrap();
                 drop(turn);
@@ -133,6 +198,33 @@ mod tests {
             let _ = ended.await;
         }
         let waiting = turns.waiting();
-        assert_eq!((waiting.free, waiting.order.len(), waiting.queues.len()), (1, 0, 0));
+        assert_eq!((waiting.free, waiting.tenants.order.len(), waiting.tenants.queues.len()), (1, 0, 0));
+    }
+
+    #[tokio::test]
+    async fn a_tenant_with_many_addresses_takes_no_more_turns_than_another() {
+        let turns = Turns::new(1);
+        let held = turns.take().await;
+        let (send, mut order) = tokio::sync::mpsc::unbounded_channel();
+        let mut asked = Vec::new();
+        for (tenant, last) in [("many", 1), ("many", 1), ("many", 2), ("many", 3), ("few", 9), ("few", 9), ("few", 9)] {
+            let client = Client { tenant: tenant.parse().ok(), ..Client::at(IpAddr::from([10, 0, 0, last])) };
+            let (turns, send) = (turns.clone(), send.clone());
+            asked.push(tokio::spawn(client.on_behalf(async move {
+                let turn = turns.take().await;
+                send.send(last).unwrap();
+                drop(turn);
+            })));
+            tokio::task::yield_now().await;
+        }
+        drop(held);
+        let mut got = Vec::new();
+        for _ in 0..7 {
+            got.push(order.recv().await.unwrap());
+        }
+        assert_eq!(got, [1, 9, 2, 9, 3, 9, 1]);
+        for ended in asked {
+            ended.await.unwrap();
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Batches by POST: their requests, and the three encodings of their bodies.
 
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
-use super::super::places::Peer;
+use super::super::places::client;
 use super::super::problem::{Kind, Problem};
 use super::super::schemas::{Angles, Binary, Lines, OneOrMoreAngles};
 use super::super::state::App;
@@ -280,7 +280,7 @@ async fn answer(
     plain: bool,
     parse: Parse,
 ) -> Result<Response, Problem> {
-    let peer = Peer::of_request(&request);
+    let client = client(request.extensions());
     let headers = request.headers();
     let checked = check(headers, question, plain);
     let (body, answer, question) = match checked {
@@ -304,7 +304,7 @@ async fn answer(
         let parsed = app.engine.queries.run(move || parse(&json.bytes, engine.limits.drawn)).await?;
         let (question, places) = parsed?;
         let source = Source::Listed { places: Arc::new(places), next: 0 };
-        return stream(&app, peer, material, question, source, answer, None).await;
+        return stream(&app, client, material, question, source, answer, None).await;
     }
     let question = question.simplified(&material);
     let (cutter, length) = if body == Encoding::Lines {
@@ -324,7 +324,7 @@ async fn answer(
         (Cutter::floats(directions), declared.filter(|_| floats).and_then(answered))
     };
     let pieces = ReadAhead::new(request.into_body(), app.engine.limits.idle);
-    stream(&app, peer, material, question, Source::body(pieces, cutter), answer, length).await
+    stream(&app, client, material, question, Source::body(pieces, cutter), answer, length).await
 }
 
 /// Checks the headers of a batch request and the operation in its query string. Returns the encodings of the request

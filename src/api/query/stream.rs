@@ -1,6 +1,6 @@
 //! Answers to a batch: whole as JSON, or block by block as a stream in bounded memory.
 
-use super::super::places::{Peer, Place};
+use super::super::places::Place;
 use super::super::problem::Problem;
 use super::super::state::App;
 use super::answering::{Answered, answer};
@@ -10,7 +10,7 @@ use super::media::Encoding;
 use super::places::{Places, Records};
 use super::question::Question;
 use crate::evaluate::Material;
-use crate::jobs::{Limits, MathsError};
+use crate::jobs::{Client, Limits, MathsError};
 use axum::body::{Body, Bytes};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -83,14 +83,14 @@ fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
 /// Streams the answers to a batch block by block. `bytes` is the length of the response, if known.
 pub(super) async fn stream(
     app: &App,
-    peer: Peer,
+    client: Client,
     material: Arc<Material>,
     question: Question,
     source: Source,
     encoding: Encoding,
     bytes: Option<u64>,
 ) -> Result<Response, Problem> {
-    let place = app.held.streams.take(peer, 1)?;
+    let place = app.held.streams.take(client.clone(), 1)?;
     let width = question.width(&material);
     let most = BLOCK.min(BLOCK_VALUES / width).max(1);
     let asked = Arc::new((material, question));
@@ -103,7 +103,7 @@ pub(super) async fn stream(
         .map(move |block| {
             let (asked, queries) = (Arc::clone(&asked), queries.clone());
             // A separate task takes the turn when it comes, even while the client does not read.
-            AbortOnDropHandle::new(tokio::spawn(peer.on_behalf(async move {
+            AbortOnDropHandle::new(tokio::spawn(client.clone().on_behalf(async move {
                 let block = block?;
                 let sent = queries.run_in_turn(move || send(&asked.0, &asked.1, &block, width, encoding)).await?;
                 Ok::<_, Problem>(sent)

@@ -19,7 +19,8 @@ use super::problem::{Kind, Problem};
 use super::schemas::{Binary, TusVersion, UploadIdText};
 use super::state::{App, Service};
 use super::upload::lacks_room;
-use crate::catalog::{Begun, Partial};
+use crate::catalog::{Begun, Bound, Partial};
+use crate::jobs::{Client, most_of_tenant};
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -99,11 +100,11 @@ async fn upload_options(app: App) -> Response {
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn create_upload(app: App, peer: Peer, request: Request) -> Result<Response, Problem> {
+async fn create_upload(app: App, client: Client, request: Request) -> Result<Response, Problem> {
     let first =
         if headers::has_bytes(request.headers()) { headers::asked(request.headers()).map(Some) } else { Ok(None) };
     let begun = match first {
-        Ok(first) => begin(&app, peer, request.headers()).await.map(|begun| (begun, first)),
+        Ok(first) => begin(&app, client.clone(), request.headers()).await.map(|begun| (begun, first)),
         Err(problem) => Err(problem),
     };
     let (begun, first) = match begun {
@@ -117,7 +118,7 @@ async fn create_upload(app: App, peer: Peer, request: Request) -> Result<Respons
     let partial = match first {
         Some(asked) => {
             let asked = part::Asked { offset: 0, length: None, begins: true, ..asked };
-            part::begin(&app, peer, begun.id, asked, request.into_body()).await?
+            part::begin(&app, client.clone(), begun.id, asked, request.into_body()).await?
         }
         None => begun,
     };
@@ -127,7 +128,7 @@ async fn create_upload(app: App, peer: Peer, request: Request) -> Result<Respons
     Ok(response)
 }
 
-async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Problem> {
+async fn begin(app: &App, client: Client, headers: &HeaderMap) -> Result<Partial, Problem> {
     let most = app.engine.limits.upload_bytes;
     let length = headers::length_to_begin(headers)?;
     if let Some(length) = length.filter(|length| *length > most) {
@@ -136,29 +137,41 @@ async fn begin(app: &App, peer: Peer, headers: &HeaderMap) -> Result<Partial, Pr
     lacks_room(app, length).await?;
     let metadata = headers::metadata(headers)?;
     let limits = &app.engine.limits;
-    match app.engine.begin_partial(peer.to_string(), length, metadata).await? {
+    let address = Peer::at(client.address);
+    match app.engine.begin_partial(address.to_string(), length, metadata).await? {
         Begun::Now(partial) => Ok(partial),
-        Begun::TooMany(true) => {
-            let most = limits.partial_uploads_each;
-            let detail = format!("{peer} has begun {most} uploads and not used them; use or delete one of them first");
-            Err(Problem::new(Kind::TooManyAtOnce, detail))
-        }
-        Begun::TooLarge(true) => {
-            let most = limits.partial_bytes_each;
-            let detail =
-                format!("the unused uploads of {peer} may have {most} bytes together; use or delete one of them first");
-            Err(Problem::new(Kind::TooManyAtOnce, detail))
-        }
-        Begun::TooMany(false) => {
+        Begun::TooMany(Bound::All) => {
             let detail = format!("{} uploads have begun and are not used; try again later", limits.partial_uploads);
             Err(Problem::new(Kind::Overloaded, detail))
         }
-        Begun::TooLarge(false) => {
+        Begun::TooLarge(Bound::All) => {
             let detail =
                 format!("all unused uploads may have {} bytes together; try again later", limits.partial_bytes);
             Err(Problem::new(Kind::Overloaded, detail))
         }
+        Begun::TooMany(bound) => {
+            let (by, most) =
+                (holder(bound, address), most_of(bound, limits.partial_uploads, limits.partial_uploads_each));
+            let detail = format!("{by} has begun {most} uploads and not used them; use or delete one of them first");
+            Err(Problem::new(Kind::TooManyAtOnce, detail))
+        }
+        Begun::TooLarge(bound) => {
+            let (by, most) = (holder(bound, address), most_of(bound, limits.partial_bytes, limits.partial_bytes_each));
+            let detail =
+                format!("the unused uploads of {by} may have {most} bytes together; use or delete one of them first");
+            Err(Problem::new(Kind::TooManyAtOnce, detail))
+        }
     }
+}
+
+/// Returns the limit on the uploads of one client or tenant.
+fn most_of(bound: Bound, all: u64, each: u64) -> u64 {
+    if bound == Bound::Client { each } else { most_of_tenant(all, each) }
+}
+
+/// Names the owner of the uploads that a limit bounds, in a message.
+fn holder(bound: Bound, address: Peer) -> String {
+    if bound == Bound::Client { address.to_string() } else { "the tenant".to_owned() }
 }
 
 /// Get the number of bytes that a resumable upload has received. Waits a few seconds if a request is writing.
@@ -213,11 +226,11 @@ async fn get_upload_offset(app: App, Id32(id): Id32) -> Result<Response, Problem
         ("Upload-Expires" = String, description = "Time at which the upload expires"),
     )))
 )]
-async fn append_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
-    append(&app, peer, id, request).await
+async fn append_upload(app: App, client: Client, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
+    append(&app, client, id, request).await
 }
 
-async fn append(app: &App, peer: Peer, id: String, request: Request) -> Result<Response, Problem> {
+async fn append(app: &App, client: Client, id: String, request: Request) -> Result<Response, Problem> {
     let asked = match headers::asked(request.headers()) {
         Ok(asked) => asked,
         Err(problem) => {
@@ -225,7 +238,7 @@ async fn append(app: &App, peer: Peer, id: String, request: Request) -> Result<R
             return Err(problem);
         }
     };
-    let partial = part::append(app, peer, id, asked, request.into_body()).await?;
+    let partial = part::append(app, client, id, asked, request.into_body()).await?;
     let mut response = StatusCode::NO_CONTENT.into_response();
     progress(&partial, response.headers_mut());
     Ok(response)
@@ -261,9 +274,9 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
     request_body(content = Binary, content_type = "application/offset+octet-stream", description = "For `PATCH`: next bytes of the upload"),
     responses((status = 204, description = "The bytes were added to the upload (`PATCH`), or the upload is deleted (`DELETE`)"))
 )]
-async fn override_upload(app: App, peer: Peer, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
+async fn override_upload(app: App, client: Client, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
     match request.headers().get("x-http-method-override").map(HeaderValue::as_bytes) {
-        Some(b"PATCH") => append(&app, peer, id, request).await,
+        Some(b"PATCH") => append(&app, client, id, request).await,
         Some(b"DELETE") => delete(&app, &id).await.map(IntoResponse::into_response),
         _ => {
             linger(request).await;

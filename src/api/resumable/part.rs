@@ -4,11 +4,10 @@ use super::checksum::Checksum;
 use super::refusals::{absent, expired, locked};
 use crate::api::extract::linger_body;
 use crate::api::pace::Pace;
-use crate::api::places::Peer;
 use crate::api::problem::{Kind, Problem};
 use crate::api::state::App;
 use crate::catalog::{Held, Partial};
-use crate::jobs::Holding;
+use crate::jobs::{Client, Holding};
 use crate::store::{Staged, StagedWriter, StoreError};
 use axum::body::{Body, Bytes};
 use bytes::BytesMut;
@@ -35,10 +34,10 @@ pub(super) struct Asked {
 
 /// Adds the body of the request that begins an upload. If that fails, or the client leaves before the body has ended,
 /// nobody can continue the upload, so it is deleted.
-pub(super) async fn begin(app: &App, peer: Peer, id: String, asked: Asked, body: Body) -> Result<Partial, Problem> {
+pub(super) async fn begin(app: &App, client: Client, id: String, asked: Asked, body: Body) -> Result<Partial, Problem> {
     let app = app.clone();
     let work = tokio::spawn(async move {
-        let appended = append(&app, peer, id.clone(), asked, body).await;
+        let appended = append(&app, client, id.clone(), asked, body).await;
         if appended.is_err()
             && let Err(error) = app.engine.end_partial(&id).await
         {
@@ -51,10 +50,16 @@ pub(super) async fn begin(app: &App, peer: Peer, id: String, asked: Asked, body:
 
 /// Adds the body of a request to an upload and returns the upload afterwards. The work goes on if the client leaves, so
 /// that the bytes which arrived are kept.
-pub(super) async fn append(app: &App, peer: Peer, id: String, asked: Asked, body: Body) -> Result<Partial, Problem> {
+pub(super) async fn append(
+    app: &App,
+    client: Client,
+    id: String,
+    asked: Asked,
+    body: Body,
+) -> Result<Partial, Problem> {
     let app = app.clone();
-    let work = tokio::spawn(peer.on_behalf(async move {
-        let place = match app.held.uploads.take(peer, 1) {
+    let work = tokio::spawn(client.clone().on_behalf(async move {
+        let place = match app.held.uploads.take(client, 1) {
             Ok(place) => place,
             Err(full) => {
                 linger_body(body).await;

@@ -3,13 +3,13 @@
 use super::headers;
 use super::refusals::{absent, expired, locked};
 use crate::api::extract::{declared_length, linger};
-use crate::api::places::Peer;
+use crate::api::places::client;
 use crate::api::problem::{Kind, Problem};
 use crate::api::schemas::UploadIdText;
 use crate::api::state::App;
 use crate::api::upload::{self, Lost};
 use crate::catalog::Held;
-use crate::jobs::Holding;
+use crate::jobs::{Client, Holding};
 use crate::store::Staged;
 use axum::extract::Request;
 use futures::StreamExt;
@@ -41,13 +41,13 @@ pub(crate) async fn receive(
         linger(request).await;
         return Err(Problem::new(Kind::BadBody, "found a body and the parameter `upload`, expected one of the two"));
     }
-    let peer = Peer::of_request(&request);
+    let client = client(request.extensions());
     let holding = app.engine.hold_partial(id, None).await?.map_err(|refused| match refused {
         Held::Absent => absent(id),
         Held::Expired => expired(id),
         Held::Busy | Held::Elsewhere(_) | Held::Now(_) => locked(id),
     })?;
-    match staged(app, peer, &holding, request).await {
+    match staged(app, client, &holding, request).await {
         Ok(staged) => Ok((staged, Some(Used(holding)))),
         Err(problem) => {
             holding.release().await;
@@ -56,7 +56,7 @@ pub(crate) async fn receive(
     }
 }
 
-async fn staged(app: &App, peer: Peer, holding: &Holding, request: Request) -> Result<Staged, Problem> {
+async fn staged(app: &App, client: Client, holding: &Holding, request: Request) -> Result<Staged, Problem> {
     let partial = &holding.partial;
     if partial.length != Some(partial.received) {
         let length = partial.length.map_or("a size that is not stated yet".to_owned(), |length| format!("{length}"));
@@ -70,7 +70,7 @@ async fn staged(app: &App, peer: Peer, holding: &Holding, request: Request) -> R
             std::io::Error::other(Lost)
         })
     });
-    upload::receive_stream(app, peer, request.headers(), Box::pin(parts)).await
+    upload::receive_stream(app, client, request.headers(), Box::pin(parts)).await
 }
 
 impl Used {
