@@ -95,7 +95,7 @@ pub(crate) async fn receive(app: &App, request: Request) -> Result<Staged, Probl
 /// Refuses an upload of this size that the limits of the tenant do not allow, before its bytes are received.
 pub(crate) async fn lacks_room(app: &App, bytes: Option<u64>) -> Result<(), Problem> {
     let Some(bytes) = bytes else { return Ok(()) };
-    let over = app.engine.archive.catalog.lacks_room(bytes).await?;
+    let over = app.engine.archive.catalog.lacks_room(bytes, 0).await?;
     over.map_or(Ok(()), |over| Err(over.into()))
 }
 

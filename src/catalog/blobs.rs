@@ -145,6 +145,22 @@ impl Catalog {
         .await
     }
 
+    /// Lists an announced object for deletion at once, because no row will refer to it.
+    pub(crate) async fn withdraw(&self, object: &Object) -> Result<(), CatalogError> {
+        self.repeat(|_| async {
+            let mut write = self.write().await?;
+            let announced = sqlx::query("DELETE FROM intents WHERE object = $1 RETURNING bytes")
+                .bind(object.to_string())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            if let Some(row) = announced {
+                doom(&mut write, object.to_string(), row.try_get(0)?, Duration::ZERO).await?;
+            }
+            write.commit().await
+        })
+        .await
+    }
+
     /// Marks a stored object in the catalog as missing or damaged, so that the next upload of the same bytes replaces
     /// it.
     pub(crate) async fn suspect(&self, object: &Object) -> Result<(), CatalogError> {

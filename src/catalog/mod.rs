@@ -218,6 +218,11 @@ pub(crate) mod testing {
         sqlx::query(count).bind(job.to_owned()).fetch_one(&catalog.pool).await.unwrap().try_get(0).unwrap()
     }
 
+    /// Drops a table of the catalog, so that statements about it fail.
+    pub(crate) async fn drop_table(catalog: &Catalog, table: &str) {
+        catalog.pool.execute(sqlx::AssertSqlSafe(format!("DROP TABLE {table}"))).await.unwrap();
+    }
+
     /// Returns the number of rows of a table of the catalog.
     pub(crate) async fn count(catalog: &Catalog, table: &str) -> i64 {
         let query = sqlx::AssertSqlSafe(format!("SELECT COUNT(*) FROM {table}"));

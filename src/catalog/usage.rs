@@ -6,10 +6,11 @@
 //! have changed without counting.
 
 use super::database::{Catalog, Write};
+use super::dialect::Dialect;
 use super::error::{CatalogError, tenant};
 use crate::store::Digest;
 use crate::trust::Tenant;
-use sqlx::Row;
+use sqlx::{Executor, Row};
 use std::fmt;
 use std::time::Duration;
 
@@ -83,9 +84,8 @@ impl Change {
 /// exceed: the transaction must be undone then. Must be the last statement of the transaction, so that transactions
 /// that share a row of counts never wait for one another in a circle.
 pub(super) async fn charge(write: &mut Write, id: Digest, change: Change) -> Result<Option<OverQuota>, CatalogError> {
-    let owner = write.tenant.to_string();
     if change.rows > 0 {
-        let row = sqlx::query(LIMITS).bind(owner.clone()).fetch_optional(&mut *write.transaction).await?;
+        let row = sqlx::query(LIMITS).bind(write.tenant.to_string()).fetch_optional(&mut *write.transaction).await?;
         if let Some(row) = row {
             let added = [change.bytes, change.materials].map(|added| added.max(0) as u64);
             if let Some(over) = over(&row, added)? {
@@ -95,19 +95,25 @@ pub(super) async fn charge(write: &mut Write, id: Digest, change: Change) -> Res
     }
     // The last digit of a digest is as good as random.
     let shard = id.to_string().bytes().last().map_or(0, |digit| i64::from(digit) % SHARDS);
+    add(write, shard, change).await?;
+    Ok(None)
+}
+
+/// Adds a change to one of the rows of counts of the tenant of a transaction.
+async fn add(write: &mut Write, shard: i64, change: Change) -> Result<(), CatalogError> {
     sqlx::query(
         "INSERT INTO usage (tenant, shard, bytes, blobs, materials) VALUES ($1, $2, $3, $4, $5) \
          ON CONFLICT (tenant, shard) DO UPDATE SET bytes = usage.bytes + excluded.bytes, \
          blobs = usage.blobs + excluded.blobs, materials = usage.materials + excluded.materials",
     )
-    .bind(owner)
+    .bind(write.tenant.to_string())
     .bind(shard)
     .bind(change.bytes)
     .bind(change.rows)
     .bind(change.materials)
     .execute(&mut *write.transaction)
     .await?;
-    Ok(None)
+    Ok(())
 }
 
 /// Query for the limits of the tenant `$1`, and for what it uses.
@@ -130,10 +136,10 @@ fn over(row: &sqlx::any::AnyRow, added: [u64; 2]) -> Result<Option<OverQuota>, C
 }
 
 impl Catalog {
-    /// Returns the limit of this tenant that so many more bytes would exceed, before they are received.
-    pub(crate) async fn lacks_room(&self, bytes: u64) -> Result<Option<OverQuota>, CatalogError> {
+    /// Returns the limit of this tenant that so many more bytes and materials would exceed, before they are stored.
+    pub(crate) async fn lacks_room(&self, bytes: u64, materials: u64) -> Result<Option<OverQuota>, CatalogError> {
         let row = sqlx::query(LIMITS).bind(self.tenant.to_string()).fetch_optional(&self.pool).await?;
-        row.map_or(Ok(None), |row| over(&row, [bytes, 0]))
+        row.map_or(Ok(None), |row| over(&row, [bytes, materials]))
     }
 
     /// Counts everything that each tenant has whose last count is older than a day.
@@ -144,41 +150,56 @@ impl Catalog {
             .await?;
         for row in &due {
             let id: String = row.try_get(0)?;
-            self.count(&tenant("tenants", &id, &id)?).await?;
+            let tenant = tenant("tenants", &id, &id)?;
+            // Of several processes one counts.
+            if self.is_to_count(&tenant).await?
+                && let Err(error) = self.count(&tenant).await
+            {
+                tracing::error!(%tenant, %error, "the use of a tenant was not counted; it is tried again in a day");
+            }
         }
         Ok(())
     }
 
-    /// Counts everything that a tenant has.
+    /// Notes that a tenant is counted now. Returns false if another process has done so since the last day.
+    async fn is_to_count(&self, tenant: &Tenant) -> Result<bool, CatalogError> {
+        let _turn = self.turn().await;
+        let noted =
+            sqlx::query(self.sql("UPDATE tenants SET counted_at = {now} WHERE id = $1 AND counted_at < {now} - $2"))
+                .bind(tenant.to_string())
+                .bind(COUNTED.as_millis() as i64)
+                .execute(&self.pool)
+                .await?;
+        Ok(noted.rows_affected() == 1)
+    }
+
+    /// Counts everything that a tenant has, and corrects its counts. One statement reads rows and counts as they are at
+    /// one moment, so that it locks nothing however long it takes, and the difference stays true afterwards.
     pub(crate) async fn count(&self, tenant: &Tenant) -> Result<(), CatalogError> {
-        let mut write = self.of(tenant).write().await?;
-        let owner = tenant.to_string();
-        // Locks all counts: transactions that have counted are over then, and others wait.
-        for shard in 0..SHARDS {
-            sqlx::query(
-                "INSERT INTO usage (tenant, shard, bytes, blobs, materials) VALUES ($1, $2, 0, 0, 0) \
-                 ON CONFLICT (tenant, shard) DO UPDATE SET bytes = 0, blobs = 0, materials = 0",
-            )
-            .bind(owner.clone())
-            .bind(shard)
-            .execute(&mut *write.transaction)
-            .await?;
+        let mut reading = self.pool.begin().await?;
+        if self.dialect == Dialect::Postgres {
+            reading.execute("SET LOCAL statement_timeout = 0").await?;
         }
-        sqlx::query(
-            "UPDATE usage SET bytes = (SELECT CAST(COALESCE(SUM(m.bytes), 0) AS BIGINT) FROM measurements m \
-             WHERE m.tenant = $1) + (SELECT CAST(COALESCE(SUM(m.bytes), 0) AS BIGINT) FROM materials m \
-             WHERE m.tenant = $1), blobs = (SELECT COUNT(*) FROM measurements m WHERE m.tenant = $1) \
-             + (SELECT COUNT(*) FROM materials m WHERE m.tenant = $1), \
-             materials = (SELECT COUNT(*) FROM materials m WHERE m.tenant = $1) WHERE tenant = $1 AND shard = 0",
+        let row = sqlx::query(
+            "SELECT CAST((SELECT COALESCE(SUM(m.bytes), 0) FROM measurements m WHERE m.tenant = $1) \
+             + (SELECT COALESCE(SUM(m.bytes), 0) FROM materials m WHERE m.tenant = $1) \
+             - (SELECT COALESCE(SUM(u.bytes), 0) FROM usage u WHERE u.tenant = $1) AS BIGINT), \
+             CAST((SELECT COUNT(*) FROM measurements m WHERE m.tenant = $1) \
+             + (SELECT COUNT(*) FROM materials m WHERE m.tenant = $1) \
+             - (SELECT COALESCE(SUM(u.blobs), 0) FROM usage u WHERE u.tenant = $1) AS BIGINT), \
+             CAST((SELECT COUNT(*) FROM materials m WHERE m.tenant = $1) \
+             - (SELECT COALESCE(SUM(u.materials), 0) FROM usage u WHERE u.tenant = $1) AS BIGINT)",
         )
-        .bind(owner.clone())
-        .execute(&mut *write.transaction)
+        .bind(tenant.to_string())
+        .fetch_one(&mut *reading)
         .await?;
-        sqlx::query("UPDATE tenants SET counted_at = $2 WHERE id = $1")
-            .bind(owner)
-            .bind(write.now)
-            .execute(&mut *write.transaction)
-            .await?;
+        reading.rollback().await?;
+        let difference = Change { bytes: row.try_get(0)?, rows: row.try_get(1)?, materials: row.try_get(2)? };
+        if difference == (Change { bytes: 0, rows: 0, materials: 0 }) {
+            return Ok(());
+        }
+        let mut write = self.of(tenant).write().await?;
+        add(&mut write, 0, difference).await?;
         write.commit().await
     }
 }
@@ -230,8 +251,8 @@ mod tests {
             assert!(
                 matches!(catalog.add_measurement(&long, &claim).await.unwrap(), Added::Over(found) if found == over)
             );
-            assert_eq!(catalog.lacks_room(15).await.unwrap(), Some(over));
-            assert_eq!(catalog.lacks_room(14).await.unwrap(), None);
+            assert_eq!(catalog.lacks_room(15, 0).await.unwrap(), Some(over));
+            assert_eq!(catalog.lacks_room(14, 0).await.unwrap(), None);
             assert!(catalog.measurement(long.id).await.unwrap().is_none() && used(&catalog).await == (16, 0));
             assert!(add(&all, &long).await.1, "another tenant has no limit");
 
@@ -246,6 +267,7 @@ mod tests {
             assert_eq!(catalog.delete_measurement(lamp.id).await.unwrap(), Deleted::Done);
             assert_eq!(used(&catalog).await, (10, 1), "a deletion counts at once");
             let over = OverQuota { what: Limited::Materials, limit: 1, used: 1 };
+            assert_eq!(catalog.lacks_room(1, 1).await.unwrap(), Some(over));
             assert_eq!(store("two").await, Uploaded::Over(over));
             assert_eq!(catalog.delete_material(Digest::of(b"one")).await.unwrap(), Deleted::Done);
             assert_eq!(store("two").await, Uploaded::Stored(true));
@@ -260,9 +282,9 @@ mod tests {
             sqlx::query("UPDATE usage SET bytes = 77, materials = 5").execute(&catalog.pool).await.unwrap();
             catalog.recount().await.unwrap();
             assert_eq!(used(&catalog).await, (4, 0));
-            sqlx::query("UPDATE usage SET bytes = 77 WHERE shard = 0").execute(&catalog.pool).await.unwrap();
+            sqlx::query("UPDATE usage SET bytes = bytes + 77 WHERE shard = 0").execute(&catalog.pool).await.unwrap();
             catalog.recount().await.unwrap();
-            assert_eq!(used(&catalog).await, (77, 0), "it was counted today");
+            assert_eq!(used(&catalog).await, (81, 0), "it was counted today");
         }
     }
 

@@ -101,6 +101,9 @@ async fn end(
 ) -> Result<Made, Failure> {
     let report = *report.ok_or_else(|| last(Code::Internal, "a compression without a report"))?;
     let size = staged.bytes();
+    if let Some(over) = engine.lacks_room_for(staged.digest(), size).await? {
+        return Err(last(Code::QuotaExceeded, over));
+    }
     let published = publish(engine, staged).await?;
     let id = published.digest();
     let payload = report.payload_digest.parse().map_err(|e| last(Code::Internal, e))?;

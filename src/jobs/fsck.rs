@@ -99,6 +99,17 @@ impl Archive {
         for tenant in self.catalog.tenant_ids().await? {
             self.of(&tenant).check_tenant(check, &mut due, &mut report).await?;
         }
+        // A restored database may lack tenants that the store has.
+        let known = self.catalog.tenant_ids().await?;
+        for tenant in self.store.tenants().await?.into_iter().filter(|tenant| !known.contains(tenant)) {
+            let Some(folder) = Object::folder_of(&tenant) else { continue };
+            let mut listed = self.store.list(&folder);
+            while let Some((object, bytes)) = listed.try_next().await? {
+                if *object.tenant() == tenant {
+                    self.check_stray(&object, bytes, check.repair, &mut report).await?;
+                }
+            }
+        }
         let mut parts = self.store.list(PARTS);
         while let Some((part, bytes)) = parts.try_next().await? {
             self.check_stray(&part, bytes, check.repair, &mut report).await?;

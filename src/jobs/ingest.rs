@@ -139,7 +139,14 @@ impl Engine {
         // A known measurement was parsed when it came; its bytes are published again if they are missing or damaged.
         let (staged, summary) = match self.archive.catalog.measurement(id).await? {
             Some(known) => (staged, Summary::of_known(&known)?),
-            None => self.understand(staged, &upload.options).await?,
+            None => {
+                let understood = self.understand(staged, &upload.options).await?;
+                // Before the bytes are stored, and again with the row: their size was not known before they came.
+                if let Some(over) = self.archive.catalog.lacks_room(bytes, 0).await? {
+                    return Err(IngestError::Over(over));
+                }
+                understood
+            }
         };
         let mut published = Published::new(&self.archive, staged).await?;
         let new = NewMeasurement {
@@ -153,14 +160,16 @@ impl Engine {
             quantity: summary.quantity,
             document: summary.document,
         };
-        loop {
+        let refused = loop {
             match self.archive.catalog.add_measurement(&new, published.claim()).await? {
                 Added::Row(row, new) => return Ok((row, new)),
-                Added::NoSpectrum => return Err(SpectrumError::Deleted.into()),
-                Added::Over(over) => return Err(IngestError::Over(over)),
+                Added::NoSpectrum => break SpectrumError::Deleted.into(),
+                Added::Over(over) => break IngestError::Over(over),
                 Added::Unpublished => published = published.again(&self.archive).await?,
             }
-        }
+        };
+        published.withdraw(&self.archive).await;
+        Err(refused)
     }
 
     async fn understand(self: &Arc<Self>, staged: Staged, options: &Options) -> Result<(Staged, Summary), IngestError> {

@@ -6,7 +6,7 @@ use super::ingest::IngestError;
 use super::options::{LaterOptions, Options};
 use super::publish::Published;
 use super::request::{CompressKind, CompressRequest, check_names};
-use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, Priority, Uploaded};
+use crate::catalog::{CatalogError, MaterialRow, MeasurementRow, NewMaterial, OverQuota, Priority, Uploaded};
 use crate::compress::Target;
 use crate::domain::ErrorReport;
 use crate::pipeline::{self, Input, PipelineError, Remeasured, Report, Request, Stated, StatedOrigin, samples_of};
@@ -123,8 +123,11 @@ impl Engine {
         let (staged, bytes, Stated { report, origin, .. }) = looked.await.map_err(IngestError::from)??;
         let compared = self.compare(bytes, &upload.measurements, (&report, &origin), Room { held: 0, more }).await?;
         let new = material(&staged, upload, report, origin, &compared)?;
+        if let Some(over) = self.lacks_room_for(new.id, new.bytes).await.map_err(IngestError::from)? {
+            return Err(IngestError::Over(over).into());
+        }
         let mut published = Published::new(&self.archive, staged).await.map_err(IngestError::from)?;
-        loop {
+        let refused = loop {
             let added = self.archive.catalog.add_material(&new, published.claim()).await.map_err(IngestError::from)?;
             match added {
                 Uploaded::Stored(is_new) => {
@@ -132,13 +135,23 @@ impl Engine {
                     let row = row.ok_or_else(|| MaterialError::Described("it was deleted at once".to_owned()))?;
                     return Ok((row, is_new));
                 }
-                Uploaded::NoMeasurement(id) => return Err(MaterialError::NoMeasurement(id)),
-                Uploaded::Over(over) => return Err(IngestError::Over(over).into()),
+                Uploaded::NoMeasurement(id) => break MaterialError::NoMeasurement(id),
+                Uploaded::Over(over) => break IngestError::Over(over).into(),
                 Uploaded::Unpublished => {
                     published = published.again(&self.archive).await.map_err(IngestError::from)?;
                 }
             }
+        };
+        published.withdraw(&self.archive).await;
+        Err(refused)
+    }
+
+    /// Returns the limit of the tenant that a material with these bytes would exceed, before they are stored.
+    pub(super) async fn lacks_room_for(&self, id: Digest, bytes: u64) -> Result<Option<OverQuota>, CatalogError> {
+        if self.archive.catalog.material_name(id).await?.is_some() {
+            return Ok(None);
         }
+        self.archive.catalog.lacks_room(bytes, 1).await
     }
 
     /// Compares an uploaded material with the measurements that the client names, or with the stored ones whose bytes

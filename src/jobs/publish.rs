@@ -49,6 +49,15 @@ impl Published {
         &self.claim
     }
 
+    /// Lists the bytes for deletion at once, because the catalog refused a row that refers to them and will not take it.
+    pub(super) async fn withdraw(self, archive: &Archive) {
+        if let Claim::Written(object, _) = &self.claim
+            && let Err(error) = archive.catalog.withdraw(object).await
+        {
+            tracing::warn!(%object, %error, "refused bytes stay in the store until their announcement expires");
+        }
+    }
+
     /// Stores the bytes again, because the catalog refused a row that refers to them: their object may have been
     /// removed.
     pub(super) async fn again(self, archive: &Archive) -> Result<Self, BlobError> {
@@ -125,6 +134,7 @@ pub(super) mod tests {
     use crate::catalog::{Added, Deleted, NewMeasurement, testing};
     use crate::jobs::{Engine, IngestError, Options, Upload, WorkConfig};
     use crate::store::Store;
+    use crate::trust::Tenant;
     use bytes::Bytes;
     use futures::future::BoxFuture;
     use futures::stream::{BoxStream, StreamExt};
@@ -186,6 +196,10 @@ pub(super) mod tests {
 
         fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>> {
             self.archive.store.list(folder)
+        }
+
+        fn tenants(&self) -> BoxFuture<'_, Result<Vec<Tenant>, StoreError>> {
+            self.archive.store.tenants()
         }
 
         fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>> {

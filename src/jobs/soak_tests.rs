@@ -7,6 +7,7 @@ use super::publish::Published;
 use super::site::tests::sites;
 use crate::catalog::{Added, Deleted, NewMeasurement, testing};
 use crate::store::{Digest, FOLDER, Object, Staged, Staging, Store, StoreError};
+use crate::trust::Tenant;
 use bytes::Bytes;
 use futures::StreamExt;
 use futures::future::BoxFuture;
@@ -123,6 +124,10 @@ impl Store for Faulty {
 
     fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>> {
         self.store.list(folder)
+    }
+
+    fn tenants(&self) -> BoxFuture<'_, Result<Vec<Tenant>, StoreError>> {
+        self.store.tenants()
     }
 
     fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>> {

@@ -260,7 +260,9 @@ async fn end(
             }
             Ok(Ending::Over(over)) => {
                 ended = Ended::Failed(JobProblem::new(Code::QuotaExceeded, over.to_string()).to_json());
-                published = None;
+                if let Some(refused) = published.take() {
+                    refused.withdraw(&engine.archive).await;
+                }
             }
             Err(CatalogError::Sql(error)) if !stop.is_cancelled() || pause < Duration::from_secs(1) => {
                 tracing::warn!(job = job.id, %error, "the end of a job is written again");

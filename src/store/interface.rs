@@ -3,6 +3,7 @@
 use super::error::StoreError;
 use super::object::Object;
 use super::staging::Staged;
+use crate::trust::Tenant;
 use bytes::Bytes;
 use futures::future::BoxFuture;
 use futures::stream::BoxStream;
@@ -46,6 +47,9 @@ pub(crate) trait Store: Send + Sync + fmt::Debug {
     }
     /// Lists the objects below a folder of the store with their sizes in bytes, in no particular order.
     fn list<'a>(&'a self, folder: &'a str) -> BoxStream<'a, Result<(Object, u64), StoreError>>;
+    /// Returns the tenants that may have objects in the store, in no particular order: those after which a folder is
+    /// named.
+    fn tenants(&self) -> BoxFuture<'_, Result<Vec<Tenant>, StoreError>>;
     /// Removes objects from the store, and returns one outcome for each, in the order of `objects`.
     fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>>;
     /// Returns a small named text that the store keeps beside the objects, if there is one.

@@ -2,8 +2,9 @@
 
 use super::error::StoreError;
 use super::interface::Store;
-use super::object::Object;
+use super::object::{FOLDER, Object};
 use super::staging::Staged;
+use crate::trust::Tenant;
 use bytes::Bytes;
 use futures::future::BoxFuture;
 use futures::stream::{BoxStream, StreamExt};
@@ -124,6 +125,17 @@ impl Store for Objects {
                 }
             })
             .boxed()
+    }
+
+    fn tenants(&self) -> BoxFuture<'_, Result<Vec<Tenant>, StoreError>> {
+        Box::pin(async move {
+            let found = match self.store.list_with_delimiter(Some(&Path::from(FOLDER))).await {
+                Err(error) if is_absent(&error) => return Ok(Vec::new()),
+                found => found?,
+            };
+            let names = found.common_prefixes.iter().filter_map(|folder| folder.filename()?.parse().ok());
+            Ok(names.collect())
+        })
     }
 
     fn remove<'a>(&'a self, objects: &'a [Object]) -> BoxFuture<'a, Vec<Result<(), StoreError>>> {
