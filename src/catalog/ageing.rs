@@ -3,7 +3,7 @@
 use super::database::Catalog;
 use super::error::{CatalogError, tenant};
 use super::priority::Priority;
-use super::ranks::{COST, Terms, rank};
+use super::ranks::{COST, Terms, cost, rank};
 use crate::trust::Tenant;
 use sqlx::Row;
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ impl Catalog {
         }
         let mut write = self.write().await?;
         let aged = write.sql(
-            "SELECT id, tenant, rank FROM jobs WHERE id IN (SELECT id FROM (SELECT id, not_before FROM jobs \
+            "SELECT id, tenant, rank, measurement FROM jobs WHERE id IN (SELECT id FROM (SELECT id, not_before FROM jobs \
              WHERE state = 'queued' AND priority = 1 ORDER BY priority, rank, id LIMIT $2) AS first \
              WHERE not_before <= $1) AND state = 'queued' AND priority = 1{skip}",
         );
@@ -44,23 +44,25 @@ impl Catalog {
             .bind(EXAMINED)
             .fetch_all(&mut *write.transaction)
             .await?;
-        let mut aged: BTreeMap<Tenant, Vec<(String, i64)>> = BTreeMap::new();
+        let mut aged: BTreeMap<Tenant, Vec<(i64, String, Option<String>)>> = BTreeMap::new();
         for row in &rows {
             let (id, owner): (String, String) = (row.try_get(0)?, row.try_get(1)?);
             let owner = tenant("jobs", &id, &owner)?;
-            aged.entry(owner).or_default().push((id, row.try_get(2)?));
+            aged.entry(owner).or_default().push((row.try_get(2)?, id, row.try_get(3)?));
         }
         for (tenant, jobs) in aged {
-            let ranks = || jobs.iter().map(|(_, rank)| *rank);
-            let (Some(least), Some(greatest)) = (ranks().min(), ranks().max()) else { continue };
-            // Among themselves they keep their order, and their distances; the last one pays for its turn like any other.
-            let distance = greatest - least + Terms::of(&mut write, &tenant).await?.distance(COST);
+            let (Some((least, ..)), Some((greatest, _, last))) = (jobs.iter().min(), jobs.iter().max()) else {
+                continue;
+            };
+            // Among themselves they keep their order, and their distances; the last one pays for its turn like others.
+            let cost = cost(&mut write, &tenant, last.as_deref()).await?.unwrap_or(COST);
+            let distance = greatest - least + Terms::of(&mut write, &tenant).await?.distance(cost);
             let start = rank(&mut write, &tenant, AGED, Priority::Usual, distance).await?;
             let moved = write.sql(
                 "UPDATE jobs SET priority = 0, share = $1, rank = rank + $2 \
                  WHERE id IN ({each $3}) AND state = 'queued'",
             );
-            let ids: Vec<&str> = jobs.iter().map(|(id, _)| id.as_str()).collect();
+            let ids: Vec<&str> = jobs.iter().map(|(_, id, _)| id.as_str()).collect();
             sqlx::query(moved)
                 .bind(AGED)
                 .bind(start - least)

@@ -256,6 +256,29 @@ async fn a_share_that_queues_its_next_job_while_the_last_one_runs_takes_no_more_
 }
 
 #[tokio::test]
+async fn a_share_does_not_wait_for_jobs_that_it_has_cancelled() {
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |share: &str, id: &str| {
+            let new = NewJob { share: share.to_owned(), ..job(id) };
+            assert!(matches!(catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        };
+        for id in ["other 0", "other 1", "other 2", "other 3"] {
+            queue("other", id).await;
+        }
+        claim(&catalog, "w", LEASE).await.unwrap();
+        for id in ["wrong 0", "wrong 1", "wrong 2", "wrong 3", "wrong 4"] {
+            queue("mine", id).await;
+        }
+        for id in ["wrong 0", "wrong 1", "wrong 2", "wrong 3", "wrong 4"] {
+            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled);
+            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled, "twice is once");
+        }
+        queue("mine", "right").await;
+        assert_eq!(claim(&catalog, "w", LEASE).await.unwrap().id, "right");
+    }
+}
+
+#[tokio::test]
 async fn measurements_stay_while_work_or_materials_stand_on_them() {
     for (catalog, _guard) in with_lamp().await {
         let lamp = Digest::of(b"lamp");
@@ -306,7 +329,9 @@ async fn a_job_that_is_queued_again_waits_behind_others_and_within_the_limits() 
             catalog.enqueue(&job(id), 3).await.unwrap();
         }
         for id in ["1", "2"] {
-            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled);
+            let failed = claim(&catalog, "w", LEASE).await.unwrap();
+            assert_eq!(failed.id, id);
+            catalog.end(&failed, &Ended::Failed("{}".to_owned())).await.unwrap();
         }
         catalog.enqueue(&NewJob { share: "another".to_owned(), ..job("4") }, 3).await.unwrap();
         assert!(matches!(catalog.retry("1", 2).await.unwrap(), Retried::Full));
@@ -314,7 +339,7 @@ async fn a_job_that_is_queued_again_waits_behind_others_and_within_the_limits() 
         assert!(matches!(catalog.retry("1", 9).await.unwrap(), Retried::Queued(_)));
         let Retried::Over(over) = catalog.retry("2", 9).await.unwrap() else { panic!() };
         assert_eq!(over, OverQuota { what: Limited::Queued, limit: 3, used: 3 });
-        assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
+        assert_eq!(state_of(&catalog, "2").await, JobState::Failed);
         catalog.change_tenant(catalog.tenant(), &limit(None)).await.unwrap();
         let mut started = Vec::new();
         while let Some(job) = claim(&catalog, "w", LEASE).await {
@@ -429,5 +454,31 @@ async fn batch_jobs_that_have_waited_for_long_take_turns_with_usual_ones() {
         assert!(kinds[..2].contains(&"old") && kinds[..2].contains(&"usual"), "{started:?}");
         assert!(kinds[2..4].contains(&"old") && kinds[2..4].contains(&"usual"), "{started:?}");
         assert_eq!((started.len(), started.last().unwrap().as_str()), (7, "new"));
+    }
+}
+
+#[tokio::test]
+async fn batch_jobs_that_age_one_by_one_take_no_more_turns_than_usual_ones() {
+    let hour = Duration::from_hours(1);
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |id: String, share: &str, priority: Priority| {
+            let new = NewJob { priority, share: share.to_owned(), ..job(&id) };
+            assert!(matches!(catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        };
+        for number in 0..4 {
+            queue(format!("old {number}"), "a", Priority::Batch).await;
+            sqlx::query("UPDATE jobs SET not_before = not_before - 3600000").execute(&catalog.pool).await.unwrap();
+            assert_eq!(catalog.age(hour).await.unwrap(), 1);
+        }
+        for number in 0..4 {
+            queue(format!("usual {number}"), "b", Priority::Usual).await;
+        }
+        let mut usual = 0;
+        for _ in 0..4 {
+            let job = claim(&catalog, "w", LEASE).await.unwrap();
+            usual += usize::from(job.id.starts_with("usual"));
+            catalog.end(&job, &Ended::Cancelled).await.unwrap();
+        }
+        assert_eq!(usual, 2, "of 4 turns");
     }
 }

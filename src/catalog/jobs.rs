@@ -172,18 +172,34 @@ impl Catalog {
     /// afterwards, if it exists.
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         self.repeat(|_| async {
-            let turn = self.turn().await;
-            sqlx::query(self.sql(
+            let mut write = self.write().await?;
+            let found = write.sql("SELECT state, share, measurement FROM jobs WHERE id = $1 AND tenant = $2{lock}");
+            let found = sqlx::query(found)
+                .bind(id.to_owned())
+                .bind(self.tenant.to_string())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            let Some(found) = found else { return Ok(None) };
+            let now = state(id, found.try_get("state")?)?;
+            if now.is_final() {
+                write.undo().await?;
+                return self.job(id).await;
+            }
+            sqlx::query(
                 "UPDATE jobs SET cancel_requested = 1, needs = CASE state WHEN 'queued' THEN NULL ELSE needs END, \
-                 updated_at = CASE state WHEN 'queued' THEN {now} ELSE updated_at END, \
-                 state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END \
-                 WHERE id = $1 AND tenant = $2 AND state IN ('queued', 'running')",
-            ))
+                 updated_at = CASE state WHEN 'queued' THEN $3 ELSE updated_at END, \
+                 state = CASE state WHEN 'queued' THEN 'cancelled' ELSE state END WHERE id = $1 AND tenant = $2",
+            )
             .bind(id.to_owned())
             .bind(self.tenant.to_string())
-            .execute(&self.pool)
+            .bind(write.now)
+            .execute(&mut *write.transaction)
             .await?;
-            drop(turn);
+            if now == JobState::Queued {
+                let (share, measurement): (String, Option<String>) = (found.try_get(1)?, found.try_get(2)?);
+                self.give_back(&mut write, &share, measurement.as_deref()).await?;
+            }
+            write.commit().await?;
             self.job(id).await
         })
         .await

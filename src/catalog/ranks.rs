@@ -2,9 +2,9 @@
 //!
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
 //! of its jobs, and a share whose rank has been passed begins at the rank that is being served (start-time fair
-//! queueing: Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the running
-//! ones only, and a share that queues one job at a time takes no more turns than others. Each priority is a queue of its
-//! own, with ranks of its own.
+//! queueing: Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the
+//! running ones only, and a share that queues one job at a time takes no more turns than others. A job that is
+//! cancelled before its start gives its distance back. Each priority is a queue of its own, with ranks of its own.
 
 use super::database::{Catalog, Write};
 use super::error::CatalogError;
@@ -83,16 +83,7 @@ impl Catalog {
         job: &Queueing<'_>,
         most: u64,
     ) -> Result<Admitted, CatalogError> {
-        let mut cost = COST;
-        if let Some(id) = job.measurement {
-            let row = sqlx::query("SELECT bytes FROM measurements WHERE tenant = $2 AND id = $1")
-                .bind(id.to_owned())
-                .bind(self.tenant.to_string())
-                .fetch_optional(&mut *write.transaction)
-                .await?;
-            let Some(row) = row else { return Ok(Admitted::NoMeasurement) };
-            cost = 1 + (row.try_get::<i64, _>(0)? >> 20);
-        }
+        let Some(cost) = cost(write, &self.tenant, job.measurement).await? else { return Ok(Admitted::NoMeasurement) };
         let terms = Terms::of(write, &self.tenant).await?;
         if let Some(most) = terms.most_queued {
             let limit = most.max(0) as u64;
@@ -105,6 +96,25 @@ impl Catalog {
             return Ok(Admitted::Full);
         }
         Ok(Admitted::Rank(rank(write, &self.tenant, job.share, job.priority, terms.distance(cost)).await?))
+    }
+
+    /// Moves a share back by the distance of a job that was cancelled before its start, so that later jobs of the share
+    /// do not wait for it. They may start before jobs of the share that wait already, but not before more of others.
+    pub(super) async fn give_back(
+        &self,
+        write: &mut Write,
+        share: &str,
+        measurement: Option<&str>,
+    ) -> Result<(), CatalogError> {
+        let cost = cost(write, &self.tenant, measurement).await?.unwrap_or(COST);
+        let distance = Terms::of(write, &self.tenant).await?.distance(cost);
+        sqlx::query("UPDATE queue_shares SET next_rank = next_rank - $3 WHERE tenant = $1 AND share = $2")
+            .bind(self.tenant.to_string())
+            .bind(share.to_owned())
+            .bind(distance)
+            .execute(&mut *write.transaction)
+            .await?;
+        Ok(())
     }
 
     /// Returns the number of waiting jobs of this tenant, counted up to `most`.
@@ -148,6 +158,22 @@ impl Catalog {
         let part = most.div_ceil(1 + others.max(0) as u64);
         Ok(self.waiting(write, part).await? >= part)
     }
+}
+
+/// Returns the cost of a job that reads this measurement; `None` if the measurement does not exist.
+pub(super) async fn cost(
+    write: &mut Write,
+    tenant: &Tenant,
+    measurement: Option<&str>,
+) -> Result<Option<i64>, CatalogError> {
+    let Some(id) = measurement else { return Ok(Some(COST)) };
+    let row = sqlx::query("SELECT bytes FROM measurements WHERE tenant = $2 AND id = $1")
+        .bind(id.to_owned())
+        .bind(tenant.to_string())
+        .fetch_optional(&mut *write.transaction)
+        .await?;
+    let bytes = row.map(|row| row.try_get::<i64, _>(0)).transpose()?;
+    Ok(bytes.map(|bytes| 1 + (bytes >> 20)))
 }
 
 /// Returns the rank in the queue of the next job of a share (jobs of one client with one priority), and raises the
