@@ -1,6 +1,6 @@
 //! `/v1/jobs`: work that outlives a request.
 
-use super::caller::Caller;
+use super::caller::{Actor, Caller};
 use super::events;
 use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
@@ -100,6 +100,7 @@ async fn post_job(
     };
     if new {
         tracing::info!(job = row.id, measurement, "job queued");
+        record(&app, &caller, "job.create", &row.id).await;
     }
     // The job is queued: a client without a place to wait is answered at once.
     let place = wait.map(|_| app.held.followers.take(client, 1));
@@ -175,9 +176,12 @@ async fn list_jobs(app: App, Query(query): Query<ListQuery>) -> Result<Json<JobP
     post, path = "/v1/jobs/{id}/retry", tag = "jobs", params(("id" = JobIdText, Path, description = "Id of the job")),
     responses((status = 202, description = "The job is queued again", body = Job))
 )]
-async fn retry_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
+async fn retry_job(app: App, caller: Caller, JobId(id): JobId) -> Result<Response, Problem> {
     match app.engine.retry(&id).await? {
-        Retried::Queued(row) => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
+        Retried::Queued(row) => {
+            record(&app, &caller, "job.retry", &id).await;
+            Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response())
+        }
         Retried::Unended(state) => Err(Problem::new(
             Kind::JobFinished,
             format!("job {id} is {state}, expected one that has failed, died or was cancelled"),
@@ -208,8 +212,11 @@ async fn get_job(app: App, JobId(id): JobId) -> Result<Json<Job>, Problem> {
         (status = 202, description = "The worker of the job was asked to stop", body = Job),
     )
 )]
-async fn cancel_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
+async fn cancel_job(app: App, caller: Caller, JobId(id): JobId) -> Result<Response, Problem> {
     let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
+    if matches!(row.state, JobState::Cancelled | JobState::Queued | JobState::Running) {
+        record(&app, &caller, "job.cancel", &id).await;
+    }
     match row.state {
         JobState::Cancelled => Ok(Json(Job::of(row)).into_response()),
         JobState::Queued | JobState::Running => Ok((StatusCode::ACCEPTED, Json(Job::of(row))).into_response()),
@@ -219,9 +226,21 @@ async fn cancel_job(app: App, JobId(id): JobId) -> Result<Response, Problem> {
     }
 }
 
+/// Records in a service with keys that a job was made, cancelled or repeated.
+async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
+    if caller.actor != Actor::Off
+        && let Err(error) = app.engine.archive.catalog.record(&caller.act(action, id)).await
+    {
+        tracing::warn!(%error, "an act was not recorded");
+    }
+}
+
 /// Builds the problem of a queue that is full.
 fn full(app: &App) -> Problem {
-    Problem::new(Kind::TooManyJobs, format!("the queue is full: {} jobs are waiting", app.engine.limits.queued_jobs))
+    Problem::new(
+        Kind::TooManyJobs,
+        format!("the queue of {} jobs is full; try again when some of them have begun", app.engine.limits.queued_jobs),
+    )
 }
 
 /// Waits for a job to end, at most for `time`. Returns the last catalog row of the job.

@@ -1,11 +1,11 @@
 //! `/v1/tenants`: the tenants of the service, for those who administer it.
 
-use super::caller::Caller;
+use super::caller::{Actor, Caller};
 use super::extract::{Name, SmallJson, parse_json};
 use super::problem::{Kind, Problem};
 use super::schemas::TenantText;
 use super::state::{App, Service};
-use crate::catalog::{Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
+use crate::catalog::{Act, Limit, MOST_WEIGHT, Quotas, Settled, TenantChange, TenantRow, TenantState};
 use crate::jobs::{Text, check_text};
 use crate::trust::Tenant;
 use axum::Json;
@@ -29,7 +29,7 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
 enum StateText {
     /// The tenant is served.
     Active,
-    /// Requests of the tenant are refused; its data are kept.
+    /// Requests of the tenant are refused, and its waiting jobs do not start; its data are kept.
     Closed,
 }
 
@@ -167,16 +167,34 @@ async fn get_tenant(app: App, caller: Caller, Name(id): Name) -> Result<Json<Abo
     request_body = ChangeRequest,
     responses((status = 200, description = "Changed", body = About))
 )]
-async fn change_tenant(app: App, Name(id): Name, SmallJson(body): SmallJson) -> Result<Json<About>, Problem> {
+async fn change_tenant(
+    app: App,
+    caller: Caller,
+    Name(id): Name,
+    SmallJson(body): SmallJson,
+) -> Result<Json<About>, Problem> {
     let request: ChangeRequest = parse_json(&body.bytes)?;
     let (tenant, change) = (tenant(&id)?, request.read()?);
     match app.engine.archive.catalog.change_tenant(&tenant, &change).await? {
         Settled::Row(row) => {
             tracing::info!(%tenant, ?change, "a tenant was changed");
+            record(&app, &caller, &tenant, &change).await;
             Ok(Json(About::of(*row)))
         }
         Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has it")),
         Settled::Absent => Err(absent(&id)),
+    }
+}
+
+/// Records the change of another tenant where that one reads it, too, without the address of the caller.
+async fn record(app: &App, caller: &Caller, tenant: &Tenant, change: &TenantChange) {
+    if caller.actor == Actor::Off || caller.tenant == *tenant {
+        return;
+    }
+    let (owner, detail) = (Some(tenant.clone()), Some(change.to_string()));
+    let act = Act { tenant: owner, detail, address: None, request: None, ..caller.act("tenant.change", tenant) };
+    if let Err(error) = app.engine.archive.catalog.record(&act).await {
+        tracing::warn!(%error, "an act was not recorded");
     }
 }
 

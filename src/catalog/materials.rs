@@ -170,20 +170,7 @@ impl Catalog {
     /// Reads rows of this tenant's materials together with their tags, source measurements and readers, in three
     /// further queries for any number of rows.
     pub(super) async fn read_materials(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
-        let mut materials = Vec::with_capacity(rows.len());
-        for row in rows {
-            let id: String = row.try_get("id")?;
-            materials.push(MaterialRow {
-                id: digest("materials", &id, &id)?,
-                name: row.try_get("name")?,
-                tags: Vec::new(),
-                measurements: Vec::new(),
-                document: row.try_get("document")?,
-                created_ms: row.try_get("created_at")?,
-                is_public: row.try_get::<String, _>("visibility")? == PUBLIC,
-                readers: Vec::new(),
-            });
-        }
+        let mut materials = rows.iter().map(bare).collect::<Result<Vec<_>, _>>()?;
         let ids = json!(materials.iter().map(|material| material.id.to_string()).collect::<Vec<_>>()).to_string();
         let at: HashMap<Digest, usize> = materials.iter().enumerate().map(|(at, material)| (material.id, at)).collect();
         let owner = self.tenant.to_string();
@@ -216,6 +203,21 @@ impl Catalog {
         }
         Ok(materials)
     }
+}
+
+/// Reads the row of a material without its tags, source measurements and readers.
+pub(super) fn bare(row: &AnyRow) -> Result<MaterialRow, CatalogError> {
+    let id: String = row.try_get("id")?;
+    Ok(MaterialRow {
+        id: digest("materials", &id, &id)?,
+        name: row.try_get("name")?,
+        tags: Vec::new(),
+        measurements: Vec::new(),
+        document: row.try_get("document")?,
+        created_ms: row.try_get("created_at")?,
+        is_public: row.try_get::<String, _>("visibility")? == PUBLIC,
+        readers: Vec::new(),
+    })
 }
 
 /// Value of the column `visibility` of a material that everybody may read.

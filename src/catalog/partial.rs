@@ -115,8 +115,8 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Begins an upload, if the client, the tenant and all together are within `limits`. Uploads of other tenants do not
-    /// count for the client, so that the answer tells nothing of them.
+    /// Begins an upload, if the client, the tenant and all together are within `limits`. Uploads of other tenants do
+    /// not count for the client, so that the answer tells nothing of them.
     pub(crate) async fn begin_partial(&self, new: &NewPartial, limits: &PartialLimits) -> Result<Begun, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;

@@ -33,8 +33,8 @@ macro_rules! lost {
 }
 
 impl Catalog {
-    /// Claims the next job of the queue for a worker, if there is one, whoever owns it. Jobs whose ids are in `but` are
-    /// left to other workers.
+    /// Claims the next job of the queue for a worker, if there is one, whoever owns it. Jobs of closed tenants wait
+    /// until these are opened. Jobs whose ids are in `but` are left to other workers.
     pub(crate) async fn claim(
         &self,
         worker: &str,
@@ -52,7 +52,7 @@ impl Catalog {
             "UPDATE jobs SET state = 'running', epoch = epoch + 1, attempts = attempts + 1, worker = $1, \
              lease_until = {now} + $2, progress = 0.0, updated_at = {now} WHERE id = (SELECT id FROM jobs \
              WHERE state = 'queued' AND not_before <= {now} AND level <= $3 AND id NOT IN ({each $4}) \
-             ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, tenant, frame, epoch, attempts, \
+             AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, tenant, frame, epoch, attempts, \
              CASE WHEN watched_until > {now} THEN 1 ELSE 0 END AS watched",
         ))
         .bind(worker.to_owned())

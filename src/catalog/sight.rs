@@ -2,15 +2,14 @@
 
 use super::database::Catalog;
 use super::error::{CatalogError, tenant};
-use super::materials::{MaterialFilter, MaterialRow, PUBLIC};
+use super::materials::{MaterialFilter, MaterialRow, PUBLIC, bare};
 use super::page::{Cursor, Page, filtered, pattern};
 use crate::domain::Quantity;
 use crate::store::Digest;
 use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// Reason for which a tenant may read a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,7 +132,8 @@ impl Catalog {
     }
 
     /// Returns a page of other tenants' materials that this tenant may read, newest first: those shared with it, or
-    /// public ones. A public material that several tenants have is listed once.
+    /// public ones. A public material that several tenants have is listed once. Source measurements and readers are
+    /// left out, because they are the owners' business.
     pub(crate) async fn visible_materials(
         &self,
         sight: Sight,
@@ -142,19 +142,25 @@ impl Catalog {
         limit: usize,
     ) -> Result<Page<MaterialRow>, CatalogError> {
         let after = after.unwrap_or_else(Cursor::newest);
-        let start = match sight {
+        // Shares have no order by time, so that all of them are sorted: by ids and times, without the documents.
+        let (start, end) = match sight {
             Sight::Own => return self.materials(filter, Some(after), limit).await,
-            Sight::Shared => {
-                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM shares s \
+            Sight::Shared => (
+                "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM \
+                 (SELECT m.tenant AS owner, m.id AS material FROM shares s \
                  JOIN materials m ON m.tenant = s.tenant AND m.id = s.material \
-                 WHERE s.reader = $7 AND (m.created_at, m.id) < ($1, $2)"
-            }
-            Sight::Public => {
+                 WHERE s.reader = $7 AND (m.created_at, m.id) < ($1, $2)",
+                " ORDER BY m.created_at DESC, m.id DESC LIMIT $6) AS page \
+                 JOIN materials m ON m.tenant = page.owner AND m.id = page.material \
+                 ORDER BY m.created_at DESC, m.id DESC",
+            ),
+            Sight::Public => (
                 "SELECT m.tenant, m.id, m.name, m.document, m.created_at, m.visibility FROM materials m \
                  WHERE m.visibility = 'public' AND m.tenant <> $7 AND (m.created_at, m.id) < ($1, $2) \
                  AND NOT EXISTS (SELECT 1 FROM materials o WHERE o.id = m.id AND o.visibility = 'public' \
-                 AND o.tenant <> $7 AND o.tenant < m.tenant)"
-            }
+                 AND o.tenant <> $7 AND o.tenant < m.tenant)",
+                " ORDER BY m.created_at DESC, m.id DESC LIMIT $6",
+            ),
         };
         let statement = filtered(
             start,
@@ -167,7 +173,7 @@ impl Catalog {
                 ),
                 (filter.q.is_some(), "m.search LIKE $5 ESCAPE '\\'"),
             ],
-            " ORDER BY m.created_at DESC, m.id DESC LIMIT $6",
+            end,
         );
         let mut list = self.list().await?;
         let rows = sqlx::query(statement)
@@ -181,17 +187,36 @@ impl Catalog {
             .fetch_all(&mut *list)
             .await?;
         list.commit().await?;
-        let mut owners: BTreeMap<Tenant, Vec<AnyRow>> = BTreeMap::new();
-        for row in rows {
-            let (owner, id): (String, String) = (row.try_get("tenant")?, row.try_get("id")?);
-            owners.entry(tenant("materials", &id, &owner)?).or_default().push(row);
-        }
-        let mut materials = Vec::new();
-        for (owner, rows) in owners {
-            materials.extend(self.of(&owner).read_materials(&rows).await?);
-        }
-        materials.sort_by_key(|row| Reverse((row.created_ms, row.id)));
+        let materials = self.with_tags(&rows).await?;
         Ok(Page::of(materials, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
+    }
+
+    /// Reads rows of materials of any tenants together with their tags, in one further query for any number of rows.
+    async fn with_tags(&self, rows: &[AnyRow]) -> Result<Vec<MaterialRow>, CatalogError> {
+        let mut materials = Vec::with_capacity(rows.len());
+        let (mut pairs, mut places) = (Vec::new(), HashMap::new());
+        for row in rows {
+            let material = bare(row)?;
+            // The id has a fixed length, so that SQL can tell the two apart.
+            let pair = format!("{}{}", material.id, row.try_get::<String, _>("tenant")?);
+            places.insert(pair.clone(), materials.len());
+            pairs.push(pair);
+            materials.push(material);
+        }
+        let tags = self.sql(
+            "SELECT pairs.value, t.tag FROM ({each $1}) AS pairs JOIN material_tags t \
+             ON t.tenant = SUBSTR(pairs.value, 68) AND t.material = SUBSTR(pairs.value, 1, 67)",
+        );
+        for row in sqlx::query(tags).bind(serde_json::json!(pairs).to_string()).fetch_all(&self.pool).await? {
+            if let Some(&at) = places.get(&row.try_get::<String, _>(0)?) {
+                let material: &mut MaterialRow = &mut materials[at];
+                material.tags.push(row.try_get(1)?);
+            }
+        }
+        for material in &mut materials {
+            material.tags.sort_unstable();
+        }
+        Ok(materials)
     }
 }
 
@@ -205,6 +230,7 @@ fn visible(id: Digest, row: &AnyRow, sight: Sight) -> Result<Visible, CatalogErr
 mod tests {
     use super::*;
     use crate::catalog::{Deleted, NewMaterial, testing};
+    use std::collections::BTreeSet;
 
     fn material(text: &str) -> NewMaterial {
         NewMaterial {
@@ -277,6 +303,13 @@ mod tests {
                 mine.open_material(Digest::of(text.as_bytes()), &public).await.unwrap();
             }
             third.open_material(Digest::of(b"a"), &public).await.unwrap();
+            add(&third, &NewMaterial { tags: vec!["z".to_owned(), "b".to_owned()], ..material("c") }).await;
+            third.open_material(Digest::of(b"c"), &share).await.unwrap();
+            let shared = reader.visible_materials(Sight::Shared, &MaterialFilter::default(), None, 9).await.unwrap();
+            let tags: BTreeSet<Vec<String>> = shared.items.into_iter().map(|row| row.tags).collect();
+            let expected = [vec!["b".to_owned(), "z".to_owned()], vec!["office".to_owned()]];
+            assert_eq!(tags, expected.into_iter().collect(), "each owner's own");
+            assert_eq!(third.delete_material(Digest::of(b"c")).await.unwrap(), Deleted::Done);
             let names = async |sight, filter: &MaterialFilter| {
                 let (mut names, mut cursor) = (Vec::new(), None);
                 loop {

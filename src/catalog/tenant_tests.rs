@@ -182,3 +182,23 @@ async fn a_full_queue_has_room_for_each_tenant_until_it_has_its_part() {
         assert_eq!(queue(&third, 0).await, 0);
     }
 }
+
+#[tokio::test]
+async fn jobs_of_a_closed_tenant_wait_until_it_is_opened() {
+    for (mine, _guard) in testing::catalogs().await {
+        let theirs = testing::other(&mine, "lab").await;
+        for (catalog, id) in [(&theirs, "closed"), (&mine, "open")] {
+            let new = NewJob { measurement: None, idempotency: None, ..job(id, Digest::of(b"none")) };
+            assert!(matches!(catalog.enqueue(&new, 9).await.unwrap(), Enqueued::New(_)));
+        }
+        let set = async |state| {
+            let change = TenantChange { state: Some(state), ..TenantChange::default() };
+            mine.change_tenant(theirs.tenant(), &change).await.unwrap();
+        };
+        let next = async || mine.claim("worker", MINUTE, &[]).await.unwrap().map(|job| job.id);
+        set(TenantState::Closed).await;
+        assert_eq!((next().await.as_deref(), next().await), (Some("open"), None));
+        set(TenantState::Active).await;
+        assert_eq!(next().await.as_deref(), Some("closed"));
+    }
+}

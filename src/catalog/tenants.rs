@@ -5,13 +5,14 @@ use super::error::{CatalogError, tenant};
 use crate::trust::Tenant;
 use sqlx::Row;
 use sqlx::any::AnyRow;
+use std::fmt;
 
 /// State of a tenant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TenantState {
     /// The tenant is served.
     Active,
-    /// Requests of the tenant are refused; its data are kept.
+    /// Requests of the tenant are refused, and its waiting jobs do not start; its data are kept.
     Closed,
 }
 
@@ -197,6 +198,27 @@ impl Catalog {
     }
 }
 
+impl fmt::Display for TenantChange {
+    /// Writes what changes, for the audit trail.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, state, weight, bytes, materials, queued, requests } = self;
+        let limit = |limit: &Option<Limit>| {
+            limit.map(|Limit(most)| most.map_or_else(|| "none".to_owned(), |most| most.to_string()))
+        };
+        let changes = [
+            ("name", name.clone()),
+            ("state", state.map(|state| state.name().to_owned())),
+            ("weight", weight.map(|weight| weight.to_string())),
+            ("max_bytes", limit(bytes)),
+            ("max_materials", limit(materials)),
+            ("max_queued", limit(queued)),
+            ("max_requests", limit(requests)),
+        ];
+        let changes = changes.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
+        f.write_str(&changes.collect::<Vec<_>>().join(", "))
+    }
+}
+
 /// Largest share of the workers relative to others. Raising it lets one tenant delay others for longer.
 pub(crate) const MOST_WEIGHT: u64 = 10_000;
 
@@ -259,6 +281,7 @@ mod tests {
                 queued: Some(Limit(Some(0))),
                 ..TenantChange::default()
             };
+            assert_eq!(close.to_string(), "state closed, max_bytes none, max_queued 0");
             let Settled::Row(row) = catalog.change_tenant(&lab, &close).await.unwrap() else { panic!() };
             let quotas = Quotas { queued: Some(0), ..Quotas::default() };
             assert_eq!((row.state, row.quotas, row.weight), (TenantState::Closed, quotas, 300));

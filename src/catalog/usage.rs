@@ -151,7 +151,7 @@ impl Catalog {
         for row in &due {
             let id: String = row.try_get(0)?;
             let tenant = tenant("tenants", &id, &id)?;
-            // Of several processes one counts.
+            // One of several processes counts.
             if self.is_to_count(&tenant).await?
                 && let Err(error) = self.count(&tenant).await
             {

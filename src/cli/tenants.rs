@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::PlaceArgs;
-use crate::catalog::{Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
+use crate::catalog::{Act, Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
 use crate::jobs::{Archive, check_text};
 use crate::trust::Tenant;
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ enum Action {
     List(List),
     /// Change a tenant's name, limits or share of the workers, or open it again
     Set(Set),
-    /// Close a tenant: its requests are refused, its data are kept
+    /// Close a tenant: its requests are refused, its jobs wait, its data are kept
     Close(Close),
 }
 
@@ -90,6 +90,9 @@ struct Change {
     weight: Option<u64>,
 }
 
+/// Name under which the audit trail records what was done by this command, which has no key of its own.
+const ACTOR: &str = "wavelume tenants";
+
 fn limit(text: &str) -> Result<Limit, String> {
     if text == "none" {
         return Ok(Limit(None));
@@ -141,6 +144,13 @@ async fn create(args: &Named) -> Result<(), Failure> {
 async fn change_tenant(places: &PlaceArgs, tenant: &Tenant, change: TenantChange) -> Result<(), Failure> {
     let catalog = open(places).await?;
     let settled = catalog.change_tenant(tenant, &change).await.map_err(Failure::failed)?;
+    if matches!(settled, Settled::Row(_)) {
+        let (owner, subject) = (Some(tenant.clone()), Some(tenant.to_string()));
+        let detail = Some(change.to_string());
+        let act =
+            Act { tenant: owner, actor: ACTOR.to_owned(), action: "tenant.change", subject, detail, ..Act::default() };
+        catalog.record(&act).await.map_err(Failure::failed)?;
+    }
     catalog.close().await;
     tell(tenant, settled)
 }

@@ -137,17 +137,16 @@ impl Engine {
         let id = upload.options.identity(content);
         let bytes = staged.bytes();
         // A known measurement was parsed when it came; its bytes are published again if they are missing or damaged.
-        let (staged, summary) = match self.archive.catalog.measurement(id).await? {
+        let known = self.archive.catalog.measurement(id).await?;
+        let is_new = known.is_none();
+        let (staged, summary) = match known {
             Some(known) => (staged, Summary::of_known(&known)?),
-            None => {
-                let understood = self.understand(staged, &upload.options).await?;
-                // Before the bytes are stored, and again with the row: their size was not known before they came.
-                if let Some(over) = self.archive.catalog.lacks_room(bytes, 0).await? {
-                    return Err(IngestError::Over(over));
-                }
-                understood
-            }
+            None => self.understand(staged, &upload.options).await?,
         };
+        // Before the bytes are stored, and again with the row: their size may have been unknown before they came.
+        if is_new && let Some(over) = self.archive.catalog.lacks_room(bytes, 0).await? {
+            return Err(IngestError::Over(over));
+        }
         let mut published = Published::new(&self.archive, staged).await?;
         let new = NewMeasurement {
             id,

@@ -72,8 +72,8 @@ impl Client {
     }
 }
 
-/// Returns the number of places that one tenant may have of `all`, of which one address may have `each`. It leaves those
-/// of one address to other tenants, or half of all where one address may have more.
+/// Returns the number of places that one tenant may have of `all`, of which one address may have `each`. It leaves
+/// those of one address to other tenants, or half of all where one address may have more.
 pub(crate) fn most_of_tenant(all: u64, each: u64) -> u64 {
     all - each.min(all / 2)
 }

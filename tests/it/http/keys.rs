@@ -4,6 +4,7 @@ use crate::service::{D65, Service, config, problem, problem_of};
 use futures::StreamExt;
 use reqwest::{Method, RequestBuilder, StatusCode};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use wavelume::api::{AuthMode, ServeConfig, ServeError, Server, openapi};
@@ -258,9 +259,13 @@ async fn keys_expire_and_give_no_more_than_their_makers_have() {
     let path = format!("/v1/materials/{}", filled.material);
     assert_eq!(service.request(Method::DELETE, &path).bearer_auth(&first).send().await.unwrap().status(), 204);
     assert_eq!(service.request(Method::DELETE, &path).bearer_auth(&first).send().await.unwrap().status(), 404);
-    let audit: Value = service.get("/v1/audit?limit=2").bearer_auth(&admin).send().await.unwrap().json().await.unwrap();
+    let audit: Value = service.get("/v1/audit?limit=3").bearer_auth(&admin).send().await.unwrap().json().await.unwrap();
     let acts: Vec<_> = audit["items"].as_array().unwrap().iter().map(|act| (&act["action"], &act["subject"])).collect();
-    let expected = [("material.delete", &filled.material), ("measurement.upload", &filled.measurement)];
+    let expected = [
+        ("material.delete", &filled.material),
+        ("job.create", &filled.job),
+        ("measurement.upload", &filled.measurement),
+    ];
     assert_eq!(
         acts,
         expected.map(|(action, id)| (json!(action), json!(id))).iter().map(|(a, b)| (a, b)).collect::<Vec<_>>()
@@ -426,6 +431,39 @@ async fn tokens_and_links_of_a_key_reach_what_they_name_and_end_with_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_audit_trail_has_jobs() {
+    let data = tempfile::tempdir().unwrap();
+    let (config, first) = guarded(data.path());
+    let service = Service::start(config).await;
+    let Filled { measurement, .. } = Filled::new(&service, &first).await;
+    let post = async |path: &str, body: &Value| -> Value {
+        let answer = service.post(path).bearer_auth(&first).json(body).send().await.unwrap();
+        assert!(answer.status().is_success(), "{}", answer.status());
+        answer.json().await.unwrap()
+    };
+    // A job on the tables of the paper takes long enough to be cancelled.
+    let job = post("/v1/jobs", &json!({ "kind": "paper", "tables": [1, 2, 3, 4, 5, 6, 7], "priority": 1 })).await;
+    let job = job["id"].as_str().unwrap();
+    post(&format!("/v1/jobs/{job}/cancel"), &json!({})).await;
+    let since = Instant::now();
+    while post(&format!("/v1/jobs/{job}/cancel"), &json!({})).await["state"] != "cancelled" {
+        assert!(since.elapsed() < Duration::from_mins(1));
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    post(&format!("/v1/jobs/{job}/retry"), &json!({})).await;
+    let audit: Value = service.get("/v1/audit").bearer_auth(&first).send().await.unwrap().json().await.unwrap();
+    let items = audit["items"].as_array().unwrap();
+    let acts = |subject: &str| -> BTreeSet<&str> {
+        let about = items.iter().filter(|item| item["subject"] == subject);
+        about.map(|item| item["action"].as_str().unwrap()).collect()
+    };
+    assert_eq!(acts(job), ["job.create", "job.cancel", "job.retry"].into_iter().collect(), "{audit}");
+    assert_eq!(acts(&measurement), ["measurement.upload"].into_iter().collect());
+    post(&format!("/v1/jobs/{job}/cancel"), &json!({})).await;
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_key_acts_for_its_tenant_until_the_tenant_is_closed() {
     let data = tempfile::tempdir().unwrap();
     let (config, first) = guarded(data.path());
@@ -449,9 +487,39 @@ async fn a_key_acts_for_its_tenant_until_the_tenant_is_closed() {
     let foreign = format!("/v1/keys/{}", other["items"][0]["id"].as_str().unwrap());
     problem(service.request(Method::DELETE, &foreign).bearer_auth(&lab), 404, "not-found").await;
 
-    let close =
-        service.request(Method::PATCH, "/v1/tenants/lab").bearer_auth(&first).json(&json!({ "state": "closed" }));
-    assert_eq!(close.send().await.unwrap().status(), StatusCode::OK);
+    let set = async |change: Value| {
+        let request = service.request(Method::PATCH, "/v1/tenants/lab").bearer_auth(&first).json(&change);
+        assert_eq!(request.send().await.unwrap().status(), StatusCode::OK);
+    };
+    set(json!({ "max_requests": 2 })).await;
+    let since = Instant::now();
+    let refused = loop {
+        let answer = service.get("/v1/materials").bearer_auth(&lab).send().await.unwrap();
+        if answer.status() != StatusCode::OK {
+            break answer;
+        }
+        assert!(since.elapsed() < Duration::from_secs(10), "still accepted");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
+    let wait: u64 = refused.headers()["retry-after"].to_str().unwrap().parse().unwrap();
+    assert!((1..=31).contains(&wait), "{wait}");
+    problem_of(refused, 429, "too-many-requests").await;
+    assert_eq!(service.get("/v1/materials").bearer_auth(&first).send().await.unwrap().status(), StatusCode::OK);
+    set(json!({ "max_requests": null })).await;
+    let audit = async || -> Value {
+        loop {
+            let answer = service.get("/v1/audit").bearer_auth(&lab).send().await.unwrap();
+            if answer.status() == StatusCode::OK {
+                return answer.json().await.unwrap();
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    let last = &audit().await["items"][0];
+    assert_eq!((&last["action"], &last["detail"]), (&json!("tenant.change"), &json!("max_requests none")));
+    assert!(last["actor"].as_str().unwrap().starts_with("key ") && last["address"].is_null(), "{last}");
+
+    set(json!({ "state": "closed" })).await;
     let since = Instant::now();
     while service.get("/v1/materials").bearer_auth(&lab).send().await.unwrap().status() == StatusCode::OK {
         assert!(since.elapsed() < Duration::from_secs(5), "still accepted");
