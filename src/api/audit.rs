@@ -55,7 +55,7 @@ struct RecordPage {
 #[into_params(parameter_in = Query)]
 struct ListQuery {
     /// Tenant whose trail is read, for callers with the scope `instance`; by default the caller's own
-    #[param(value_type = Option<TenantText>, nullable = false)]
+    #[param(value_type = Option<TenantText>)]
     tenant: Option<String>,
     /// True for the acts that belong to no tenant, such as attempts with wrong keys; for callers with the scope
     /// `instance`
@@ -63,7 +63,7 @@ struct ListQuery {
     #[param(value_type = Option<bool>, nullable = false)]
     unowned: bool,
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
-    #[param(value_type = Option<CursorText>, nullable = false)]
+    #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
     /// Largest number of items on a page.
     #[param(value_type = Option<PageSize>, nullable = false)]

@@ -3,11 +3,12 @@
 use super::caller::{Actor, Caller};
 use super::decisions::{Decision, Judged, KeyState, Rights};
 use super::expiring::{Expiring, SHORT};
-use super::guard::AuthMode;
+use super::guard::{AuthMode, Verdict};
 use super::layers::refuse;
 use super::needs::{self, Need};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
+use super::resumable::carried_out;
 use super::seen::ForAll;
 use super::state::App;
 use super::words::shown;
@@ -19,7 +20,7 @@ use axum::extract::{MatchedPath, Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
 use axum::middleware::Next;
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
 use std::time::Instant;
 
 /// Names of headers by which a proxy tells that it passes a request on.
@@ -61,7 +62,11 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
         Ok(None) => {}
         Err(problem) => {
             metrics::counter!("wavelume_unauthorised_total", "problem" => problem.code()).increment(1);
-            return refuse(Request::from_parts(parts, body), problem).await;
+            // Whoever has no place left is refused before the rest of the request has come.
+            return match app.guard.stranger(Peer::of_extensions(&parts.extensions)) {
+                Ok(_place) => refuse(Request::from_parts(parts, body), problem).await,
+                Err(_) => problem.into_response(),
+            };
         }
     }
     let recorded = (app.guard.mode != AuthMode::Off).then(|| act(&parts)).flatten();
@@ -127,7 +132,7 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
     let query = parts.uri.query().unwrap_or_default();
     let shown = if parts.headers.contains_key(header::AUTHORIZATION) {
         by_header(app, parts).await?
-    } else if Link::material(parts.uri.path()).is_some() && query.contains("signature=") {
+    } else if Link::is_like(parts.uri.path(), query) {
         by_link(app, parts, query).await?
     } else if app.guard.mode == AuthMode::KeysAndAnonymousRead && need == Need::Material {
         // Whoever owns nothing sees what is public.
@@ -173,7 +178,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
         let token = Token::read(text, now).map_err(|reason| refuse(Refused::Signed(reason, None)))?;
         let verify = |facts: &trust::KeyFacts| token.verify(facts, now);
         let (grant, rights) = signed(app, parts, token.key(), verify).await?;
-        if !grant.allows(parts.method.as_str(), parts.uri.path()) {
+        if !grant.allows(carried_out(parts), parts.uri.path()) {
             let methods = grant.methods;
             let detail = match grant.reach {
                 Reach::All => format!("the token is for {methods}, expected one of these methods"),
@@ -184,7 +189,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
         return Ok(Shown::granted(Actor::Token(grant.key), grant, &rights));
     }
     let key = text.parse::<Key>().map_err(|_| refuse(Refused::Mistyped))?;
-    let rights = rights(app, parts, key.id(), Some(key.secret().hash())).await?;
+    let rights = rights(app, parts, key.id(), Some(key.secret().hash()), Refused::Unknown(Some(key.id()))).await?;
     // Only its owner knows the key, so that this is no guess.
     match rights.state {
         KeyState::Valid => {}
@@ -216,24 +221,40 @@ async fn signed(
     id: KeyId,
     verify: impl Fn(&trust::KeyFacts) -> Result<Grant, trust::Refused>,
 ) -> Result<(Grant, Decision), Problem> {
-    let rights = rights(app, parts, id, None).await?;
+    // A key that does not exist is told like a signature that does not match.
+    let reason = |reason| Refused::Signed(reason, Some(id));
+    let rights = rights(app, parts, id, None, reason(trust::Refused::Forged)).await?;
     let verified = rights.facts().ok_or(trust::Refused::Forged).and_then(|facts| verify(&facts));
-    let grant = verified.map_err(|reason| refused(app, parts, Refused::Signed(reason, Some(id))))?;
+    let grant = verified.map_err(|found| refused(app, parts, reason(found)))?;
     match rights.state {
         // Revoked keys were refused with the signature.
         KeyState::Valid | KeyState::Revoked => Ok((grant, rights)),
         // The database has the better clock.
-        KeyState::Expired => Err(unauthorised(Refused::Signed(trust::Refused::KeyExpired, Some(id)))),
+        KeyState::Expired => Err(unauthorised(reason(trust::Refused::KeyExpired))),
         KeyState::Closed => Err(closed(&rights.tenant)),
     }
 }
 
-/// Returns the rights of a key, if it exists and, where a hash is given, the hash is that of its secret.
-async fn rights(app: &App, parts: &Parts, id: KeyId, hash: Option<SecretHash>) -> Result<Decision, Problem> {
-    let may_ask = app.guard.guesses.wait(Peer::of_extensions(&parts.extensions), Instant::now()).is_none();
-    match app.guard.decisions.judge(&app.engine.archive.catalog, id, hash, may_ask).await? {
-        Judged::Known(rights) => Ok(rights),
-        Judged::Wrong | Judged::Unasked => Err(refused(app, parts, Refused::Unknown(Some(id)))),
+/// Returns the rights of a key, if it exists and, where a hash is given, the hash is that of its secret. Otherwise the
+/// caller is refused for the reason `wrong`.
+async fn rights(
+    app: &App,
+    parts: &Parts,
+    id: KeyId,
+    hash: Option<SecretHash>,
+    wrong: Refused,
+) -> Result<Decision, Problem> {
+    let peer = Peer::of_extensions(&parts.extensions);
+    match app.guard.judge(&app.engine.archive.catalog, peer, id, hash).await? {
+        Verdict::Judged(Judged::Known(rights), _) => Ok(rights),
+        Verdict::Judged(Judged::Wrong, held) => {
+            let problem = refused(app, parts, wrong);
+            // The next look-up of the address begins after the wrong key was counted.
+            drop(held);
+            Err(problem)
+        }
+        Verdict::Unasked => Err(refused(app, parts, wrong)),
+        Verdict::Full(full) => Err(full.into()),
     }
 }
 
@@ -259,11 +280,12 @@ fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
         return Problem::new(Kind::TooManyRequests, detail).with(header::RETRY_AFTER, &seconds.to_string());
     }
     let counted = guesses.count(peer, now);
-    if counted.is_recorded {
+    if let Some(left_out) = counted.recorded {
         let caller = Caller::new(Tenant::nobody(), Scopes::none(), Actor::Anonymous, &parts.extensions);
         let (subject, reason) = (reason.key().map_or_else(|| "none".to_owned(), |id| id.to_string()), reason.text());
         let then = counted.wait.map(|wait| format!("; refused with 429 for {} s", wait.as_secs() + 1));
-        let detail = Some(format!("{reason}{}", then.unwrap_or_default()));
+        let others = (left_out > 0).then(|| format!("; {left_out} others were not recorded before"));
+        let detail = Some(format!("{reason}{}{}", then.unwrap_or_default(), others.unwrap_or_default()));
         tracing::warn!(%peer, key = subject, reason, "a key was refused");
         // The wrong key may be anybody's, so that the record belongs to no tenant.
         let act = Act { tenant: None, detail, ..caller.act("key.refused", subject) };
@@ -309,11 +331,12 @@ impl Refused {
     /// Returns true if the caller may have guessed; false if it has shown a right secret or signature, or a time that
     /// nobody needs to guess.
     fn is_guess(self) -> bool {
-        use trust::Refused::{Forged, NotALink, NotAToken};
+        use trust::Refused::{Forged, NotAToken};
         match self {
-            Self::Form | Self::Mistyped | Self::Unknown(_) => true,
-            Self::Expired | Self::Revoked => false,
-            Self::Signed(reason, _) => matches!(reason, Forged | NotALink | NotAToken),
+            Self::Mistyped | Self::Unknown(_) => true,
+            // A browser or a proxy sends other headers `Authorization`, and a page may hold any address.
+            Self::Form | Self::Expired | Self::Revoked => false,
+            Self::Signed(reason, _) => matches!(reason, Forged | NotAToken),
         }
     }
 

@@ -21,6 +21,10 @@ const RENEWED: Duration = Duration::from_millis(2500);
 /// Upper bound on the remembered keys. Raising it costs memory, some 200 bytes for each.
 const KEYS: usize = 10_000;
 
+/// One of so many remembered keys is dropped when there are [`KEYS`]. Raising it keeps more of them, and looks through
+/// them all more often.
+const DROPPED: usize = 10;
+
 /// Remembered decisions about keys.
 #[derive(Debug, Default)]
 pub(crate) struct Decisions {
@@ -79,8 +83,6 @@ pub(crate) enum Judged {
     Known(Decision),
     /// There is no such key, or the secret is wrong.
     Wrong,
-    /// This process does not know the key, and the database was not to be asked.
-    Unasked,
 }
 
 /// Memory of a key before the database is asked.
@@ -94,26 +96,34 @@ enum Recalled {
 }
 
 impl Decisions {
-    /// Judges a key by its id and, unless something else proves that the caller has it, the hash of its secret. If the
-    /// process does not know the key, the database is asked only with `may_ask`.
-    pub(crate) async fn judge(
+    /// Judges a key that this process knows, by its id and, unless something else proves that the caller has it, the
+    /// hash of its secret. Returns `None` for a key that it does not know: anybody may have made it up.
+    pub(crate) async fn remembered(
         &self,
         catalog: &Catalog,
         id: KeyId,
         hash: Option<SecretHash>,
-        may_ask: bool,
-    ) -> Result<Judged, CatalogError> {
+    ) -> Result<Option<Judged>, CatalogError> {
         let before = match self.recall(id, hash, Instant::now()) {
-            Recalled::Fresh(decision) => return Ok(Judged::Known(decision)),
-            Recalled::Wrong => return Ok(Judged::Wrong),
-            Recalled::Unknown if !may_ask => return Ok(Judged::Unasked),
-            Recalled::Unknown => None,
+            Recalled::Fresh(decision) => return Ok(Some(Judged::Known(decision))),
+            Recalled::Wrong => return Ok(Some(Judged::Wrong)),
+            Recalled::Unknown => return Ok(None),
             Recalled::Due(before) => before,
         };
-        let found = match (self.ask(catalog, id).await, before) {
-            (Err(_), Some((before, until))) if Instant::now() < until => return Ok(Judged::Known(before)),
-            (found, _) => found?,
-        };
+        match (self.look_up(catalog, id, hash).await, before) {
+            (Err(_), Some((before, until))) if Instant::now() < until => Ok(Some(Judged::Known(before))),
+            (judged, _) => judged.map(Some),
+        }
+    }
+
+    /// Asks the database about a key, and judges it by what is found.
+    pub(crate) async fn look_up(
+        &self,
+        catalog: &Catalog,
+        id: KeyId,
+        hash: Option<SecretHash>,
+    ) -> Result<Judged, CatalogError> {
+        let found = self.ask(catalog, id).await?;
         let Some(found) = found.filter(|found| hash.is_none_or(|hash| hash == found.hash)) else {
             return Ok(Judged::Wrong);
         };
@@ -140,10 +150,12 @@ impl Decisions {
 
     /// Returns true if a key is valid, as far as the process knows or the database says.
     async fn holds(&self, catalog: &Catalog, id: KeyId) -> bool {
-        match self.judge(catalog, id, None, true).await {
-            Ok(judged) => matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid),
-            Err(_) => true,
-        }
+        let judged = match self.remembered(catalog, id, None).await {
+            Ok(None) => self.look_up(catalog, id, None).await,
+            Ok(Some(judged)) => Ok(judged),
+            Err(error) => Err(error),
+        };
+        judged.map_or(true, |judged| matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid))
     }
 
     /// Drops the decision about a key, because the key was changed in this process.
@@ -172,6 +184,7 @@ impl Decisions {
 
     async fn ask(&self, catalog: &Catalog, id: KeyId) -> Result<Option<Credential>, CatalogError> {
         let (start, dropped) = (Instant::now(), self.known().dropped);
+        metrics::counter!("wavelume_key_lookups_total").increment(1);
         let found = catalog.credential(id).await?;
         let mut known = self.known();
         let Some(credential) = &found else {
@@ -186,9 +199,13 @@ impl Decisions {
         let (renewed, until) = (start + RENEWED.min(left), start + BELIEVED.min(left));
         if known.by.len() >= KEYS && !known.by.contains_key(&id) {
             known.by.retain(|_, entry| start < entry.until);
-            if known.by.len() >= KEYS {
-                known.by.clear();
-            }
+            // Keys of one tenant may fill the list: most keys of the others stay.
+            let mut number = 0;
+            let is_full = known.by.len() >= KEYS;
+            known.by.retain(|_, _| {
+                number += 1;
+                !is_full || number % DROPPED != 0
+            });
         }
         known.by.insert(id, Remembered { hash, decision, renewed, until });
         Ok(found)
@@ -236,7 +253,7 @@ impl Rights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::{Act, AddedKey, NewKey, testing};
+    use crate::catalog::{Act, AddedKey, NewKey, Revoked, testing};
     use crate::trust::Key;
 
     async fn stored(catalog: &Catalog, life: Duration) -> Key {
@@ -251,12 +268,12 @@ mod tests {
             life,
             created_by: "test".to_owned(),
         };
-        assert!(matches!(catalog.add_key(&new, &Act::default()).await.unwrap(), AddedKey::Row(_)));
+        assert!(matches!(catalog.add_key(&new, 1000, &Act::default()).await.unwrap(), AddedKey::Row(_)));
         key
     }
 
     async fn judged(decisions: &Decisions, catalog: &Catalog, key: &Key) -> &'static str {
-        match decisions.judge(catalog, key.id(), Some(key.secret().hash()), true).await.unwrap() {
+        match judge(decisions, catalog, key.id(), Some(key.secret().hash())).await {
             Judged::Known(rights) => match rights.state {
                 KeyState::Valid => "valid",
                 KeyState::Expired => "expired",
@@ -264,7 +281,13 @@ mod tests {
                 KeyState::Closed => "closed",
             },
             Judged::Wrong => "wrong",
-            Judged::Unasked => "unasked",
+        }
+    }
+
+    async fn judge(decisions: &Decisions, catalog: &Catalog, id: KeyId, hash: Option<SecretHash>) -> Judged {
+        match decisions.remembered(catalog, id, hash).await.unwrap() {
+            Some(judged) => judged,
+            None => decisions.look_up(catalog, id, hash).await.unwrap(),
         }
     }
 
@@ -276,7 +299,7 @@ mod tests {
             for decisions in [&here, &elsewhere] {
                 assert_eq!(judged(decisions, &catalog, &key).await, "valid");
             }
-            assert!(catalog.revoke_key(key.id(), None, &Act::default()).await.unwrap());
+            assert_eq!(catalog.revoke_key(key.id(), None, &Act::default()).await.unwrap(), Revoked::Done);
             here.forget(key.id());
             assert_eq!(judged(&here, &catalog, &key).await, "revoked");
             assert!(!here.holds(&catalog, key.id()).await);
@@ -295,17 +318,18 @@ mod tests {
             assert_eq!(judged(&decisions, &catalog, &other).await, "wrong");
             let wrong = Some(other.secret().hash());
             for _ in 0..2 {
-                let judged = decisions.judge(&catalog, key.id(), wrong, true).await.unwrap();
+                let judged = judge(&decisions, &catalog, key.id(), wrong).await;
                 assert!(matches!(judged, Judged::Wrong));
             }
-            let unasked = decisions.judge(&catalog, other.id(), wrong, false).await.unwrap();
-            assert!(matches!(unasked, Judged::Unasked));
+            let unasked = decisions.remembered(&catalog, other.id(), wrong).await.unwrap();
+            assert!(unasked.is_none());
             // The right one is known meanwhile.
-            let known = decisions.judge(&catalog, key.id(), Some(key.secret().hash()), false).await.unwrap();
-            assert!(matches!(known, Judged::Known(_)));
+            let right = Some(key.secret().hash());
+            let known = decisions.remembered(&catalog, key.id(), right).await.unwrap();
+            assert!(matches!(known, Some(Judged::Known(_))));
             catalog.close().await;
-            let known = decisions.judge(&catalog, key.id(), Some(key.secret().hash()), true).await.unwrap();
-            assert!(matches!(known, Judged::Known(_)), "without the database");
+            let known = decisions.remembered(&catalog, key.id(), right).await.unwrap();
+            assert!(matches!(known, Some(Judged::Known(_))), "without the database");
         }
     }
 
@@ -330,5 +354,23 @@ mod tests {
         let due = decisions.known().by[&key.id()].renewed;
         assert!(matches!(decisions.recall(key.id(), None, due), Recalled::Due(Some(_))));
         assert!(matches!(decisions.recall(key.id(), None, due), Recalled::Fresh(_)));
+    }
+
+    #[tokio::test]
+    async fn many_keys_of_one_tenant_displace_few_of_the_others() {
+        let (catalog, _guard) = testing::catalogs().await.remove(0);
+        let decisions = Decisions::default();
+        let key = stored(&catalog, Duration::from_hours(1)).await;
+        judged(&decisions, &catalog, &key).await;
+        {
+            let mut known = decisions.known();
+            let Remembered { hash, decision, renewed, until } = known.by.remove(&key.id()).unwrap();
+            while known.by.len() < KEYS {
+                let decision = decision.clone();
+                known.by.insert(Key::generate().unwrap().id(), Remembered { hash, decision, renewed, until });
+            }
+        }
+        judged(&decisions, &catalog, &key).await;
+        assert_eq!(decisions.known().by.len(), KEYS - KEYS / DROPPED + 1);
     }
 }

@@ -133,7 +133,7 @@ const OPERATIONS: &[(&str, &[&[Kind]])] = &[
     ("list_formats", &[]),
     ("get_template", &[ONE]),
     ("list_bases", &[]),
-    ("create_key", &[WRITES, CATALOG, JSON]),
+    ("create_key", &[WRITES, CATALOG, JSON, ADDS]),
     ("list_keys", &[QUERY, CATALOG]),
     ("revoke_key", &[WRITES, ONE, CATALOG]),
     ("list_audit", &[QUERY, CATALOG]),

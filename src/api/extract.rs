@@ -4,6 +4,7 @@ use super::pace::Pace;
 use super::places::{KIB, Place, client};
 use super::problem::{Kind, Problem};
 use super::state::{App, Service};
+use super::words::percent_decoded;
 use crate::store::Digest;
 use crate::trust::{KeyId, NotAKeyId};
 use axum::body::{Body, Bytes};
@@ -153,24 +154,6 @@ fn check_query(query: &str) -> Result<(), Problem> {
             Err(Problem::new(Kind::BadQuery, "found bytes that are no UTF-8 in the query string, expected UTF-8"))
         }
     }
-}
-
-/// Percent-decodes text; malformed escape sequences stay unchanged.
-fn percent_decoded(text: &str) -> Vec<u8> {
-    let digit = |b: Option<&u8>| b.and_then(|&b| char::from(b).to_digit(16));
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.as_bytes();
-    while let Some((&first, tail)) = rest.split_first() {
-        let escape = (first == b'%').then(|| digit(tail.first()).zip(digit(tail.get(1)))).flatten();
-        if let Some((high, low)) = escape {
-            bytes.push((high * 16 + low) as u8);
-            rest = &tail[2..];
-        } else {
-            bytes.push(first);
-            rest = tail;
-        }
-    }
-    bytes
 }
 
 /// Deserialises a text by which a list is filtered, for `deserialize_with`. An empty text filters nothing.

@@ -2,7 +2,7 @@
 
 use crate::catalog::{Act, CatalogError, NewKey};
 use crate::jobs::Engine;
-use crate::trust::{Key, Scopes, Signer, Tenant};
+use crate::trust::{Key, NoSigner, Scopes, Signer, Tenant};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -15,6 +15,17 @@ pub struct BootstrapKey(Arc<Key>);
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}; `wavelume keys generate` prints one")]
 pub struct NotAKey(String);
+
+/// Failure to store the first key.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum FirstKeyError {
+    /// No pair for signatures can be made from the key.
+    #[error(transparent)]
+    Signer(#[from] NoSigner),
+    /// The catalog cannot be used.
+    #[error(transparent)]
+    Catalog(#[from] CatalogError),
+}
 
 impl FromStr for BootstrapKey {
     type Err = NotAKey;
@@ -34,15 +45,16 @@ impl fmt::Debug for BootstrapKey {
 }
 
 /// Stores the key with all scopes, unless there has ever been a key.
-pub(super) async fn store(engine: &Engine, BootstrapKey(key): &BootstrapKey) -> Result<(), CatalogError> {
+pub(super) async fn store(engine: &Engine, BootstrapKey(key): &BootstrapKey) -> Result<(), FirstKeyError> {
     let id = key.id();
+    let verifier = Signer::of(key)?.verifier()?;
     let tenant = Tenant::default();
     let new = NewKey {
         id,
         tenant: tenant.clone(),
         name: "bootstrap".to_owned(),
         hash: key.secret().hash(),
-        verifier: Signer::of(key).and_then(|signer| signer.verifier()).ok(),
+        verifier: Some(verifier),
         scopes: Scopes::all(),
         life: engine.limits.key_age,
         created_by: "bootstrap".to_owned(),

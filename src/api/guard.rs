@@ -1,8 +1,11 @@
 //! Mode of access of a service, and the state by which requests are admitted or refused.
 
-use super::decisions::Decisions;
-use super::guesses::Guesses;
+use super::decisions::{Decisions, Judged};
+use super::guesses::{Guesses, Turn};
+use super::places::{Full, Peer, Place, Places};
+use crate::catalog::{Catalog, CatalogError};
 use crate::jobs::Limits;
+use crate::trust::{KeyId, SecretHash};
 use std::fmt;
 use std::sync::Arc;
 
@@ -39,11 +42,145 @@ pub(crate) struct Guard {
     pub(crate) decisions: Decisions,
     /// Wrong keys of each address.
     pub(crate) guesses: Arc<Guesses>,
+    /// Counter of requests that are being refused, or whose key this process does not know yet.
+    strangers: Places,
+}
+
+/// Judgement of a key, with all that the request holds until its answer is decided.
+#[derive(Debug)]
+pub(crate) enum Verdict {
+    /// The key was judged.
+    Judged(Judged, Option<(Turn, Place)>),
+    /// The address has sent too many wrong keys, and the key is not known to be right.
+    Unasked,
+    /// The places of requests with unknown keys are taken.
+    Full(Full),
 }
 
 impl Guard {
     pub(crate) fn new(mode: AuthMode, is_insecure: bool, limits: &Limits) -> Arc<Self> {
         let guesses = Guesses::new(limits.wrong_keys);
-        Arc::new(Self { mode, is_insecure, decisions: Decisions::default(), guesses })
+        let strangers = Places::new("requests with unknown keys", limits.requests, limits.requests_each);
+        Arc::new(Self { mode, is_insecure, decisions: Decisions::default(), guesses, strangers })
+    }
+
+    /// Takes the place of a request without a known key.
+    pub(crate) fn stranger(&self, peer: Peer) -> Result<Place, Full> {
+        self.strangers.take(peer, 1)
+    }
+
+    /// Judges a key by its id and, unless something else proves that the caller has it, the hash of its secret. An
+    /// address has as many look-ups of keys that this process does not know at once as it may still send wrong keys, so
+    /// that guesses that come together are no more than those that come one after the other.
+    pub(crate) async fn judge(
+        &self,
+        catalog: &Catalog,
+        peer: Peer,
+        id: KeyId,
+        hash: Option<SecretHash>,
+    ) -> Result<Verdict, CatalogError> {
+        if let Some(judged) = self.decisions.remembered(catalog, id, hash).await? {
+            return Ok(Verdict::Judged(judged, None));
+        }
+        let place = match self.stranger(peer) {
+            Ok(place) => place,
+            Err(full) => return Ok(Verdict::Full(full)),
+        };
+        let Some(turn) = self.guesses.turn(peer).await else { return Ok(Verdict::Unasked) };
+        // Another request with this key may have asked meanwhile.
+        let judged = match self.decisions.remembered(catalog, id, hash).await? {
+            Some(judged) => judged,
+            None => self.decisions.look_up(catalog, id, hash).await?,
+        };
+        Ok(Verdict::Judged(judged, Some((turn, place))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalog::{Act, AddedKey, NewKey, testing};
+    use crate::trust::{Key, Tenant};
+    use metrics_exporter_prometheus::PrometheusBuilder;
+    use std::time::{Duration, Instant};
+
+    async fn stored(catalog: &Catalog) -> Key {
+        let key = Key::generate().unwrap();
+        let new = NewKey {
+            id: key.id(),
+            tenant: Tenant::default(),
+            name: "test".to_owned(),
+            hash: key.secret().hash(),
+            verifier: None,
+            scopes: "read".parse().unwrap(),
+            life: Duration::from_hours(1),
+            created_by: "test".to_owned(),
+        };
+        assert!(matches!(catalog.add_key(&new, 1000, &Act::default()).await.unwrap(), AddedKey::Row(_)));
+        key
+    }
+
+    /// Judges all keys at once, as requests of one address; returns the numbers of right and wrong ones and of those
+    /// without a look-up.
+    async fn judged(guard: &Guard, catalog: &Catalog, peer: Peer, keys: &[Key]) -> [usize; 3] {
+        let judged = futures::future::join_all(keys.iter().map(async |key| {
+            match guard.judge(catalog, peer, key.id(), Some(key.secret().hash())).await.unwrap() {
+                Verdict::Judged(Judged::Known(_), _) => 0,
+                Verdict::Judged(Judged::Wrong, held) => {
+                    guard.guesses.count(peer, Instant::now());
+                    drop(held);
+                    1
+                }
+                Verdict::Unasked => 2,
+                Verdict::Full(full) => panic!("{full:?}"),
+            }
+        }));
+        let mut counts = [0; 3];
+        judged.await.into_iter().for_each(|kind| counts[kind] += 1);
+        counts
+    }
+
+    #[test]
+    fn guesses_that_come_at_once_ask_the_database_no_more_often_than_ten_and_nobody_else_waits() {
+        let recorder = PrometheusBuilder::new().build_recorder();
+        let look_ups = || {
+            let text = recorder.handle().render();
+            let line = text.lines().find_map(|line| line.strip_prefix("wavelume_key_lookups_total "));
+            line.map_or(0, |number| number.parse::<u64>().unwrap())
+        };
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let peer = |last: u8| Peer::of([10, 0, 0, last].into());
+        metrics::with_local_recorder(&recorder, || {
+            runtime.block_on(async {
+                for (catalog, _guard) in testing::catalogs().await {
+                    let guard = Guard::new(AuthMode::Keys, false, &Limits::default());
+                    let right = stored(&catalog).await;
+                    let wrong: Vec<Key> = (0..200).map(|_| Key::generate().unwrap()).collect();
+                    let before = look_ups();
+                    assert_eq!(judged(&guard, &catalog, peer(1), &wrong).await, [0, 10, 190]);
+                    assert_eq!(look_ups() - before, 10);
+                    assert_eq!(judged(&guard, &catalog, peer(1), &wrong).await, [0, 0, 200]);
+                    assert_eq!(look_ups() - before, 10, "and no more within the minute");
+                    // A key that is not known yet asks from another address, once for all its requests at once.
+                    let same: Vec<Key> = (0..200).map(|_| right.reveal().parse().unwrap()).collect();
+                    assert_eq!(judged(&guard, &catalog, peer(2), &same).await, [200, 0, 0]);
+                    assert!((11..=20).contains(&(look_ups() - before)), "{}", look_ups() - before);
+                    assert_eq!(judged(&guard, &catalog, peer(1), &same).await, [200, 0, 0], "it is known now");
+                    assert_eq!(guard.strangers.taken(), 0);
+                }
+            });
+        });
+    }
+
+    #[tokio::test]
+    async fn many_right_keys_of_one_address_take_turns_and_none_is_refused() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let guard = Guard::new(AuthMode::Keys, false, &Limits::default());
+            let mut keys = Vec::new();
+            for _ in 0..40 {
+                keys.push(stored(&catalog).await);
+            }
+            assert_eq!(judged(&guard, &catalog, Peer::of([10, 0, 0, 1].into()), &keys).await, [40, 0, 0]);
+        }
     }
 }

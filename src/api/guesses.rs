@@ -4,6 +4,7 @@ use super::places::Peer;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::sync::Notify;
 
 /// Time within which wrong keys are counted, and after which their address may try again. Raising it slows guessing.
 const WINDOW: Duration = Duration::from_mins(1);
@@ -18,6 +19,17 @@ const RECORDED: Duration = Duration::from_secs(1);
 /// addresses write more.
 const RECORDS: u32 = 10;
 
+/// Time within which [`HOURLY`] records of all addresses are written.
+const HOUR: Duration = Duration::from_hours(1);
+
+/// Upper bound on the records of wrong keys of all addresses within [`HOUR`]. Raising it lets a flood that lasts fill
+/// more of the database: with this bound 432,000 records of one node within the 30 days for which they are kept.
+const HOURLY: u32 = 600;
+
+/// Shortest time between two searches for addresses whose minute is over. Raising it forgets more addresses before
+/// their time in a flood from more addresses than are remembered.
+const SEARCHED: Duration = Duration::from_secs(1);
+
 /// Counts of wrong keys by client address.
 #[derive(Debug)]
 pub(crate) struct Guesses {
@@ -29,24 +41,56 @@ pub(crate) struct Guesses {
 struct State {
     by: HashMap<Peer, Window>,
     /// Start of the current second of records, and the records within it.
-    recorded: Option<(Instant, u32)>,
+    second: Option<(Instant, u32)>,
+    /// Start of the current hour of records, and the records within it.
+    hour: Option<(Instant, u32)>,
+    /// Number of wrong keys since the last record, which were not recorded.
+    left_out: u64,
+    /// Time of the last search for addresses whose minute is over.
+    searched: Option<Instant>,
 }
 
 /// Wrong keys of one address since the first of them.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Window {
     since: Instant,
     wrong: u32,
     recorded: Option<Instant>,
+    /// Number of look-ups that are under way.
+    asking: u32,
+    /// Signal to requests that wait for the end of a look-up.
+    ended: Arc<Notify>,
 }
 
 /// Outcome of counting a wrong key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Counted {
-    /// True if the wrong key is to be recorded in the audit trail; some are left out.
-    pub(crate) is_recorded: bool,
+    /// Number of wrong keys that were left out of the audit trail since the last record; `None` if this one is left
+    /// out, too.
+    pub(crate) recorded: Option<u64>,
     /// Time for which the address is refused from now on, if it has sent as many wrong keys as it may.
     pub(crate) wait: Option<Duration>,
+}
+
+/// Turn of an address to look up a key that this process does not know, until this is dropped. Count the key first if
+/// it was wrong.
+#[derive(Debug)]
+#[must_use]
+pub(crate) struct Turn {
+    guesses: Arc<Guesses>,
+    peer: Peer,
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        let mut state = self.guesses.state();
+        let Some(window) = state.by.get_mut(&self.peer) else { return };
+        window.asking = window.asking.saturating_sub(1);
+        window.ended.notify_one();
+        if window.asking == 0 && window.wrong == 0 {
+            state.by.remove(&self.peer);
+        }
+    }
 }
 
 impl Guesses {
@@ -57,43 +101,96 @@ impl Guesses {
 
     /// Returns the time for which an address must wait because it has sent too many wrong keys.
     pub(crate) fn wait(&self, peer: Peer, now: Instant) -> Option<Duration> {
-        let window = *self.state().by.get(&peer)?;
-        if window.wrong < self.most {
-            return None;
+        self.state().by.get(&peer)?.wait(self.most, now)
+    }
+
+    /// Returns the turn of an address to look up a key; `None` if it has sent too many wrong keys. Look-ups under way
+    /// count as wrong keys until they have ended, so that a further one may have to wait.
+    pub(crate) async fn turn(self: &Arc<Self>, peer: Peer) -> Option<Turn> {
+        loop {
+            let now = Instant::now();
+            let ended = {
+                let mut state = self.state();
+                let window = state.window(peer, now);
+                if window.wait(self.most, now).is_some() {
+                    return None;
+                }
+                if window.wrong + window.asking < self.most {
+                    window.asking += 1;
+                    return Some(Turn { guesses: Arc::clone(self), peer });
+                }
+                // Registered under the lock, so that the end of a look-up is not missed.
+                let mut ended = Box::pin(Arc::clone(&window.ended).notified_owned());
+                ended.as_mut().enable();
+                ended
+            };
+            ended.await;
         }
-        (window.since + WINDOW).checked_duration_since(now).filter(|left| !left.is_zero())
     }
 
     /// Counts a wrong key of an address.
     pub(crate) fn count(&self, peer: Peer, now: Instant) -> Counted {
         let mut state = self.state();
-        if state.by.len() >= ADDRESSES && !state.by.contains_key(&peer) {
-            state.by.retain(|_, window| now < window.since + WINDOW);
-            // A flood from more addresses than are remembered: the list begins anew.
-            if state.by.len() >= ADDRESSES {
-                state.by.clear();
-            }
-        }
-        let (begun, records) = state.recorded.filter(|(begun, _)| now < *begun + RECORDED).unwrap_or((now, 0));
-        let new = Window { since: now, wrong: 0, recorded: None };
-        let window = state.by.entry(peer).or_insert(new);
-        if now >= window.since + WINDOW {
-            *window = Window { recorded: window.recorded, ..new };
-        }
+        let within = |counted: Option<(Instant, u32)>, time| {
+            counted.filter(|(begun, _)| now < *begun + time).unwrap_or((now, 0))
+        };
+        let (second, hour) = (within(state.second, RECORDED), within(state.hour, HOUR));
+        let window = state.window(peer, now);
         window.wrong = window.wrong.saturating_add(1);
         let is_last = window.wrong == self.most;
-        let is_recorded =
-            records < RECORDS && (is_last || window.recorded.is_none_or(|recorded| now >= recorded + RECORDED));
+        let is_due = is_last || window.recorded.is_none_or(|recorded| now >= recorded + RECORDED);
+        let is_recorded = is_due && second.1 < RECORDS && hour.1 < HOURLY;
         if is_recorded {
             window.recorded = Some(now);
         }
         let wait = (window.wrong >= self.most).then(|| (window.since + WINDOW).saturating_duration_since(now));
-        state.recorded = Some((begun, records + u32::from(is_recorded)));
-        Counted { is_recorded, wait }
+        if wait.is_some() {
+            window.ended.notify_waiters();
+        }
+        let more = u32::from(is_recorded);
+        (state.second, state.hour) = (Some((second.0, second.1 + more)), Some((hour.0, hour.1 + more)));
+        let left_out = if is_recorded { 0 } else { state.left_out.saturating_add(1) };
+        let before = std::mem::replace(&mut state.left_out, left_out);
+        Counted { recorded: is_recorded.then_some(before), wait }
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Returns the current minute of an address.
+    fn window(&mut self, peer: Peer, now: Instant) -> &mut Window {
+        if self.by.len() >= ADDRESSES && !self.by.contains_key(&peer) {
+            if self.searched.is_none_or(|searched| now >= searched + SEARCHED) {
+                self.searched = Some(now);
+                self.by.retain(|_, window| window.asking > 0 || now < window.since + WINDOW);
+            }
+            // A flood from more addresses than are remembered: the list begins anew.
+            if self.by.len() >= ADDRESSES {
+                self.by.retain(|_, window| window.asking > 0);
+            }
+        }
+        let window = self.by.entry(peer).or_insert_with(|| Window {
+            since: now,
+            wrong: 0,
+            recorded: None,
+            asking: 0,
+            ended: Arc::default(),
+        });
+        if now >= window.since + WINDOW {
+            (window.since, window.wrong) = (now, 0);
+        }
+        window
+    }
+}
+
+impl Window {
+    /// Returns the time for which the address must wait because it has sent `most` wrong keys.
+    fn wait(&self, most: u32, now: Instant) -> Option<Duration> {
+        let left = (self.since + WINDOW).checked_duration_since(now).filter(|left| !left.is_zero());
+        left.filter(|_| self.wrong >= most)
     }
 }
 
@@ -112,7 +209,7 @@ mod tests {
         let (start, one) = (Instant::now(), peer("10.0.0.1"));
         let at = |seconds: u64| start + Duration::from_secs(seconds);
         for second in 0..9 {
-            assert_eq!(guesses.count(one, at(second)), Counted { is_recorded: true, wait: None });
+            assert_eq!(guesses.count(one, at(second)), Counted { recorded: Some(0), wait: None });
             assert_eq!(guesses.wait(one, at(second)), None);
         }
         assert_eq!(guesses.count(one, at(10)).wait, Some(Duration::from_secs(50)));
@@ -131,11 +228,53 @@ mod tests {
     fn records_are_few_but_the_last_wrong_key_is_among_them() {
         let guesses = Guesses::new(10);
         let (start, one) = (Instant::now(), peer("10.0.0.1"));
-        let recorded: Vec<bool> = (0..12).map(|_| guesses.count(one, start).is_recorded).collect();
+        let recorded: Vec<bool> = (0..12).map(|_| guesses.count(one, start).recorded.is_some()).collect();
         assert_eq!(recorded.iter().filter(|recorded| **recorded).count(), 2);
         assert!(recorded[0] && recorded[9]);
-        let many = (0..100_u8).filter(|i| guesses.count(peer(&format!("10.0.1.{i}")), start).is_recorded);
+        let many = (0..100_u8).filter(|i| guesses.count(peer(&format!("10.0.1.{i}")), start).recorded.is_some());
         assert_eq!(many.count(), 8, "10 a second of all addresses");
+        let next = guesses.count(one, start + RECORDED);
+        assert_eq!(next.recorded, Some(92), "those left out since the last record are counted");
+    }
+
+    #[test]
+    fn a_flood_from_many_addresses_writes_600_records_an_hour() {
+        let guesses = Guesses::new(10);
+        let (start, mut records) = (Instant::now(), 0);
+        for second in 0..3600_u32 {
+            for i in 0..20_u128 {
+                let peer = Peer::of(IpAddr::V6(Ipv6Addr::from((u128::from(second) * 20 + i) << 64)));
+                let counted = guesses.count(peer, start + Duration::from_secs(u64::from(second)));
+                records += u32::from(counted.recorded.is_some());
+            }
+        }
+        assert_eq!(records, HOURLY);
+        assert!(guesses.count(peer("10.0.0.1"), start + HOUR).recorded.is_some_and(|left_out| left_out > 70_000));
+    }
+
+    #[tokio::test]
+    async fn look_ups_at_once_are_as_many_as_wrong_keys_are_left_and_the_others_wait() {
+        let guesses = Guesses::new(3);
+        let one = peer("10.0.0.1");
+        guesses.count(one, Instant::now());
+        let (first, second) = (guesses.turn(one).await.unwrap(), guesses.turn(one).await.unwrap());
+        let waiting = || {
+            let guesses = Arc::clone(&guesses);
+            tokio::spawn(async move { guesses.turn(one).await.is_some() })
+        };
+        let (third, fourth) = (waiting(), waiting());
+        tokio::task::yield_now().await;
+        assert!(!third.is_finished() && guesses.turn(peer("10.0.0.2")).await.is_some());
+        drop(first);
+        assert!(third.await.unwrap() && fourth.await.unwrap(), "one after the other, as each was right");
+        let (last, refused) = (guesses.turn(one).await.unwrap(), waiting());
+        tokio::task::yield_now().await;
+        for turn in [second, last] {
+            guesses.count(one, Instant::now());
+            drop(turn);
+        }
+        assert!(!refused.await.unwrap() && guesses.turn(one).await.is_none());
+        assert_eq!(guesses.state().by.len(), 1, "an address without a wrong key is forgotten");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::extract::{JobId, JsonBytes, Query, SmallJson, parse_json};
 use super::job::{Job, StateSchema, absent, change, find};
 use super::page::page;
 use super::problem::{Kind, Problem};
-use super::schemas::{JobIdText, LONGEST_REQUEST_KEY, PageSize, RequestKey};
+use super::schemas::{CursorText, JobIdText, LONGEST_REQUEST_KEY, PageSize, RequestKey};
 use super::state::{App, Service};
 use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
 use crate::jobs::{Client, JobRequest, KindOnly, Queued, RequestError, Source};
@@ -135,7 +135,7 @@ struct ListQuery {
     #[param(nullable = false)]
     measurement: Option<Digest>,
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
-    #[param(nullable = false)]
+    #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
     /// Largest number of items on a page.
     #[param(value_type = Option<PageSize>, nullable = false)]

@@ -6,7 +6,7 @@ use super::page::page;
 use super::problem::{Kind, Problem};
 use super::schemas::{CursorText, KeyIdText, PageSize, TenantText};
 use super::state::{App, Service};
-use crate::catalog::{AddedKey, KeyRow, NewKey};
+use crate::catalog::{AddedKey, KeyRow, NewKey, Revoked};
 use crate::jobs::{Text, check_text};
 use crate::trust::{Key, Scope, Scopes, Signer, Tenant};
 use axum::Json;
@@ -28,22 +28,23 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
 #[serde(deny_unknown_fields)]
 struct KeyRequest {
     /// Name of the key, for people.
-    #[schema(value_type = Option<Text>, nullable = false)]
+    #[schema(value_type = Option<Text>)]
     name: Option<String>,
     /// Scopes of the key: at most those of the key that makes it, unless that has the scope `instance`.
     #[schema(value_type = Vec<Scope>, min_items = 1)]
     scopes: Scopes,
     /// Tenant of the key, for callers with the scope `instance`; by default the caller's own.
-    #[schema(value_type = Option<TenantText>, nullable = false)]
+    #[schema(value_type = Option<TenantText>)]
     tenant: Option<String>,
-    /// Seconds for which the key is valid; by default, and at most, the setting `key-age`, a year.
-    #[schema(nullable = false, minimum = 1)]
+    /// Seconds for which the key is valid; by default, and at most, the setting `key-age`, a year, and unless the key
+    /// that makes it has the scope `instance`, no longer than that one.
+    #[schema(minimum = 1)]
     valid_s: Option<u64>,
 }
 
 /// Description of an access key, without its secret.
 #[derive(Debug, Serialize, ToSchema)]
-struct AccessKey {
+pub(crate) struct AccessKey {
     /// Public id of the key, the second part of its text.
     #[schema(value_type = KeyIdText)]
     id: String,
@@ -66,7 +67,7 @@ struct AccessKey {
 
 /// A new access key with its text, which is shown this once.
 #[derive(Debug, Serialize, ToSchema)]
-struct MadeKey {
+pub(crate) struct MadeKey {
     /// Text of the key, for the header `Authorization: Bearer KEY`. It is not stored, so it cannot be shown again.
     key: String,
     #[serde(flatten)]
@@ -87,10 +88,10 @@ struct KeyPage {
 #[into_params(parameter_in = Query)]
 struct ListQuery {
     /// Tenant whose keys are listed, for callers with the scope `instance`; by default the caller's own
-    #[param(value_type = Option<TenantText>, nullable = false)]
+    #[param(value_type = Option<TenantText>)]
     tenant: Option<String>,
     /// Cursor at which the page starts: `next` of the previous page of the list; none for the first page
-    #[param(value_type = Option<CursorText>, nullable = false)]
+    #[param(value_type = Option<CursorText>)]
     cursor: Option<String>,
     /// Largest number of items on a page.
     #[param(value_type = Option<PageSize>, nullable = false)]
@@ -117,11 +118,15 @@ async fn create_key(app: App, caller: Caller, SmallJson(body): SmallJson) -> Res
         let detail = format!("scopes: found {asked}, expected at most those of the key that makes it: {own}");
         return Err(Problem::new(Kind::MissingScope, detail));
     }
-    let most = app.engine.limits.key_age;
+    // A key that is known for a short time only makes none for longer.
+    let own = caller.left().filter(|_| !caller.is_operator());
+    let longest = app.engine.limits.key_age;
+    let most = own.map_or(longest, |own| own.min(longest));
     let life = request.valid_s.map_or(most, Duration::from_secs);
     if life > most || life.is_zero() {
-        let (found, most) = (life.as_secs(), most.as_secs());
-        return Err(Problem::invalid(format!("valid_s: found {found}, expected 1 to {most}")));
+        let (found, seconds) = (life.as_secs(), most.as_secs());
+        let then = if most < longest { ", when the key that makes it ends" } else { "" };
+        return Err(Problem::invalid(format!("valid_s: found {found}, expected 1 to {seconds}{then}")));
     }
     let key = Key::generate().map_err(|error| Problem::internal(&error))?;
     let verifier = Signer::of(&key).and_then(|signer| signer.verifier()).map_err(|error| Problem::internal(&error))?;
@@ -137,16 +142,26 @@ async fn create_key(app: App, caller: Caller, SmallJson(body): SmallJson) -> Res
         created_by: caller.actor.to_string(),
     };
     let act = crate::catalog::Act { tenant: Some(tenant.clone()), detail: Some(new.scopes.to_string()), ..act };
-    match app.engine.archive.catalog.add_key(&new, &act).await? {
+    let limit = app.engine.limits.keys_each;
+    match app.engine.archive.catalog.add_key(&new, limit, &act).await? {
         AddedKey::Row(row) => {
             tracing::info!(key = %row.id, tenant = %row.tenant, scopes = %row.scopes, by = %caller.actor, "key made");
-            let made = MadeKey { key: key.reveal(), about: AccessKey::of(*row) };
+            let made = MadeKey::of(&key, *row);
             let mut response = (StatusCode::CREATED, Json(made)).into_response();
             response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
             Ok(response)
         }
         AddedKey::NoTenant => Err(Problem::invalid(format!("tenant: there is no tenant {tenant}"))),
         AddedKey::Taken => Err(Problem::internal(&"a random id of a key is taken")),
+        AddedKey::Full(valid) => {
+            let detail = format!("the tenant has {valid} of {limit} valid keys; revoke one of them first");
+            Err(Problem::over_quota(limit, valid, detail))
+        }
+        AddedKey::Ended(all) => {
+            let detail =
+                format!("the tenant has {all} keys with those that have ended, which are forgotten after 30 days");
+            Err(Problem::over_quota(all, all, detail))
+        }
     }
 }
 
@@ -173,13 +188,18 @@ async fn list_keys(app: App, caller: Caller, Query(query): Query<ListQuery>) -> 
 async fn revoke_key(app: App, caller: Caller, KeyIdPath(id): KeyIdPath) -> Result<StatusCode, Problem> {
     let own = (!caller.is_operator()).then_some(&caller.tenant);
     let act = caller.act("key.revoke", id);
-    let found = app.engine.archive.catalog.revoke_key(id, own, &act).await?;
-    app.guard.decisions.forget(id);
-    if !found {
-        return Err(Problem::new(Kind::NotFound, format!("there is no key {id}")));
+    match app.engine.archive.catalog.revoke_key(id, own, &act).await? {
+        Revoked::Done => {
+            app.guard.decisions.forget(id);
+            tracing::info!(key = %id, by = %caller.actor, "key revoked");
+            Ok(StatusCode::NO_CONTENT)
+        }
+        Revoked::Absent => Err(Problem::new(Kind::NotFound, format!("there is no key {id}"))),
+        Revoked::Operator => {
+            let detail = format!("the key {id} has the scope `instance`, expected a caller with it");
+            Err(Problem::new(Kind::MissingScope, detail))
+        }
     }
-    tracing::info!(key = %id, by = %caller.actor, "key revoked");
-    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Returns the tenant that a request of `caller` names, by default the caller's own.
@@ -197,8 +217,16 @@ pub(super) fn tenant_of(
     Err(Problem::new(Kind::MissingScope, detail))
 }
 
+impl MadeKey {
+    /// Describes a key that was made just now, with its text.
+    pub(crate) fn of(key: &Key, row: KeyRow) -> Self {
+        Self { key: key.reveal(), about: AccessKey::of(row) }
+    }
+}
+
 impl AccessKey {
-    fn of(row: KeyRow) -> Self {
+    /// Describes a stored key.
+    pub(crate) fn of(row: KeyRow) -> Self {
         Self {
             id: row.id.to_string(),
             tenant: row.tenant.to_string(),

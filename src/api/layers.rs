@@ -3,8 +3,8 @@
 use super::access::{Access, Page};
 use super::caller::RequestId;
 use super::problem::{Kind, Problem};
-use super::words::shown;
-use crate::trust::holds_secret;
+use super::words::{shown, shown_path};
+use crate::trust::{Link, holds_secret};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -46,7 +46,7 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     let may = match &page {
         Page::Own => true,
         Page::Allowed(_) => request.method().is_safe() || asks(&request),
-        Page::Foreign => request.method().is_safe() && !request.headers().contains_key(header::AUTHORIZATION),
+        Page::Foreign => request.method().is_safe() && !uses_key(&request),
     };
     let mut response = match &page {
         Page::Allowed(_) if preflight => StatusCode::NO_CONTENT.into_response(),
@@ -89,6 +89,16 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     response
 }
 
+/// Returns true if a page sends a key, or asks for what a signed link names in the background. Whoever follows a link
+/// to it leaves the page.
+fn uses_key(request: &Request) -> bool {
+    let headers = request.headers();
+    let leaves = headers.get("sec-fetch-mode").is_some_and(|mode| mode == "navigate")
+        && headers.get("sec-fetch-dest").is_some_and(|place| place == "document");
+    headers.contains_key(header::AUTHORIZATION)
+        || (Link::is_like(request.uri().path(), request.uri().query().unwrap_or_default()) && !leaves)
+}
+
 /// Returns true for POST requests that only query a material: `evaluate`, `pdf`, `sample` and `albedo` change nothing.
 fn asks(request: &Request) -> bool {
     let path = request.uri().path();
@@ -108,7 +118,7 @@ pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
 pub(crate) async fn outermost(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
-    let path = shown(request.uri().path(), LOGGED_PATH);
+    let path = shown_path(request.uri().path(), LOGGED_PATH);
     let route = request.extensions().get::<MatchedPath>().map_or("none".to_owned(), |path| path.as_str().to_owned());
     let request_id = request_id(request.headers());
     request.extensions_mut().insert(RequestId(request_id.clone()));
@@ -174,7 +184,7 @@ pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
 
 /// Answers a request whose path has no route.
 pub(crate) async fn no_route(request: Request) -> Response {
-    let detail = format!("no route is at {}", shown(request.uri().path(), LOGGED_PATH));
+    let detail = format!("no route is at {}", shown_path(request.uri().path(), LOGGED_PATH));
     refuse(request, Problem::new(Kind::NotFound, detail)).await
 }
 

@@ -140,6 +140,11 @@ impl Problem {
         self
     }
 
+    /// Builds the problem of a request beyond a limit of the caller's tenant, which has `used` of it.
+    pub(crate) fn over_quota(limit: u64, used: u64, detail: impl Into<String>) -> Self {
+        Self { quota: Some(Box::new((limit, used))), ..Self::new(Kind::QuotaExceeded, detail) }
+    }
+
     /// Returns the code of the error's type.
     pub(crate) fn code(&self) -> &'static str {
         self.kind.code()
@@ -370,7 +375,7 @@ impl From<OverQuota> for Problem {
             Limited::Bytes | Limited::Materials => Kind::QuotaExceeded,
             Limited::Queued => Kind::TooManyJobs,
         };
-        Self { quota: Some(Box::new((over.limit, over.used))), ..Self::new(kind, over.to_string()) }
+        Self { kind, ..Self::over_quota(over.limit, over.used, over.to_string()) }
     }
 }
 

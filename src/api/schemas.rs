@@ -61,6 +61,8 @@ described! {
         .pattern(Some("^[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}$"));
     /// Schema of the version of the protocol of resumable uploads.
     TusVersion = "TusVersion", one_of("Version of the protocol of resumable uploads.", ["1.0.0"]);
+    /// Schema of the method that a request with `POST` to a resumable upload carries out.
+    OverridingMethod = "OverridingMethod", one_of("Method that the request carries out.", ["PATCH", "DELETE"]);
     /// Schema of the id of a resumable upload.
     UploadIdText = "UploadId", text("Id of an upload: 32 lower-case hexadecimal digits.").pattern(Some("^[0-9a-f]{32}$"));
     /// Schema of the public id of an access key.

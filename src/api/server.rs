@@ -5,7 +5,7 @@ use super::connection::{Entrance, Host};
 use super::content_cache::Contents;
 use super::descriptors;
 use super::figures::{keep_up, recorder};
-use super::first_key::{self, BootstrapKey};
+use super::first_key::{self, BootstrapKey, FirstKeyError};
 use super::guard::{AuthMode, Guard};
 use super::places::Peer;
 use super::rates::Rates;
@@ -33,8 +33,8 @@ const COMPLAINT: Duration = Duration::from_secs(10);
 pub struct ServeConfig {
     /// Socket address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Host names that requests may name besides loopback ones. On a loopback address all other names are refused; on
-    /// any other address an empty list accepts all.
+    /// Host names that requests may name besides loopback ones, and besides IP addresses where the service listens on
+    /// another address than loopback.
     pub names: Vec<String>,
     /// Web origins (`https://app.example.org`) whose pages may read answers and send queries; pages of other origins
     /// may not.
@@ -89,7 +89,8 @@ pub enum ServeError {
     #[error(
         "on {address} everybody who reaches this machine could read, write and delete, because the service runs without \
          keys: make a key with `wavelume keys create{place} --name admin --scopes {scopes}` and start with `wavelume \
-         serve{place} --listen {address} --auth keys`; --insecure starts without keys all the same",
+         serve{place} --listen {address} --auth keys`, with --tls-cert and --tls-key unless a proxy encrypts the way to \
+         it; --insecure starts without keys all the same",
         scopes = Scopes::all()
     )]
     Unguarded {
@@ -98,12 +99,24 @@ pub enum ServeError {
         /// Options of the commands that name the data of the service, each after a space.
         place: String,
     },
+    /// The text of the first key is a key, but cannot be stored.
+    #[error("the first key cannot be stored: {0}; make another one with `wavelume keys generate`")]
+    FirstKey(String),
     /// The certificate or its key cannot be used.
     #[error("the certificate cannot be used: {0}")]
     Certificate(String),
     /// The data directory cannot be used.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
+}
+
+impl From<FirstKeyError> for ServeError {
+    fn from(error: FirstKeyError) -> Self {
+        match error {
+            FirstKeyError::Signer(error) => Self::FirstKey(error.to_string()),
+            FirstKeyError::Catalog(error) => Self::Archive(error.into()),
+        }
+    }
 }
 
 /// Way to stop the HTTP service: after a notice period or at once.
@@ -159,7 +172,7 @@ impl Server {
         let engine = Engine::open(&config.work).await?;
         let guard = Guard::new(config.auth, config.insecure, &engine.limits);
         if let Some(key) = config.bootstrap_key.filter(|_| config.auth != AuthMode::Off) {
-            first_key::store(&engine, &key).await.map_err(ArchiveError::from)?;
+            first_key::store(&engine, &key).await?;
         }
         let workers = config.work.workers;
         Ok(Self { address, listener, access: Arc::new(access), guard, certificate, engine, workers })
@@ -206,6 +219,12 @@ impl Server {
         tracing::info!(%address, %database, %store, workers, %auth, "serving");
         if insecure && auth == AuthMode::Off {
             tracing::warn!(%address, "whoever reaches this address may read, write and delete everything");
+        }
+        if auth != AuthMode::Off && certificate.is_none() && !is_local(address) {
+            tracing::warn!(
+                %address,
+                "keys travel readable: give --tls-cert and --tls-key, or let only a proxy that ends TLS reach this address"
+            );
         }
         let working = tokio::spawn({
             let (engine, stopping) = (Arc::clone(&engine), stopping.clone());

@@ -36,7 +36,7 @@ enum StateText {
 /// Description of a tenant: its limits, and what it uses.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Tenant)]
-struct About {
+pub(crate) struct About {
     #[schema(value_type = TenantText)]
     id: String,
     name: String,
@@ -82,35 +82,41 @@ struct TenantRequest {
 #[schema(as = TenantChange)]
 struct ChangeRequest {
     /// Name of the tenant, for people. Default: the id.
-    #[schema(value_type = Option<Text>, nullable = false)]
+    #[schema(value_type = Option<Text>)]
     name: Option<String>,
     /// State of the tenant. Default: `active`.
-    #[schema(nullable = false)]
     state: Option<StateText>,
     /// Share of the workers, relative to those of others. Default: 100.
-    #[schema(nullable = false, minimum = 1, maximum = 10_000)]
+    #[schema(minimum = 1, maximum = 10_000)]
     weight: Option<u64>,
     /// Upper bound on the bytes of measurements and materials; null for none.
     #[serde(default, deserialize_with = "given")]
-    #[schema(value_type = Option<u64>)]
+    #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_bytes: Option<Limit>,
     /// Upper bound on the number of materials; null for none.
     #[serde(default, deserialize_with = "given")]
-    #[schema(value_type = Option<u64>)]
+    #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_materials: Option<Limit>,
     /// Upper bound on the number of jobs that wait; null for none.
     #[serde(default, deserialize_with = "given")]
-    #[schema(value_type = Option<u64>)]
+    #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_queued: Option<Limit>,
     /// Upper bound on the requests to each node within a minute; null for none.
     #[serde(default, deserialize_with = "given")]
-    #[schema(value_type = Option<u64>)]
+    #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_requests: Option<Limit>,
 }
 
+/// Upper bound on a limit, the largest number of the catalog.
+const MOST: u64 = i64::MAX as u64;
+
 /// Tells a field that is null from one that is absent.
 fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Limit>, D::Error> {
-    Option::deserialize(deserializer).map(|limit| Some(Limit(limit)))
+    let limit = Option::<u64>::deserialize(deserializer)?;
+    match limit.filter(|limit| *limit > MOST) {
+        Some(limit) => Err(serde::de::Error::custom(format!("found the limit {limit}, expected at most {MOST}"))),
+        None => Ok(Some(Limit(limit))),
+    }
 }
 
 /// List all tenants.
@@ -231,7 +237,8 @@ impl ChangeRequest {
 }
 
 impl About {
-    fn of(row: TenantRow) -> Self {
+    /// Describes a stored tenant.
+    pub(crate) fn of(row: TenantRow) -> Self {
         let Quotas { bytes, materials, queued, requests } = row.quotas;
         Self {
             id: row.id.to_string(),

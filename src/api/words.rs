@@ -1,6 +1,10 @@
 //! Text of a client in logs and answers: on one line, without control characters, and bounded.
 
-use crate::trust::without_secrets;
+use crate::trust::{holds_secret, without_secrets};
+
+/// Number of times that a path is percent-decoded in search of a key. Raising it finds keys that were encoded more
+/// often than once by mistake.
+const DECODED: usize = 3;
 
 /// Returns `text` on one line, safe to display. Keys and tokens are left out but for their openings; control
 /// characters, line separators and marks that change the direction of writing are escaped. Beyond `most` characters the
@@ -18,6 +22,36 @@ pub(crate) fn shown(text: &str, most: usize) -> String {
     out.push_str(" … ");
     out.push_str(&escaped(rest.into_iter().rev()));
     out
+}
+
+/// Returns the path of a URL like [`shown`]. If its percent-encoding hides a key or a token, the decoded path is shown
+/// without it.
+pub(crate) fn shown_path(path: &str, most: usize) -> String {
+    let mut decoded = path.to_owned();
+    for _ in 0..DECODED {
+        if decoded.contains('%') {
+            decoded = String::from_utf8_lossy(&percent_decoded(&decoded)).into_owned();
+        }
+    }
+    shown(if holds_secret(&decoded) { &decoded } else { path }, most)
+}
+
+/// Percent-decodes text; malformed escape sequences stay unchanged.
+pub(crate) fn percent_decoded(text: &str) -> Vec<u8> {
+    let digit = |b: Option<&u8>| b.and_then(|&b| char::from(b).to_digit(16));
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&first, tail)) = rest.split_first() {
+        let escape = (first == b'%').then(|| digit(tail.first()).zip(digit(tail.get(1)))).flatten();
+        if let Some((high, low)) = escape {
+            bytes.push((high * 16 + low) as u8);
+            rest = &tail[2..];
+        } else {
+            bytes.push(first);
+            rest = tail;
+        }
+    }
+    bytes
 }
 
 /// Collects characters into a text in which those that disturb a line or a terminal are escaped.
@@ -55,6 +89,15 @@ mod tests {
             assert_eq!(shown(text, 100), expected);
         }
         assert!(holds_secret("id-wlt_1") && !holds_secret("wlm-1"));
+        for (path, expected) in [
+            ("/v1/x/wlm%5F0123456xyz%5Fsecret/y", "/v1/x/wlm_…/y"),
+            ("/%77lt_secret", "/wlt_…"),
+            ("/%2577lm%25255fsecret", "/wlm_…"),
+            ("/wlm_a/%77lm_secret", "/wlm_…/wlm_…"),
+            ("/a%20b%zz", "/a%20b%zz"),
+        ] {
+            assert_eq!(shown_path(path, 100), expected);
+        }
         let cut = shown(&format!("{}wlm_0123456xyz_secret", "x".repeat(95)), 100);
         assert!(!cut.contains("secret"), "{cut}");
     }

@@ -51,6 +51,10 @@ pub(crate) struct ActRow {
 /// Upper bound on the old records that one transaction deletes. Raising it makes other writers wait for longer.
 const MOST: i64 = 1000;
 
+/// Upper bound on the age of records that belong to no tenant, which anybody may cause. Raising it lets a flood of
+/// wrong keys take more room.
+const UNOWNED: Duration = Duration::from_hours(30 * 24);
+
 impl Catalog {
     /// Records an act that changes nothing else in the catalog.
     pub(crate) async fn record(&self, act: &Act) -> Result<(), CatalogError> {
@@ -88,23 +92,25 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.at_ms, id: row.id.clone() }))
     }
 
-    /// Deletes records of the audit trail that are older than `age`.
+    /// Deletes records of the audit trail that are older than `age`, and those that belong to no tenant after 30 days
+    /// already.
     pub(super) async fn forget_acts(&self, age: Duration) -> Result<(), CatalogError> {
-        loop {
-            let turn = self.turn().await;
-            let gone = sqlx::query(self.sql(
-                "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE at < {now} - $1 ORDER BY at LIMIT $2) \
-                 DELETE FROM audit WHERE id {among SELECT id FROM old}",
-            ))
-            .bind(age.as_millis() as i64)
-            .bind(MOST)
-            .execute(&self.pool)
-            .await?;
-            drop(turn);
-            if gone.rows_affected() < MOST as u64 {
-                return Ok(());
+        let old = "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE at < {now} - $1 ORDER BY at LIMIT $2) \
+                   DELETE FROM audit WHERE id {among SELECT id FROM old}";
+        let unowned = "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE tenant IS NULL AND at < {now} - $1 \
+                       ORDER BY at LIMIT $2) DELETE FROM audit WHERE id {among SELECT id FROM old}";
+        for (statement, age) in [(old, age), (unowned, age.min(UNOWNED))] {
+            loop {
+                let turn = self.turn().await;
+                let gone = sqlx::query(self.sql(statement)).bind(age.as_millis() as i64).bind(MOST);
+                let gone = gone.execute(&self.pool).await?;
+                drop(turn);
+                if gone.rows_affected() < MOST as u64 {
+                    break;
+                }
             }
         }
+        Ok(())
     }
 }
 
@@ -171,6 +177,9 @@ mod tests {
             sqlx::query("UPDATE audit SET at = 0 WHERE tenant = 'a'").execute(&catalog.pool).await.unwrap();
             catalog.forget_acts(Duration::from_mins(1)).await.unwrap();
             assert_eq!(testing::count(&catalog, "audit").await, 2);
+            sqlx::query("UPDATE audit SET at = at - 2678400000").execute(&catalog.pool).await.unwrap();
+            catalog.forget_acts(Duration::from_hours(400 * 24)).await.unwrap();
+            assert_eq!(testing::count(&catalog, "audit").await, 1, "31 days are too old for what belongs to nobody");
         }
     }
 }

@@ -4,7 +4,7 @@ use super::audit::{Act, record};
 use super::database::{Catalog, Write};
 use super::error::{CatalogError, breaks_reference};
 use super::page::{Cursor, Page, filtered};
-use crate::trust::{KeyId, Scopes, SecretHash, Tenant, Verifier};
+use crate::trust::{KeyId, Scope, Scopes, SecretHash, Tenant, Verifier};
 use sqlx::Row;
 use sqlx::any::AnyRow;
 use std::time::Duration;
@@ -79,10 +79,32 @@ pub(crate) enum AddedKey {
     NoTenant,
     /// A key with this id is stored already.
     Taken,
+    /// The tenant has so many valid keys, as many as it may have.
+    Full(u64),
+    /// The tenant has so many keys with those that have ended, which are not forgotten yet.
+    Ended(u64),
+}
+
+/// Outcome of revoking an access key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Revoked {
+    /// The key is revoked.
+    Done,
+    /// There is no such key.
+    Absent,
+    /// The key has the scope `instance`, and whoever asks has not.
+    Operator,
 }
 
 /// Interval at which the last use of a key is recorded. Raising it writes less and records the use less exactly.
 const USED: Duration = Duration::from_mins(1);
+
+/// Keys of a tenant, valid or ended, for each valid one that it may have. Raising it lets a tenant replace its keys
+/// more often within the time for which ended ones are kept, and makes the look through them longer.
+const ROWS: u64 = 10;
+
+/// Upper bound on the ended keys that one transaction deletes. Raising it makes other writers wait for longer.
+const MOST: i64 = 1000;
 
 macro_rules! columns {
     () => {
@@ -91,10 +113,22 @@ macro_rules! columns {
 }
 
 impl Catalog {
-    /// Stores an access key and records that it was made.
-    pub(crate) async fn add_key(&self, new: &NewKey, act: &Act) -> Result<AddedKey, CatalogError> {
+    /// Stores an access key and records that it was made. A tenant has at most `most` valid keys.
+    pub(crate) async fn add_key(&self, new: &NewKey, most: u64, act: &Act) -> Result<AddedKey, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
+            // Keys of one tenant are made one after the other, so that none is beyond the bound.
+            sqlx::query(write.sql("SELECT id FROM tenants WHERE id = $1{lock}"))
+                .bind(new.tenant.to_string())
+                .fetch_optional(&mut *write.transaction)
+                .await?;
+            let (valid, all) = count(&mut write, &new.tenant, most.saturating_mul(ROWS)).await?;
+            if valid >= most {
+                return Ok(AddedKey::Full(valid));
+            }
+            if all >= most.saturating_mul(ROWS) {
+                return Ok(AddedKey::Ended(all));
+            }
             let row = match insert(&mut write, new).await {
                 Err(CatalogError::Sql(error)) if breaks_reference(&error) => return Ok(AddedKey::NoTenant),
                 Ok(None) => return Ok(AddedKey::Taken),
@@ -201,22 +235,31 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.created_ms, id: row.id.to_string() }))
     }
 
-    /// Revokes a key, and records the act. With `tenant`, only a key of this tenant is found. Returns false if there is
-    /// no such key; a key that is revoked already stays as it is.
-    pub(crate) async fn revoke_key(&self, id: KeyId, tenant: Option<&Tenant>, act: &Act) -> Result<bool, CatalogError> {
+    /// Revokes a key, and records the act. With `tenant`, only keys of this tenant are found, and those with the scope
+    /// `instance` are not revoked. A key that is revoked already stays as it is.
+    pub(crate) async fn revoke_key(
+        &self,
+        id: KeyId,
+        tenant: Option<&Tenant>,
+        act: &Act,
+    ) -> Result<Revoked, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
-            let found = sqlx::query(write.sql("SELECT tenant, revoked_at FROM keys WHERE id = $1{lock}"))
+            let found = sqlx::query(write.sql("SELECT tenant, revoked_at, scopes FROM keys WHERE id = $1{lock}"))
                 .bind(id.to_string())
                 .fetch_optional(&mut *write.transaction)
                 .await?;
-            let Some(found) = found else { return Ok(false) };
-            let owner: String = found.try_get(0)?;
+            let Some(found) = found else { return Ok(Revoked::Absent) };
+            let (owner, scopes): (String, String) = (found.try_get(0)?, found.try_get(2)?);
             if tenant.is_some_and(|tenant| tenant.as_str() != owner) {
-                return Ok(false);
+                return Ok(Revoked::Absent);
+            }
+            let scopes: Scopes = scopes.parse().map_err(|error| fault(&id.to_string(), &error))?;
+            if tenant.is_some() && scopes.has(Scope::Instance) {
+                return Ok(Revoked::Operator);
             }
             if found.try_get::<Option<i64>, _>(1)?.is_some() {
-                return Ok(true);
+                return Ok(Revoked::Done);
             }
             sqlx::query("UPDATE keys SET revoked_at = $2 WHERE id = $1")
                 .bind(id.to_string())
@@ -225,10 +268,47 @@ impl Catalog {
                 .await?;
             record(&mut write, &Act { tenant: owner.parse().ok(), ..act.clone() }).await?;
             write.commit().await?;
-            Ok(true)
+            Ok(Revoked::Done)
         })
         .await
     }
+
+    /// Deletes keys that expired or were revoked more than `age` ago. The newest key stays, because a service that has
+    /// ever had a key takes no first one.
+    pub(super) async fn forget_ended_keys(&self, age: Duration) -> Result<(), CatalogError> {
+        loop {
+            let turn = self.turn().await;
+            let gone = sqlx::query(self.sql(
+                "WITH old AS MATERIALIZED (SELECT id FROM keys WHERE COALESCE(revoked_at, expires_at) < {now} - $1 \
+                 AND id <> (SELECT id FROM keys ORDER BY created_at DESC, id DESC LIMIT 1) LIMIT $2) \
+                 DELETE FROM keys WHERE id {among SELECT id FROM old}",
+            ))
+            .bind(age.as_millis() as i64)
+            .bind(MOST)
+            .execute(&self.pool)
+            .await?;
+            drop(turn);
+            if gone.rows_affected() < MOST as u64 {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Returns the numbers of valid keys and of all keys of a tenant, of the first `rows` of them.
+async fn count(write: &mut Write, tenant: &Tenant, rows: u64) -> Result<(u64, u64), CatalogError> {
+    let counted = sqlx::query(
+        "SELECT CAST(COALESCE(SUM(CASE WHEN revoked_at IS NULL AND (expires_at IS NULL OR expires_at > $2) THEN 1 \
+         ELSE 0 END), 0) AS BIGINT), COUNT(*) \
+         FROM (SELECT revoked_at, expires_at FROM keys WHERE tenant = $1 ORDER BY created_at DESC, id DESC LIMIT $3) AS k",
+    )
+    .bind(tenant.to_string())
+    .bind(write.now)
+    .bind(i64::try_from(rows).unwrap_or(i64::MAX))
+    .fetch_one(&mut *write.transaction)
+    .await?;
+    let (valid, all): (i64, i64) = (counted.try_get(0)?, counted.try_get(1)?);
+    Ok((valid.max(0) as u64, all.max(0) as u64))
 }
 
 /// Inserts the row of a key; returns `None` if its id is taken.
@@ -312,14 +392,15 @@ mod tests {
         for (catalog, _guard) in testing::catalogs().await {
             let key = Key::generate().unwrap();
             assert!(catalog.credential(key.id()).await.unwrap().is_none());
-            let AddedKey::Row(row) = catalog.add_key(&new(&key, "read,jobs", DAY), &act("key.create")).await.unwrap()
+            let AddedKey::Row(row) =
+                catalog.add_key(&new(&key, "read,jobs", DAY), 9, &act("key.create")).await.unwrap()
             else {
                 panic!("not stored")
             };
-            let again = catalog.add_key(&new(&key, "read,instance", DAY), &act("key.create")).await.unwrap();
+            let again = catalog.add_key(&new(&key, "read,instance", DAY), 9, &act("key.create")).await.unwrap();
             assert_eq!(again, AddedKey::Taken, "a key never changes what it allows");
             let nobody = NewKey { tenant: "nobody".parse().unwrap(), ..new(&Key::generate().unwrap(), "read", DAY) };
-            assert_eq!(catalog.add_key(&nobody, &act("key.create")).await.unwrap(), AddedKey::NoTenant);
+            assert_eq!(catalog.add_key(&nobody, 9, &act("key.create")).await.unwrap(), AddedKey::NoTenant);
 
             let found = catalog.credential(key.id()).await.unwrap().unwrap();
             assert_eq!((&found.row, found.hash, found.is_use_old), (&*row, key.secret().hash(), true));
@@ -333,15 +414,16 @@ mod tests {
             let same = catalog.credential(key.id()).await.unwrap().unwrap();
             assert_eq!(same.row.used_ms, used.row.used_ms.map(|used| used - 30_000), "recorded once a minute");
 
-            let other: Tenant = "other".parse().unwrap();
-            assert!(!catalog.revoke_key(key.id(), Some(&other), &act("key.revoke")).await.unwrap());
+            let (own, other) = (Tenant::default(), "other".parse::<Tenant>().unwrap());
+            let revoke = async |id, tenant| catalog.revoke_key(id, tenant, &act("key.revoke")).await.unwrap();
+            assert_eq!(revoke(key.id(), Some(&other)).await, Revoked::Absent);
             assert_eq!(catalog.credential(key.id()).await.unwrap().unwrap().row.revoked_ms, None);
             for _ in 0..2 {
-                assert!(catalog.revoke_key(key.id(), Some(&Tenant::default()), &act("key.revoke")).await.unwrap());
+                assert_eq!(revoke(key.id(), Some(&own)).await, Revoked::Done);
             }
             let revoked = catalog.credential(key.id()).await.unwrap().unwrap();
             assert_eq!((revoked.left, revoked.row.revoked_ms.is_some()), (Duration::ZERO, true));
-            assert!(!catalog.revoke_key(Key::generate().unwrap().id(), None, &act("key.revoke")).await.unwrap());
+            assert_eq!(revoke(Key::generate().unwrap().id(), None).await, Revoked::Absent);
             let trail = catalog.acts(Some(&Tenant::default()), None, 9).await.unwrap();
             let actions: Vec<_> = trail.items.iter().map(|act| act.action.as_str()).collect();
             assert_eq!(actions, ["key.revoke", "key.create"]);
@@ -353,7 +435,7 @@ mod tests {
         for (catalog, _guard) in testing::catalogs().await {
             let keys: Vec<Key> = (0..3).map(|_| Key::generate().unwrap()).collect();
             for (key, life) in keys.iter().zip([Duration::ZERO, DAY, Duration::MAX]) {
-                let added = catalog.add_key(&new(key, "read", life), &act("key.create")).await.unwrap();
+                let added = catalog.add_key(&new(key, "read", life), 9, &act("key.create")).await.unwrap();
                 assert!(matches!(added, AddedKey::Row(_)));
             }
             assert_eq!(catalog.credential(keys[0].id()).await.unwrap().unwrap().left, Duration::ZERO);
@@ -374,6 +456,63 @@ mod tests {
                 assert_eq!(ids, all);
             }
             assert!(catalog.keys(Some(&"other".parse().unwrap()), None, 9).await.unwrap().items.is_empty());
+        }
+    }
+
+    #[tokio::test]
+    async fn a_tenant_has_so_many_keys_and_ended_ones_are_forgotten_but_for_the_newest() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let add = async |scopes: &str| {
+                let key = Key::generate().unwrap();
+                (key.id(), catalog.add_key(&new(&key, scopes, DAY), 3, &act("key.create")).await.unwrap())
+            };
+            let all = futures::future::join_all((0..6).map(|_| add("read"))).await;
+            let stored: Vec<KeyId> =
+                all.iter().filter(|(_, added)| matches!(added, AddedKey::Row(_))).map(|(id, _)| *id).collect();
+            assert_eq!(stored.len(), 3, "{all:?}");
+            assert_eq!(add("read").await.1, AddedKey::Full(3));
+            let other = testing::other(&catalog, "other").await;
+            let theirs = NewKey { tenant: other.tenant().clone(), ..new(&Key::generate().unwrap(), "read", DAY) };
+            let theirs = catalog.add_key(&theirs, 3, &act("key.create")).await.unwrap();
+            assert!(matches!(theirs, AddedKey::Row(_)), "{theirs:?}");
+            // One that has ended makes room; many that have ended do not.
+            let own = Some(&Tenant::default());
+            let mut last = stored[0];
+            for _ in stored.len()..3 * ROWS as usize {
+                assert_eq!(catalog.revoke_key(last, own, &act("key.revoke")).await.unwrap(), Revoked::Done);
+                let (id, added) = add("read").await;
+                assert!(matches!(added, AddedKey::Row(_)), "{added:?}");
+                last = id;
+            }
+            catalog.revoke_key(last, own, &act("key.revoke")).await.unwrap();
+            assert_eq!(add("read").await.1, AddedKey::Ended(3 * ROWS));
+
+            catalog.forget_ended_keys(DAY).await.unwrap();
+            assert_eq!(testing::count(&catalog, "keys").await, 3 * ROWS as i64 + 1, "they ended just now");
+            sqlx::query("UPDATE keys SET revoked_at = revoked_at - 90000000").execute(&catalog.pool).await.unwrap();
+            catalog.forget_ended_keys(DAY).await.unwrap();
+            assert_eq!(
+                testing::count(&catalog, "keys").await,
+                2 + 1 + 1,
+                "two valid ones, another tenant's, the newest"
+            );
+            sqlx::query("UPDATE keys SET expires_at = 0").execute(&catalog.pool).await.unwrap();
+            catalog.forget_ended_keys(DAY).await.unwrap();
+            assert_eq!(testing::count(&catalog, "keys").await, 1);
+            let first = new(&Key::generate().unwrap(), "instance", DAY);
+            assert!(!catalog.add_first_key(&first, &act("key.bootstrap")).await.unwrap());
+        }
+    }
+
+    #[tokio::test]
+    async fn a_key_for_the_whole_service_is_not_revoked_by_its_tenant() {
+        for (catalog, _guard) in testing::catalogs().await {
+            let key = Key::generate().unwrap();
+            let added = catalog.add_key(&new(&key, "read,instance", DAY), 3, &act("key.create")).await.unwrap();
+            assert!(matches!(added, AddedKey::Row(_)));
+            for (tenant, expected) in [(Some(&Tenant::default()), Revoked::Operator), (None, Revoked::Done)] {
+                assert_eq!(catalog.revoke_key(key.id(), tenant, &act("key.revoke")).await.unwrap(), expected);
+            }
         }
     }
 

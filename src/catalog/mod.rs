@@ -66,7 +66,7 @@ pub(crate) use examine::{Engine as EngineFacts, Examined, OLDEST_SERVER, Server 
 pub(crate) use filling::Filling;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
 pub(crate) use jobs::{JobFilter, Retried};
-pub(crate) use keys::{AddedKey, Credential, KeyRow, NewKey};
+pub(crate) use keys::{AddedKey, Credential, KeyRow, NewKey, Revoked};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};
 pub(crate) use page::{Cursor, NotACursor};

@@ -1,5 +1,5 @@
-//! Rows that are not kept for ever: ended jobs, idempotency keys, the audit trail, and places in the queue that nobody
-//! uses.
+//! Rows that are not kept for ever: ended jobs, idempotency keys, the audit trail, ended access keys, and places in the
+//! queue that nobody uses.
 
 use super::blobs::unname;
 use super::database::Catalog;
@@ -9,6 +9,9 @@ use std::time::Duration;
 
 /// Upper bound on the old rows that one transaction deletes. Raising it makes other writers wait for longer.
 const MOST: i64 = 1000;
+
+/// Age after its end at which an access key is deleted. Raising it shows ended keys in lists for longer.
+const ENDED: Duration = Duration::from_hours(30 * 24);
 
 /// Ages after which rows of the catalog are deleted.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +28,8 @@ pub(crate) struct Retention {
 
 impl Catalog {
     /// Deletes ended jobs, idempotency keys and records of the audit trail, of all tenants, that are older than `ages`,
-    /// and returns the number of deleted jobs. The next sweep removes the reports of the deleted jobs.
+    /// and access keys that ended long ago, and returns the number of deleted jobs. The next sweep removes the reports of
+    /// the deleted jobs.
     pub(crate) async fn forget(&self, ages: &Retention) -> Result<u64, CatalogError> {
         let mut forgotten = 0;
         for (state, age) in [
@@ -44,6 +48,7 @@ impl Catalog {
         }
         while self.forget_keys(ages.keys).await? == MOST as u64 {}
         self.forget_acts(ages.acts).await?;
+        self.forget_ended_keys(ENDED).await?;
         let _turn = self.turn().await;
         sqlx::query(self.sql(
             "DELETE FROM queue_shares WHERE used_at < {now} - 86400000 AND NOT EXISTS (SELECT 1 FROM jobs \

@@ -5,11 +5,11 @@ use super::output::{Table, print, print_json, warn};
 use super::runtime::block_on;
 use super::settings::AccessSettings;
 use super::site::PlaceArgs;
-use crate::catalog::{Act, AddedKey, Catalog, KeyRow, NewKey};
+use crate::api::{AccessKey, MadeKey};
+use crate::catalog::{Act, AddedKey, Catalog, NewKey, Revoked};
 use crate::jobs::date;
 use crate::jobs::{Archive, Unit, WorkConfig, check_text};
 use crate::trust::{Key, KeyId, Scopes, Signer, Tenant};
-use serde_json::json;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Action on the access keys of a service.
@@ -129,14 +129,11 @@ async fn create(args: &Create) -> Result<(), Failure> {
         created_by: ACTOR.to_owned(),
     };
     let act = Act { detail: Some(new.scopes.to_string()), ..act(Some(args.tenant.clone()), "key.create", key.id()) };
-    let added = catalog.add_key(&new, &act).await.map_err(Failure::failed)?;
+    let limit = config.limits.keys_each;
+    let added = catalog.add_key(&new, limit, &act).await.map_err(Failure::failed)?;
     catalog.close().await;
     match added {
-        AddedKey::Row(row) if args.json => {
-            let mut about = described(&row);
-            about["key"] = json!(key.reveal());
-            print_json(&about)
-        }
+        AddedKey::Row(row) if args.json => print_json(&MadeKey::of(&key, *row)),
         AddedKey::Row(row) => {
             print(&format!("{}\n", key.reveal()))?;
             warn(&format!(
@@ -149,6 +146,15 @@ async fn create(args: &Create) -> Result<(), Failure> {
         }
         AddedKey::NoTenant => Err(Failure::usage(format!("--tenant: there is no tenant {}", args.tenant))),
         AddedKey::Taken => Err(Failure::failed("a random id of a key is taken: try again")),
+        AddedKey::Full(valid) => {
+            let tenant = &args.tenant;
+            Err(Failure::failed(format!("the tenant {tenant} has {valid} of {limit} valid keys (--keys-each)")))
+        }
+        AddedKey::Ended(all) => {
+            let tenant = &args.tenant;
+            let reason = "ended ones are forgotten after 30 days, or give a larger --keys-each";
+            Err(Failure::failed(format!("the tenant {tenant} has {all} keys, valid and ended: {reason}")))
+        }
     }
 }
 
@@ -165,7 +171,7 @@ async fn list(args: &List) -> Result<(), Failure> {
     }
     catalog.close().await;
     if args.json {
-        return print_json(&keys.iter().map(described).collect::<Vec<_>>());
+        return print_json(&keys.into_iter().map(AccessKey::of).collect::<Vec<_>>());
     }
     let mut table = Table::new(&["key", "tenant", "scopes", "state", "expires", "last used", "name"]);
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as i64);
@@ -192,7 +198,8 @@ async fn revoke(args: &Revoke) -> Result<(), Failure> {
     let catalog = open(&args.places).await?;
     let mut unknown = Vec::new();
     for id in &args.keys {
-        if catalog.revoke_key(*id, None, &act(None, "key.revoke", *id)).await.map_err(Failure::failed)? {
+        let revoked = catalog.revoke_key(*id, None, &act(None, "key.revoke", *id)).await.map_err(Failure::failed)?;
+        if revoked == Revoked::Done {
             print(&format!("{id}  revoked\n"))?;
         } else {
             unknown.push(id.to_string());
@@ -217,14 +224,6 @@ async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
 
 fn act(tenant: Option<Tenant>, action: &'static str, id: KeyId) -> Act {
     Act { tenant, actor: ACTOR.to_owned(), action, subject: Some(id.to_string()), ..Act::default() }
-}
-
-fn described(row: &KeyRow) -> serde_json::Value {
-    json!({
-        "id": row.id, "tenant": row.tenant.to_string(), "name": row.name, "scopes": row.scopes,
-        "created_ms": row.created_ms, "expires_ms": row.expires_ms, "revoked_ms": row.revoked_ms,
-        "used_ms": row.used_ms, "created_by": row.created_by,
-    })
 }
 
 /// Returns the day and minute of a time in UTC: `2026-11-26 05:40`.

@@ -4,10 +4,10 @@ use super::failure::Failure;
 use super::output::{Table, print, print_json};
 use super::runtime::block_on;
 use super::site::PlaceArgs;
+use crate::api::About;
 use crate::catalog::{Act, Catalog, Limit, MOST_WEIGHT, Settled, TenantChange, TenantRow, TenantState};
 use crate::jobs::{Archive, check_text};
 use crate::trust::Tenant;
-use serde_json::{Value, json};
 
 /// Action on the tenants of a service.
 #[derive(Debug, clap::Args)]
@@ -168,7 +168,7 @@ async fn list(args: &List) -> Result<(), Failure> {
     let tenants = catalog.tenants().await.map_err(Failure::failed)?;
     catalog.close().await;
     if args.json {
-        return print_json(&tenants.iter().map(described).collect::<Vec<_>>());
+        return print_json(&tenants.into_iter().map(About::of).collect::<Vec<_>>());
     }
     print(&table(&tenants))
 }
@@ -197,15 +197,6 @@ async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
         return Err(Failure::failed("no such data directory").about(&site.data));
     }
     Archive::open_catalog(&site, false).await.map_err(Failure::failed)
-}
-
-fn described(row: &TenantRow) -> Value {
-    json!({
-        "id": row.id, "name": row.name, "state": row.state.name(), "weight": row.weight,
-        "max_bytes": row.quotas.bytes, "max_materials": row.quotas.materials, "max_queued": row.quotas.queued,
-        "max_requests": row.quotas.requests,
-        "used_bytes": row.bytes, "used_materials": row.materials, "created_ms": row.created_ms,
-    })
 }
 
 #[cfg(test)]

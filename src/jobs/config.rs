@@ -165,6 +165,9 @@ limits! {
         /// Upper bound on the time for which a new key is valid, and the default of that time. Keys that exist stay as
         /// they are.
         key_age: Duration = Duration::from_hours(365 * 24), Time >= 60_000;
+        /// Upper bound on the valid keys of one tenant; a further one is refused with 403. Counted together with ended
+        /// ones, which are forgotten after 30 days, a tenant may have ten times as many.
+        keys_each: u64 = 1000, Count >= 1;
     }
     "Connections" {
         /// Upper bound on the connections that are open at once, over all addresses; lower where the system allows

@@ -80,8 +80,13 @@ impl Link {
         is_plain.then_some(Self { material, key: key.parse().ok()?, expires, signature: Signature::read(signature)? })
     }
 
+    /// Returns true if a stranger presents something like a link.
+    pub(crate) fn is_like(path: &str, query: &str) -> bool {
+        query.contains("signature=") && Self::material(path).is_some()
+    }
+
     /// Returns the material whose file is at `path`; `None` for all paths that no link has.
-    pub(crate) fn material(path: &str) -> Option<MaterialId> {
+    fn material(path: &str) -> Option<MaterialId> {
         MaterialId::read(path.strip_prefix(MATERIALS)?.strip_suffix(CONTENT)?)
     }
 }

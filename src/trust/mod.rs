@@ -16,6 +16,6 @@ pub(crate) use key::{Key, KeyError, KeyId, NotAKeyId, SecretHash};
 pub(crate) use link::Link;
 pub(crate) use redact::{holds_secret, without_secrets};
 pub(crate) use scope::{Scope, Scopes};
-pub(crate) use signing::{Signer, Verifier};
+pub(crate) use signing::{NoSigner, Signer, Verifier};
 pub(crate) use tenant::{NotATenant, Tenant};
 pub(crate) use token::Token;

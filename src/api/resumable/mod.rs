@@ -16,12 +16,13 @@ pub(super) use used::{receive, upload_parameter};
 use super::extract::{Id32, linger};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
-use super::schemas::{Binary, TusVersion, UploadIdText};
+use super::schemas::{Binary, OverridingMethod, TusVersion, UploadIdText};
 use super::state::{App, Service};
 use super::upload::lacks_room;
 use crate::catalog::{Begun, Bound, Partial};
 use crate::jobs::{Client, most_of_tenant};
-use axum::extract::Request;
+use axum::extract::{MatchedPath, Request};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -268,20 +269,46 @@ async fn delete(app: &App, id: &str) -> Result<StatusCode, Problem> {
     params(
         ("id" = UploadIdText, Path, description = "Id of the upload"),
         ("Tus-Resumable" = TusVersion, Header, description = "Version of the tus protocol"),
-        ("X-HTTP-Method-Override" = String, Header, description = "Method to carry out: `PATCH` or `DELETE`"),
+        ("X-HTTP-Method-Override" = OverridingMethod, Header, description = "Method to carry out: `PATCH` or `DELETE`"),
         ("Upload-Offset" = Option<u64>, Header, description = "For `PATCH`: number of bytes that the upload received before this request"),
     ),
     request_body(content = Binary, content_type = "application/offset+octet-stream", description = "For `PATCH`: next bytes of the upload"),
     responses((status = 204, description = "The bytes were added to the upload (`PATCH`), or the upload is deleted (`DELETE`)"))
 )]
 async fn override_upload(app: App, client: Client, Id32(id): Id32, request: Request) -> Result<Response, Problem> {
-    match request.headers().get("x-http-method-override").map(HeaderValue::as_bytes) {
-        Some(b"PATCH") => append(&app, client, id, request).await,
-        Some(b"DELETE") => delete(&app, &id).await.map(IntoResponse::into_response),
-        _ => {
+    match overriding(request.headers()) {
+        Some(Overriding::Patch) => append(&app, client, id, request).await,
+        Some(Overriding::Delete) => delete(&app, &id).await.map(IntoResponse::into_response),
+        None => {
             linger(request).await;
             Err(Problem::new(Kind::BadHeader, "X-HTTP-Method-Override: expected PATCH or DELETE"))
         }
+    }
+}
+
+/// Method that a request with `POST` carries out instead.
+#[derive(Clone, Copy, Debug)]
+enum Overriding {
+    Patch,
+    Delete,
+}
+
+fn overriding(headers: &HeaderMap) -> Option<Overriding> {
+    match headers.get("x-http-method-override")?.as_bytes() {
+        b"PATCH" => Some(Overriding::Patch),
+        b"DELETE" => Some(Overriding::Delete),
+        _ => None,
+    }
+}
+
+/// Returns the method that a request carries out: its own, or the one that its header names where a route looks at it.
+pub(super) fn carried_out(parts: &Parts) -> &str {
+    let route = parts.extensions.get::<MatchedPath>().map(MatchedPath::as_str);
+    let is_overridden = parts.method == Method::POST && route == Some("/v1/uploads/{id}");
+    match overriding(&parts.headers).filter(|_| is_overridden) {
+        Some(Overriding::Patch) => "PATCH",
+        Some(Overriding::Delete) => "DELETE",
+        None => parts.method.as_str(),
     }
 }
 

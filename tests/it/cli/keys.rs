@@ -3,7 +3,7 @@
 use super::service::Service;
 use super::{at, done, json, refused, wavelume};
 use serde_json::Value;
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Command, Stdio};
 
@@ -35,7 +35,7 @@ fn keys_are_made_before_the_first_start_and_revoked_while_the_service_runs() {
     let unguarded = refused(2, &["serve", "--data", &data, "--listen", "0.0.0.0:0"]);
     let create = format!("wavelume keys create --data {data} --name admin --scopes {ALL}");
     let serve = format!("wavelume serve --data {data} --listen 0.0.0.0:0 --auth keys");
-    for part in [create.as_str(), serve.as_str(), "--insecure"] {
+    for part in [create.as_str(), serve.as_str(), "--tls-cert", "--insecure"] {
         assert!(unguarded.contains(part), "{unguarded}");
     }
     // As the refusal says.
@@ -69,6 +69,29 @@ fn keys_are_made_before_the_first_start_and_revoked_while_the_service_runs() {
     };
     assert_eq!(String::from_utf8(jobs(admin.trim()).stdout).unwrap(), "no jobs\n");
     assert!(String::from_utf8(jobs(key).stderr).unwrap().contains("401"));
+}
+
+#[test]
+fn keys_that_travel_without_tls_to_other_machines_are_warned_of() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = at(&dir, "data");
+    let warned = |address: &str| {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_wavelume"))
+            .args(["serve", "--data", &data, "--auth", "keys", "--listen", address])
+            .env_remove("RUST_LOG")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut log = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+        assert!(log.any(|line| line.contains("serving")));
+        assert!(Command::new("kill").arg(child.id().to_string()).status().unwrap().success());
+        let warned = log.any(|line| line.contains("keys travel readable"));
+        child.wait().unwrap();
+        warned
+    };
+    assert!(warned("0.0.0.0:0") && !warned("127.0.0.1:0"));
 }
 
 #[test]

@@ -78,6 +78,18 @@ async fn a_token_is_for_its_methods_scopes_and_material() {
     let writes = printed(&key, &["token", "--scopes", "write", "--expires", "7d"]);
     assert_eq!(status(&writes, Method::GET, &file).await, 403);
     assert_eq!(status(&writes, Method::DELETE, &format!("/v1/materials/{}", Digest::of(b""))).await, 404);
+    // A request that carries out another method needs that one.
+    let instead = async |methods: &str, method: &str| {
+        let token = printed(&key, &["token", "--scopes", "write", "--methods", methods]);
+        let upload = service.post("/v1/uploads/00000000000000000000000000000000").bearer_auth(token);
+        let upload = upload.header("tus-resumable", "1.0.0").header("x-http-method-override", method);
+        upload.body("").send().await.unwrap().status().as_u16()
+    };
+    assert_eq!(instead("POST", "DELETE").await, 403);
+    assert_eq!(instead("POST", "PATCH").await, 403);
+    assert_eq!(instead("DELETE", "DELETE").await, 404);
+    assert_eq!(instead("DELETE", "PATCH").await, 403);
+    assert_eq!(instead("POST", "GET").await, 400);
 
     // A stored table is another resource, even if it is the material itself.
     let color = format!("/v1/materials/{material}/color?illuminant={material}");

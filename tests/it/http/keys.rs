@@ -249,6 +249,11 @@ async fn keys_expire_and_give_no_more_than_their_makers_have() {
     tokio::time::sleep(Duration::from_millis(1100)).await;
     let refusal = problem(service.get("/v1/materials").bearer_auth(&brief), 401, "unauthorized").await;
     assert!(refusal["detail"].as_str().unwrap().contains("expired"), "{refusal}");
+    // A key for the whole service is not revoked by the administrator of its tenant.
+    let operator = format!("/v1/keys/{}", &first[4..14]);
+    let refusal = problem(service.request(Method::DELETE, &operator).bearer_auth(&admin), 403, "missing-scope").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("scope `instance`"), "{refusal}");
+    assert_eq!(service.get("/v1/keys").bearer_auth(&first).send().await.unwrap().status(), StatusCode::OK);
     let audit: Value = service.get("/v1/audit?limit=2").bearer_auth(&admin).send().await.unwrap().json().await.unwrap();
     let newest = &audit["items"][0];
     assert_eq!((&newest["action"], &newest["subject"]), (&json!("key.create"), &json!(own)), "{audit}");
@@ -270,6 +275,71 @@ async fn keys_expire_and_give_no_more_than_their_makers_have() {
         acts,
         expected.map(|(action, id)| (json!(action), json!(id))).iter().map(|(a, b)| (a, b)).collect::<Vec<_>>()
     );
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_key_makes_none_that_outlives_it_and_a_tenant_has_so_many() {
+    let data = tempfile::tempdir().unwrap();
+    let (mut config, first) = guarded(data.path());
+    config.work.limits.keys_each = 4;
+    let service = Service::start(config).await;
+    let lab = service.post("/v1/tenants").bearer_auth(&first).json(&json!({ "id": "lab" })).send().await.unwrap();
+    assert_eq!(lab.status(), StatusCode::CREATED);
+    let hour = json!({ "scopes": ["read", "tenant"], "tenant": "lab", "valid_s": 3600 });
+    let (admin, _) = made(&service, &first, &hour).await;
+    let ask = |body: Value| service.post("/v1/keys").bearer_auth(&admin).json(&body);
+    let refusal = problem(ask(json!({ "scopes": ["read"], "valid_s": 3700 })), 422, "invalid-request").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("when the key that makes it ends"), "{refusal}");
+    let child: Value = ask(json!({ "scopes": ["read"] })).send().await.unwrap().json().await.unwrap();
+    let list: Value = service.get("/v1/keys").bearer_auth(&admin).send().await.unwrap().json().await.unwrap();
+    let ends: Vec<_> =
+        list["items"].as_array().unwrap().iter().map(|key| key["expires_ms"].as_i64().unwrap()).collect();
+    assert!(ends[0] <= ends[1] && ends[0] > ends[1] - 10_000, "{list}");
+    let long = json!({ "scopes": ["tenant"], "tenant": "lab", "valid_s": 7200 });
+    made(&service, &first, &long).await;
+    made(&service, &admin, &json!({ "scopes": ["read"], "valid_s": 60 })).await;
+
+    let refusal = problem(ask(json!({ "scopes": ["read"], "valid_s": 60 })), 403, "quota-exceeded").await;
+    assert_eq!((&refusal["limit"], &refusal["used"]), (&json!(4), &json!(4)), "{refusal}");
+    let child = format!("/v1/keys/{}", child["id"].as_str().unwrap());
+    let revoked = service.request(Method::DELETE, &child).bearer_auth(&admin).send().await.unwrap();
+    assert_eq!(revoked.status(), StatusCode::NO_CONTENT);
+    made(&service, &admin, &json!({ "scopes": ["read"], "valid_s": 60 })).await;
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn guesses_at_once_are_no_more_than_guesses_in_turn_and_headers_of_others_are_none() {
+    let data = tempfile::tempdir().unwrap();
+    let (mut config, first) = guarded(data.path());
+    config.work.limits.connections_each = 256;
+    let service = Service::start(config).await;
+    let (late, _) = made(&service, &first, &json!({ "scopes": ["read"] })).await;
+    let guesser = reqwest::Client::builder().no_proxy().local_address(Some([127, 0, 0, 7].into())).build().unwrap();
+    let url = format!("{}/v1/materials", service.base);
+    // Neither the password of an outer proxy nor a query that is no link is a guess at a key.
+    let odd = format!("{}/v1/materials/b3-{}/content?signature=x", service.base, "0".repeat(64));
+    for _ in 0..15 {
+        problem_of(guesser.get(&url).basic_auth("a", Some("b")).send().await.unwrap(), 401, "unauthorized").await;
+        problem_of(guesser.get(&odd).send().await.unwrap(), 401, "unauthorized").await;
+    }
+    let wrong: Vec<String> = (0..200).map(|_| generated()).collect();
+    let answers = futures::future::join_all(wrong.iter().map(async |key| {
+        let answer = guesser.get(&url).bearer_auth(key).send().await.unwrap();
+        answer.status().as_u16()
+    }));
+    let others = async {
+        for _ in 0..20 {
+            let read = service.get("/v1/materials").bearer_auth(&first).send().await.unwrap();
+            assert_eq!(read.status(), StatusCode::OK);
+        }
+        service.get("/v1/materials").bearer_auth(&late).send().await.unwrap().status()
+    };
+    let (answers, others) = tokio::join!(answers, others);
+    assert_eq!(others, StatusCode::OK, "a key that was not known yet, from another address");
+    let count = |status: u16| answers.iter().filter(|found| **found == status).count();
+    assert_eq!((count(401), count(429)), (10, 190), "{answers:?}");
     service.stop().await;
 }
 
@@ -420,6 +490,12 @@ async fn tokens_and_links_of_a_key_reach_what_they_name_and_end_with_it() {
     }
     let wrong = link.replace("signature=", "signature=A");
     problem_of(fetch(&wrong).await, 401, "unauthorized").await;
+    // The id of a key that does not exist is told like the changed signature of one that does.
+    let at = link.find("signature=").unwrap() + "signature=".len();
+    let forged = format!("{}{}{}", &link[..at], if link[at..].starts_with('A') { 'B' } else { 'A' }, &link[at + 1..]);
+    let refusals = [fetch(&forged).await, fetch(&forged.replace(&id, "0123456xyz")).await];
+    let [existing, absent] = refusals.map(|refused| problem_of(refused, 401, "unauthorized"));
+    assert_eq!(existing.await, absent.await);
     problem_of(fetch(&link.replace("/content", "")).await, 401, "unauthorized").await;
     problem(service.client.delete(&link), 405, "method-not-allowed").await;
     let revoked = service.request(Method::DELETE, &format!("/v1/keys/{id}")).bearer_auth(&first).send().await.unwrap();
