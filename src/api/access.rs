@@ -1,8 +1,8 @@
 //! Access by host and origin: the hosts that a request may name, and the pages of other origins that may read.
 //!
 //! A page can let its own host name resolve to this machine (DNS rebinding) and then has the same origin as the
-//! service. Its requests still name that host. A service that listens on a loopback address therefore accepts only
-//! loopback hosts and names that a setting allows.
+//! service. Its requests still name that host. The service therefore accepts only loopback hosts and names that a
+//! setting allows, and on an address other than loopback literal addresses as well, which no page can be given.
 
 use super::problem::{Kind, Problem};
 use super::words::shown;
@@ -91,7 +91,7 @@ impl Access {
         let Some(named) = authority.or(field) else {
             return match request.version() {
                 Version::HTTP_10 if !self.loopback && self.names.is_empty() => Ok(None),
-                Version::HTTP_10 => Err(misdirected("no host")),
+                Version::HTTP_10 => Err(self.misdirected("no host")),
                 _ => Err(bad("found neither :authority nor Host, expected one of them")),
             };
         };
@@ -99,19 +99,26 @@ impl Access {
             bad(&format!("Host: found `{}`, expected a host name, with or without a port", shown(named, 80)))
         })?;
         if !self.answers(&host) {
-            return Err(misdirected(&format!("`{}`", shown(&host, 80))));
+            return Err(self.misdirected(&format!("`{}`", shown(&host, 80))));
         }
         Ok(HeaderValue::from_str(named).ok())
     }
 
     /// Returns true if the service accepts `host` (lower case, without a port).
     fn answers(&self, host: &str) -> bool {
-        let address = address_of(host);
-        if is_loopback(host) || self.names.iter().any(|name| name == host) {
-            return true;
-        }
-        // DNS rebinding needs a name, so a literal address is safe.
-        !self.loopback && (self.names.is_empty() || address.is_some())
+        // DNS rebinding needs a name, so a literal address is safe. It need not be one of this machine: behind a
+        // published port of a container clients name the address of its host.
+        is_loopback(host)
+            || self.names.iter().any(|name| name == host)
+            || (!self.loopback && address_of(host).is_some())
+    }
+
+    fn misdirected(&self, found: &str) -> Problem {
+        let address = if self.loopback { "a loopback address" } else { "an IP address" };
+        let detail = format!(
+            "the request names {found}, expected localhost, {address} or a host that --name or WAVELUME_NAMES allows"
+        );
+        Problem::new(Kind::Misdirected, detail)
     }
 
     /// Returns true if browsers may note to reach `host` over TLS only (RFC 6797). Names of the loopback interface are
@@ -155,13 +162,6 @@ fn address_of(host: &str) -> Option<IpAddr> {
 
 fn is_loopback(host: &str) -> bool {
     address_of(host).is_some_and(|address| address.to_canonical().is_loopback()) || host == "localhost"
-}
-
-fn misdirected(found: &str) -> Problem {
-    let detail = format!(
-        "the request names {found}, expected localhost, a loopback address or a host that --name or WAVELUME_NAMES allows"
-    );
-    Problem::new(Kind::Misdirected, detail)
 }
 
 /// A web origin, serialised as in RFC 6454. The opaque origin `null` is not represented.
@@ -283,12 +283,19 @@ mod tests {
             assert_eq!(status(&local, Version::HTTP_11, "/", &[host]), 200, "{host}");
         }
         assert_eq!(status(&local, Version::HTTP_11, "/", &["xlab.example.org"]), 421);
-        let open = access("0.0.0.0:80", &[], &[]);
-        assert_eq!(status(&open, Version::HTTP_11, "/", &["anything.example"]), 200);
-        let named = access("0.0.0.0:80", &["lab.example.org"], &[]);
-        assert_eq!(status(&named, Version::HTTP_11, "/", &["anything.example"]), 421);
-        for host in ["lab.example.org", "127.0.0.1:8080", "192.168.1.5", "[2001:db8::1]:80"] {
-            assert_eq!(status(&named, Version::HTTP_11, "/", &[host]), 200, "{host}");
+        for listen in ["0.0.0.0:80", "[::]:80", "192.168.1.5:80"] {
+            let open = access(listen, &[], &[]);
+            let named = access(listen, &["lab.example.org"], &[]);
+            for access in [&open, &named] {
+                for host in ["localhost:8080", "127.0.0.1:8080", "192.168.1.5", "10.0.0.1", "[2001:db8::1]:80"] {
+                    assert_eq!(status(access, Version::HTTP_11, "/", &[host]), 200, "{host}");
+                }
+                for host in ["anything.example", "192.168.1.5.nip.io", "node", "2130706433"] {
+                    assert_eq!(status(access, Version::HTTP_11, "/", &[host]), 421, "{host}");
+                }
+            }
+            assert_eq!(status(&open, Version::HTTP_11, "/", &["lab.example.org"]), 421);
+            assert_eq!(status(&named, Version::HTTP_11, "/", &["lab.example.org"]), 200);
         }
     }
 

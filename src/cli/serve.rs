@@ -71,8 +71,8 @@ pub(crate) struct ReachArgs {
     /// Address to listen on; port 0 takes a free one
     #[arg(long, value_name = "ADDR", default_value = DEFAULT_LISTEN, env = "WAVELUME_LISTEN", hide_env_values = true)]
     pub(crate) listen: SocketAddr,
-    /// Further host name that requests may address, besides localhost and loopback addresses; may be repeated. Without
-    /// one, a service on an address other than loopback accepts every host name
+    /// Further host name that requests may address, besides localhost and loopback addresses, and IP addresses where
+    /// the service listens on one other than loopback; may be repeated
     #[arg(long = "name", value_name = "HOST", env = "WAVELUME_NAMES", value_delimiter = ',', hide_env_values = true)]
     pub(crate) names: Vec<String>,
     /// Web origin whose pages may read from the service (CORS): `SCHEME://HOST` or `SCHEME://HOST:PORT`; may be

@@ -1,5 +1,6 @@
 //! Hosts that are served, pages that may read, and the headers that every answer has.
 
+use super::keys::guarded;
 use crate::service::{D65, Service, config, problem, problem_of};
 use reqwest::{Method, StatusCode};
 use serde_json::json;
@@ -36,6 +37,24 @@ async fn a_loopback_service_answers_requests_for_loopback_hosts_alone() {
     ] {
         let answer = service.talk(format!("{words}connection: close\r\n\r\n").as_bytes()).await;
         assert!(answer.split(' ').nth(1) == Some(&status.to_string()), "{words}: {answer}");
+    }
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn on_every_address_a_host_name_has_to_be_given_and_ip_addresses_are_answered() {
+    let data = tempfile::tempdir().unwrap();
+    let (mut open, key) = guarded(data.path());
+    open.listen = "0.0.0.0:0".parse().unwrap();
+    open.names = vec!["lab.example.org".to_owned()];
+    let service = Service::start(open).await;
+    let read = |host: &str| service.get("/v1/materials").bearer_auth(&key).header("host", host);
+    for host in ["localhost:8080", "127.0.0.1", "192.168.0.7:8080", "[2001:db8::1]", "lab.example.org:8443"] {
+        assert_eq!(read(host).send().await.unwrap().status(), StatusCode::OK, "{host}");
+    }
+    for host in ["evil.example", "node:8080", "127.0.0.1.evil.example"] {
+        let refusal = problem(read(host), 421, "misdirected").await;
+        assert!(refusal["detail"].as_str().unwrap().contains("--name or WAVELUME_NAMES"), "{refusal}");
     }
     service.stop().await;
 }
@@ -127,6 +146,19 @@ async fn keys_are_taken_from_no_page_of_another_origin() {
         let answer = request.send().await.unwrap();
         assert_ne!(answer.status(), StatusCode::FORBIDDEN);
         assert!(!answer.headers().contains_key("access-control-allow-credentials"));
+    }
+    // A page may lead to what a signed link names, but not ask for it in the background.
+    let content = format!("/v1/materials/b3-{}/content", "0".repeat(64));
+    let link = |site: &str, mode: &str, place: &str| {
+        let path = format!("{content}?key=0123456xyz&expires=1&signature=x");
+        service.get(&path).header("sec-fetch-site", site).header("sec-fetch-mode", mode).header("sec-fetch-dest", place)
+    };
+    for (mode, place) in [("no-cors", "image"), ("navigate", "iframe"), ("cors", "empty")] {
+        problem(link("cross-site", mode, place), 403, "cross-origin-read").await;
+    }
+    for request in [link("cross-site", "navigate", "document"), link("none", "no-cors", "image"), service.get(&content)]
+    {
+        assert_eq!(request.send().await.unwrap().status(), StatusCode::NOT_FOUND);
     }
     let preflight = service
         .request(Method::OPTIONS, "/v1/formats")
