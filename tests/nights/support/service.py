@@ -44,10 +44,39 @@ def venv(name, packages):
     return path
 
 
-class Service:
-    """`wavelume serve` on a free port of 127.0.0.1 with a data directory of its own."""
+def with_servers(durable=False):
+    """Starts this program again under `tests/servers`, unless it has been."""
+    if durable:
+        os.environ["WAVELUME_TEST_DURABLE"] = "yes"
+    if "WAVELUME_TEST_DATABASE" not in os.environ:
+        program = [sys.executable, os.path.abspath(sys.argv[0]), *sys.argv[1:]]
+        os.execv(ROOT / "tests" / "servers", ["tests/servers", *program])
 
-    def __init__(self, *options):
+
+def places(name, shared):
+    """Options for an empty database and store: `name` on the servers that `tests/servers` has started if `shared`, else
+    none, for SQLite and a directory."""
+    if not shared:
+        return []
+    server = os.environ["WAVELUME_TEST_DATABASE"]
+    words = ["psql", server, "-X", "-q", "-c", f'CREATE DATABASE "{name}"']
+    subprocess.run(words, check=True)
+    database = f"{server.rpartition('/')[0]}/{name}"
+    subprocess.run([binary(), "migrate", "--database", database], check=True, stdout=subprocess.DEVNULL)
+    return ["--database", database, "--store", f"{os.environ['WAVELUME_TEST_STORE']}/{name}"]
+
+
+class Service:
+    """`wavelume serve` on a free port of 127.0.0.1 with a data directory of its own.
+
+    With `keys` it runs in that mode of access: `key` is the text of its first key, which has all scopes, and `call`
+    sends it."""
+
+    def __init__(self, *options, keys=False):
+        self.key = None
+        if keys:
+            generated = subprocess.run([binary(), "keys", "generate"], check=True, capture_output=True, text=True)
+            self.key, options = generated.stdout.strip(), (*options, "--auth", "keys")
         self.directory = tempfile.TemporaryDirectory(prefix="wavelume-night-")
         self.path = Path(self.directory.name)
         self.data = self.path / "data"
@@ -58,6 +87,8 @@ class Service:
     def __enter__(self):
         # Bugs are one line of the log, not a backtrace.
         environment = {key: value for key, value in os.environ.items() if key not in ("RUST_BACKTRACE", "RUST_LOG")}
+        if self.key:
+            environment["WAVELUME_BOOTSTRAP_KEY"] = self.key
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(
                 [binary(), "serve", "--data", self.data, "--listen", "127.0.0.1:0", *self.options],
@@ -90,8 +121,9 @@ class Service:
     def call(self, method, path, body=None, headers=None, timeout=120):
         """One request over a connection of its own: status, headers, body."""
         connection = http.client.HTTPConnection(self.host, self.port, timeout=timeout)
+        credentials = {"authorization": f"Bearer {self.key}"} if self.key else {}
         try:
-            connection.request(method, path, body=body, headers=headers or {})
+            connection.request(method, path, body=body, headers={**credentials, **(headers or {})})
             answer = connection.getresponse()
             return answer.status, dict(answer.getheaders()), answer.read()
         finally:

@@ -17,7 +17,7 @@ import urllib.request
 import xml.etree.ElementTree
 from pathlib import Path
 
-from service import ROOT, binary
+from service import binary, with_servers  # noqa: F401
 
 # Seconds after which something that should happen is taken for something that never will.
 PATIENCE = 300
@@ -35,15 +35,6 @@ CREATE FUNCTION test_ended() RETURNS trigger LANGUAGE plpgsql AS
 CREATE TRIGGER test_ends AFTER UPDATE ON jobs FOR EACH ROW WHEN (OLD.state <> NEW.state
   AND (OLD.state NOT IN ('queued', 'running') OR NEW.state NOT IN ('queued', 'running'))) EXECUTE FUNCTION test_ended();
 """
-
-
-def with_servers(durable=False):
-    """Starts this program again under `tests/servers`, unless it has been."""
-    if "WAVELUME_TEST_DATABASE" in os.environ:
-        return
-    if durable:
-        os.environ["WAVELUME_TEST_DURABLE"] = "yes"
-    os.execv(ROOT / "tests" / "servers", ["tests/servers", sys.executable, *map(os.path.abspath, sys.argv[:1]), *sys.argv[1:]])
 
 
 def free_ports(count):
