@@ -28,8 +28,8 @@ pub(crate) struct Retention {
 
 impl Catalog {
     /// Deletes ended jobs, idempotency keys and records of the audit trail, of all tenants, that are older than `ages`,
-    /// and access keys that ended long ago, and returns the number of deleted jobs. The next sweep removes the reports of
-    /// the deleted jobs.
+    /// and access keys that ended long ago, and returns the number of deleted jobs. The next sweep removes the reports
+    /// of the deleted jobs.
     pub(crate) async fn forget(&self, ages: &Retention) -> Result<u64, CatalogError> {
         let mut forgotten = 0;
         for (state, age) in [
