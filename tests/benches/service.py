@@ -2,7 +2,7 @@
 """The service under load, beside nginx: batches as f32, one spectrum at a steady rate, a small file.
 
     python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob]
-    [--hold]
+    [--keys] [--hold]
 
 Needs Python 3.9 and the standard library; for the file also nginx and wrk (Debian: apt install nginx-light wrk).
 Everything runs on this machine over the loopback interface, the clients on the same cores as the servers. Memory is the
@@ -38,6 +38,7 @@ def main():
     arguments.add_argument("--seconds", type=float, default=5.0, help="of one run of load")
     arguments.add_argument("--rounds", type=int, default=3, help="of everything, one after the other")
     arguments.add_argument("--only", default="batch,latency,blob")
+    arguments.add_argument("--keys", action="store_true", help="every request carries an access key")
     arguments.add_argument("--hold", action="store_true", help="exit code 1 below 85 %% of nginx or a million spectra a second")
     arguments = arguments.parse_args()
     missed = []
@@ -48,7 +49,7 @@ def main():
                 sys.exit(f"{program} is missing; Debian: apt install nginx-light wrk; or leave it out with --only batch,latency")
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
-        with Server(arguments.binary.resolve(), scratch) as server:
+        with Server(arguments.binary.resolve(), scratch, arguments.keys) as server:
             print(f"{time.strftime('%Y-%m-%d')}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before\n")
             if "batch" in only or "latency" in only:
                 material = server.material("data/virtual/plastic.json", {"er_l2": 0.01})
@@ -69,13 +70,17 @@ def find(program):
 class Server:
     """`wavelume serve` on a free port, its log in a file as a service has it."""
 
-    def __init__(self, binary, scratch):
-        self.binary, self.scratch = binary, scratch
+    def __init__(self, binary, scratch, keys):
+        self.binary, self.scratch, self.headers, self.auth, self.environment = binary, scratch, {}, [], dict(os.environ)
+        if keys:
+            key = subprocess.run([binary, "keys", "generate"], check=True, capture_output=True, text=True).stdout.strip()
+            self.headers, self.auth = {"authorization": f"Bearer {key}"}, ["--auth", "keys"]
+            self.environment["WAVELUME_BOOTSTRAP_KEY"] = key
 
     def __enter__(self):
-        command = [self.binary, "serve", "--data", self.scratch / "data", "--listen", "127.0.0.1:0"]
+        command = [self.binary, "serve", "--data", self.scratch / "data", "--listen", "127.0.0.1:0", *self.auth]
         log = open(self.scratch / "log", "wb")
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=self.environment)
         line = self.process.stdout.readline()
         if not line.startswith("listening on http://"):
             sys.exit(f"the server does not start: {(self.scratch / 'log').read_text()}")
@@ -87,8 +92,12 @@ class Server:
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(30)
 
+    def lines(self):
+        """Headers of every request, as lines of HTTP."""
+        return "".join(f"{name}: {value}\r\n" for name, value in self.headers.items())
+
     def call(self, path, body=None, headers=None):
-        request = urllib.request.Request(self.base + path, body, headers or {})
+        request = urllib.request.Request(self.base + path, body, {**self.headers, **(headers or {})})
         with urllib.request.urlopen(request) as answer:
             return answer.read()
 
@@ -144,7 +153,7 @@ def batch(server, material, rounds):
         for _ in range(rounds + 1):
             resident = server.memory("VmRSS")
             server.forget_peak()
-            seconds = send(server.address, f"{material}/evaluate?interpolation={how}", body, PAIRS * width * 4)
+            seconds = send(server, f"{material}/evaluate?interpolation={how}", body, PAIRS * width * 4)
             runs.append(seconds)
             peak = max(peak, server.memory("VmHWM") - resident)
         # The first run warms up.
@@ -158,13 +167,13 @@ def batch(server, material, rounds):
     return missed
 
 
-def send(address, path, body, expected):
+def send(server, path, body, expected):
     """Seconds for a body out and its answer in, both at the same time."""
     head = (
-        f"POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/octet-stream\r\n"
+        f"POST {path} HTTP/1.1\r\nhost: localhost\r\n{server.lines()}content-type: application/octet-stream\r\n"
         f"content-length: {len(body)}\r\nconnection: close\r\n\r\n"
     ).encode()
-    with socket.create_connection(address) as stream:
+    with socket.create_connection(server.address) as stream:
         start = time.perf_counter()
         writer = threading.Thread(target=lambda: stream.sendall(head + body))
         writer.start()
@@ -187,9 +196,9 @@ def latency(server, material, seconds, rounds):
     server.call(material + "/spectrum?wi=30,0&wo=45,170")
     one = json.dumps({"wi": [[30, 0]], "wo": [[45, 170]]})
     requests = {
-        "GET /healthz, for comparison": "GET /healthz HTTP/1.1\r\nhost: localhost\r\n\r\n",
-        "GET spectrum": f"GET {material}/spectrum?wi=30,0&wo=45,170 HTTP/1.1\r\nhost: localhost\r\n\r\n",
-        "POST evaluate": f"POST {material}/evaluate HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n"
+        "GET /healthz, for comparison": f"GET /healthz HTTP/1.1\r\nhost: localhost\r\n{server.lines()}\r\n",
+        "GET spectrum": f"GET {material}/spectrum?wi=30,0&wo=45,170 HTTP/1.1\r\nhost: localhost\r\n{server.lines()}\r\n",
+        "POST evaluate": f"POST {material}/evaluate HTTP/1.1\r\nhost: localhost\r\n{server.lines()}content-type: application/json\r\n"
         f"content-length: {len(one)}\r\n\r\n{one}",
     }
     print(f"| one spectrum as JSON, {RATE} requests/s | p50, ms | p99, ms | largest, ms |")
@@ -264,7 +273,8 @@ def blob(server, scratch, seconds, rounds):
         for round in range(rounds + 1):
             # One after the other, first one then the other first.
             for name in sorted(addresses, reverse=round % 2 == 1):
-                found[name].append(requests(addresses[name], seconds if round else 1.0))
+                headers = server.headers if name == "wavelume" else {}
+                found[name].append(requests(addresses[name], headers, seconds if round else 1.0))
         shares = [ours / theirs for ours, theirs in zip(found["wavelume"][1:], found["nginx"][1:])]
         print(f"| a material of {len(content):,} bytes, 16 connections | requests/s | MB/s |")
         print("|---|--:|--:|")
@@ -279,10 +289,9 @@ def blob(server, scratch, seconds, rounds):
         nginx.wait(10)
 
 
-def requests(address, seconds):
-    output = subprocess.run(
-        [find("wrk"), "-t1", "-c16", f"-d{seconds:.0f}s", address], check=True, capture_output=True, text=True
-    ).stdout
+def requests(address, headers, seconds):
+    command = [find("wrk"), "-t1", "-c16", f"-d{seconds:.0f}s", *(f"-H{name}: {value}" for name, value in headers.items()), address]
+    output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     if "Non-2xx" in output:
         sys.exit(f"refused: {output}")
     return next(float(line.split()[1]) for line in output.splitlines() if line.startswith("Requests/sec:"))

@@ -25,7 +25,7 @@ except ImportError as error:
 
 SIZE = 128
 # Places along a side of a pixel here, samples of a pixel there.
-PLACES, SAMPLES = 4, 64
+PLACES, SAMPLES = 4, 16
 TOLERANCE = 0.005
 BANDS = [450.0, 550.0, 650.0]
 # Width of a band in nm: spectra have kinks at their samples, which a wide band would average.

@@ -85,9 +85,8 @@ mod described {
                 let number = described.schema_type(Type::Integer).minimum(Some(least as f64));
                 if most == u64::MAX { number } else { number.maximum(Some(most as f64)) }
             }
-            Values::List { .. } => described.schema_type(Type::String),
             Values::Name { names, .. } => described.schema_type(Type::String).enum_values(Some(names())),
-            Values::Text { .. } | Values::File { .. } => described.schema_type(Type::String),
+            Values::List { .. } | Values::Text { .. } | Values::File { .. } => described.schema_type(Type::String),
             Values::Document { .. } => described,
         }
         .build()
