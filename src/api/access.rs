@@ -15,7 +15,7 @@ use std::net::{IpAddr, SocketAddr};
 pub(crate) struct Access {
     /// True if the service listens on a loopback address.
     loopback: bool,
-    /// True if clients reach the service over TLS, which it ends itself.
+    /// True if the service itself terminates TLS, so that clients reach it over HTTPS.
     secure: bool,
     /// Host names, besides those of the loopback interface, that requests may address: lower case, without a port.
     names: Vec<String>,
@@ -121,8 +121,8 @@ impl Access {
         Problem::new(Kind::Misdirected, detail)
     }
 
-    /// Returns true if browsers may note to reach `host` over TLS only (RFC 6797). Names of the loopback interface are
-    /// left out, because a browser would apply the note to every other program on them.
+    /// Returns true if an answer may tell browsers to reach `host` over TLS only (HSTS, RFC 6797). Excludes names of
+    /// the loopback interface, because a browser would apply the rule to every other program on them.
     pub(crate) fn is_secure_only(&self, host: Option<&HeaderValue>) -> bool {
         let host = host.and_then(|host| host.to_str().ok()).and_then(split);
         self.secure && host.is_some_and(|(host, _)| !is_loopback(&host))
@@ -155,7 +155,7 @@ impl Access {
     }
 }
 
-/// Returns the address that a host (without a port) is, with or without brackets.
+/// Parses a host (without a port) as an IP address, with or without brackets. Returns `None` for a name.
 fn address_of(host: &str) -> Option<IpAddr> {
     host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host).parse().ok()
 }

@@ -28,8 +28,8 @@ fn is_query(route: &str) -> bool {
     !matches!(question, "content" | "export")
 }
 
-/// Admits a request if its tenant has requests left, and its client is below its limits of simultaneous requests. The
-/// request is counted until its response is sent or dropped.
+/// Middleware that admits a request if its tenant has not used up its requests per minute, and its client is below its
+/// limits of simultaneous requests. The request counts as under way until its response is sent or dropped.
 pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Next) -> Response {
     if is_health(request.uri().path()) {
         return next.run(request).await;

@@ -19,18 +19,18 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(list_audit))
 }
 
-/// An act in the audit trail.
+/// Record of one act in the audit trail.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Act)]
 struct Record {
     id: String,
     /// Time of the act, in milliseconds since the Unix epoch.
     at_ms: i64,
-    /// Caller that acted: `key` and the id of its key, or another word.
+    /// Actor: `key` and the id of the access key that was used, or another text such as the name of a command.
     actor: String,
     /// Name of the act, such as `key.create`, `key.revoke` or `key.refused`.
     action: String,
-    /// Id of the key or row that was acted on.
+    /// Id of the key, material or other object that the act concerned.
     subject: Option<String>,
     /// Further facts about the act, in words.
     detail: Option<String>,
@@ -57,7 +57,7 @@ struct ListQuery {
     /// Tenant whose trail is read, for callers with the scope `instance`; by default the caller's own
     #[param(value_type = Option<TenantText>)]
     tenant: Option<String>,
-    /// True for the acts that belong to no tenant, such as attempts with wrong keys; for callers with the scope
+    /// True to list the acts that belong to no tenant, such as attempts with wrong keys; for callers with the scope
     /// `instance`
     #[serde(default)]
     #[param(value_type = Option<bool>, nullable = false)]
@@ -70,7 +70,7 @@ struct ListQuery {
     limit: Option<usize>,
 }
 
-/// List who did what, newest first.
+/// List the records of the audit trail, which say who did what, newest first.
 #[utoipa::path(
     get, path = "/v1/audit", tag = "access", params(ListQuery),
     responses((status = 200, description = "A page", body = RecordPage))

@@ -29,27 +29,29 @@ const PASSED_ON: [&str; 3] = ["forwarded", "x-forwarded-for", "via"];
 /// Upper bound in characters on the subject of a record in the audit trail: longer than any id.
 const LONGEST_SUBJECT: usize = 80;
 
-/// Challenge of answers that ask for a key.
+/// Value of the header `WWW-Authenticate` in answers that ask for an access key.
 const CHALLENGE: &str = "Bearer realm=\"wavelume\"";
 
-/// Reason why what a caller shows is refused.
+/// Reason to refuse the key, token or link that a request presents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Refused {
     /// The header `Authorization` has another form than `Bearer KEY`.
     Form,
-    /// The text is not a key; most likely a character is wrong or missing.
+    /// The presented text is not an access key; most likely a character is wrong or missing.
     Mistyped,
-    /// There is no such key.
+    /// No access key has the presented id, or its secret differs from the presented one.
     Unknown(Option<KeyId>),
-    /// The key has expired.
+    /// The presented access key has expired.
     Expired,
-    /// The key was revoked.
+    /// The presented access key was revoked.
     Revoked,
-    /// The token or the link is not valid; the key that it names, if it could be read.
+    /// The presented token or link is not valid. Holds the reason, and the id of the key that it names, if that could
+    /// be read.
     Signed(trust::Refused, Option<KeyId>),
 }
 
-/// Middleware that finds out who calls, and refuses requests whose route needs more than the caller may do.
+/// Middleware that identifies the caller of a request, and refuses the request if its route needs a scope that the
+/// caller lacks.
 pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Next) -> Response {
     let (mut parts, body) = request.into_parts();
     let mut end = None;
@@ -89,7 +91,7 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
     }
 }
 
-/// Returns the record of a request in the audit trail, if it belongs there.
+/// Returns the record of a request for the audit trail; `None` if requests for its route are not recorded here.
 fn act(parts: &Parts) -> Option<Act> {
     let action = needs::act(parts.method.as_str(), parts.extensions.get::<MatchedPath>()?.as_str())?;
     let last = parts.uri.path().rsplit('/').next().filter(|_| parts.method != Method::POST);
@@ -97,7 +99,8 @@ fn act(parts: &Parts) -> Option<Act> {
     Some(Act { subject, ..parts.extensions.get::<Caller>()?.act(action, "") })
 }
 
-/// Records a request that has succeeded. What is new is named by the header `Location` of its answer.
+/// Records a successful request in the audit trail. If the request has made something new, the header `Location` of the
+/// answer names it.
 async fn record(app: &App, headers: &HeaderMap, act: Act) {
     let made = headers.get(header::LOCATION).and_then(|value| value.to_str().ok()?.rsplit('/').next());
     let subject = made.map(str::to_owned).or(act.subject);
@@ -106,7 +109,7 @@ async fn record(app: &App, headers: &HeaderMap, act: Act) {
     }
 }
 
-/// Returns the caller of a request that may use its route; `None` if there is no such route.
+/// Identifies the caller of a request, and checks that it may use the route. Returns `None` if no route has the path.
 async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
     let caller = |tenant, scopes, actor| Ok(Some(Caller::new(tenant, scopes, actor, &parts.extensions)));
     if app.guard.mode == AuthMode::Off {
@@ -151,18 +154,18 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
     Ok(Some(Caller::new(tenant, scopes, actor, &parts.extensions).limited(reach, until)))
 }
 
-/// Rights that a caller has shown.
+/// Identity and rights of a caller, as its key, token or link proves them.
 struct Shown {
     actor: Actor,
     tenant: Tenant,
     scopes: Scopes,
     reach: Reach,
-    /// End of the rights in Unix seconds, if they end.
+    /// Time at which the rights of the caller end, in Unix seconds; `None` if they do not end.
     until: Option<u64>,
 }
 
 impl Shown {
-    /// Builds the rights of a token or link, in the tenant of its key.
+    /// Builds the rights that a verified token or link gives, in the tenant of its key.
     fn granted(actor: Actor, grant: Grant, rights: &Rights) -> Self {
         let Grant { scopes, reach, expires, .. } = grant;
         Self { actor, tenant: rights.tenant.clone(), scopes, reach, until: Some(expires) }
@@ -201,7 +204,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
     Ok(Shown { actor: Actor::Key(key.id()), tenant, scopes, reach: Reach::All, until })
 }
 
-/// Returns the rights of a signed link.
+/// Returns the rights that the signed link in a request gives.
 async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem> {
     let now = unix_seconds();
     let link = Link::read(parts.uri.path(), query, now);
@@ -235,8 +238,8 @@ async fn signed(
     }
 }
 
-/// Returns the rights of a key, if it exists and, where a hash is given, the hash is that of its secret. Otherwise the
-/// caller is refused for the reason `wrong`.
+/// Returns the rights of an access key, if it exists and, where a hash is given, its secret has this hash. Otherwise
+/// the caller is refused for the reason `wrong`.
 async fn rights(
     app: &App,
     parts: &Parts,
@@ -258,7 +261,7 @@ async fn rights(
     }
 }
 
-/// Returns the text after `Bearer` in the only header `Authorization`.
+/// Returns the text after `Bearer` in the header `Authorization`, of which a request may have only one.
 fn bearer(headers: &HeaderMap) -> Result<&str, Refused> {
     let mut fields = headers.get_all(header::AUTHORIZATION).iter();
     let (Some(field), None) = (fields.next(), fields.next()) else { return Err(Refused::Form) };
@@ -266,7 +269,8 @@ fn bearer(headers: &HeaderMap) -> Result<&str, Refused> {
     if scheme.eq_ignore_ascii_case("bearer") { Ok(text.trim()) } else { Err(Refused::Form) }
 }
 
-/// Counts a wrong key, token or link, and returns the answer to it.
+/// Builds the error response to a refused key, token or link. Counts it against the client address if it may be a
+/// guess.
 fn refused(app: &App, parts: &Parts, reason: Refused) -> Problem {
     if !reason.is_guess() {
         return unauthorised(reason);
@@ -318,7 +322,7 @@ fn passed_on(name: &str) -> Problem {
     Problem::new(Kind::PassedOn, detail)
 }
 
-/// Keeps answers to a caller out of caches that others use.
+/// Sets headers of an answer that is for one caller, so that shared caches do not store it for others.
 fn keep_private(headers: &mut HeaderMap) {
     headers.append(header::VARY, HeaderValue::from_static("authorization"));
     let public = headers.get(header::CACHE_CONTROL).and_then(|value| value.to_str().ok()?.strip_prefix("public"));
@@ -328,8 +332,8 @@ fn keep_private(headers: &mut HeaderMap) {
 }
 
 impl Refused {
-    /// Returns true if the caller may have guessed; false if it has shown a right secret or signature, or a time that
-    /// nobody needs to guess.
+    /// Returns true if the refused caller may have guessed a secret; false if it has shown a right secret or signature,
+    /// or something that nobody needs to guess.
     fn is_guess(self) -> bool {
         use trust::Refused::{Forged, NotAToken};
         match self {
@@ -340,7 +344,7 @@ impl Refused {
         }
     }
 
-    /// Returns the key that the caller has named.
+    /// Returns the id of the key that the refused caller has named, if any.
     fn key(self) -> Option<KeyId> {
         match self {
             Self::Unknown(key) | Self::Signed(_, key) => key,

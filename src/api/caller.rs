@@ -19,7 +19,7 @@ pub(crate) struct Caller {
     pub(crate) scopes: Scopes,
     /// Way in which the caller has shown who it is.
     pub(crate) actor: Actor,
-    /// Materials that the caller reaches; the path of the request is one of them.
+    /// Materials to which the token or link of the caller is limited; the path of the request was checked against them.
     pub(crate) reach: Reach,
     /// Time at which the rights of the caller end, in Unix seconds; `None` if they do not end.
     until: Option<u64>,
@@ -32,46 +32,48 @@ pub(crate) struct Caller {
 pub(crate) enum Actor {
     /// The service runs without keys, and everybody who reaches it may do everything.
     Off,
-    /// The caller has shown nothing.
+    /// The caller has sent no key, token or link.
     Anonymous,
-    /// The caller has sent this key.
+    /// The caller has sent the access key with this id.
     Key(KeyId),
-    /// The caller has sent a token that was made from this key.
+    /// The caller has sent a token that was made from the key with this id.
     Token(KeyId),
-    /// The caller follows a link that was made from this key.
+    /// The caller follows a signed link that was made from the key with this id.
     Link(KeyId),
 }
 
-/// Id of a request, in the extensions of the request.
+/// Id of an HTTP request, stored in the extensions of the request.
 #[derive(Clone, Debug)]
 pub(crate) struct RequestId(pub(crate) String);
 
 impl Caller {
-    /// Returns the caller of the request with these extensions. A request without one has not passed the layer that
-    /// asks who calls.
+    /// Returns the caller stored in the extensions of a request. Fails if there is none, because the request has not
+    /// passed the layer that identifies callers.
     pub(crate) fn of_extensions(extensions: &Extensions) -> Result<&Self, Problem> {
         extensions.get().ok_or_else(|| Problem::internal(&"a route without a caller"))
     }
 
-    /// Returns a caller with the data of a tenant, in a service with keys.
+    /// Builds a caller with all scopes that acts for the given tenant, as in a service with keys.
     #[cfg(test)]
     pub(crate) fn of_tenant(tenant: Tenant) -> Self {
         Self::new(tenant, Scopes::all(), Actor::Off, &Extensions::new())
     }
 
-    /// Builds the caller of a request with these extensions.
+    /// Builds a caller from its tenant, scopes and actor; the extensions of the request give its address and the
+    /// request id.
     pub(crate) fn new(tenant: Tenant, scopes: Scopes, actor: Actor, extensions: &Extensions) -> Self {
         let request = extensions.get::<RequestId>().map(|id| id.0.clone()).unwrap_or_default();
         let (reach, until) = (Reach::All, None);
         Self { tenant, scopes, actor, reach, until, peer: Peer::of_extensions(extensions), request }
     }
 
-    /// Returns the caller with rights that end at `until`, in Unix seconds, and reach certain materials.
+    /// Limits the caller to the materials `reach`, and its rights to the time before `until` in Unix seconds (`None`
+    /// for no end).
     pub(crate) fn limited(self, reach: Reach, until: Option<u64>) -> Self {
         Self { reach, until, ..self }
     }
 
-    /// Returns the time for which the caller has its rights; `None` if they do not end.
+    /// Returns the time from now until the rights of the caller end; `None` if they do not end.
     pub(crate) fn left(&self) -> Option<Duration> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         self.until.map(|until| Duration::from_secs(until).saturating_sub(now))
@@ -103,7 +105,7 @@ impl Caller {
 }
 
 impl Actor {
-    /// Returns the key on which the rights of the caller rest.
+    /// Returns the id of the key that the caller has sent, or from which its token or link was made.
     pub(crate) fn key(self) -> Option<KeyId> {
         match self {
             Self::Off | Self::Anonymous => None,

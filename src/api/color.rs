@@ -173,7 +173,7 @@ impl Asked {
         matches!(self.illuminant, Named::Stored(_)) || matches!(self.observer, Named::Stored(_))
     }
 
-    /// Refuses stored tables to a caller that reaches one material alone.
+    /// Refuses stored tables of illuminants and observers to a caller whose token or link is limited to one material.
     pub(super) fn within(self, caller: &Caller) -> Result<Self, Problem> {
         if self.has_stored() && caller.reach != Reach::All {
             let detail = "the token is for one material, expected the name of an illuminant and observer, not an id";

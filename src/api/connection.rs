@@ -86,7 +86,7 @@ impl Entrance {
 /// Router and limits that all connections of a listener share.
 pub(crate) struct Host {
     router: Router,
-    /// Handshake that begins each connection; `None` serves plain HTTP.
+    /// TLS handshake that begins each connection; `None` serves plain HTTP.
     handshake: Option<Handshake>,
     idle: Duration,
     first_bytes: Duration,
@@ -172,8 +172,8 @@ impl Host {
         }
     }
 
-    /// Makes the handshake of TLS, if the service has a certificate. Returns `None` if the client has left, or does not
-    /// speak TLS and was told.
+    /// Makes the TLS handshake, if the service has a certificate. Returns `None` if the client has left, or has sent
+    /// plain HTTP and was told to use HTTPS.
     async fn secured(&self, stream: TcpStream) -> Result<Option<Wire>, String> {
         let Some(handshake) = &self.handshake else { return Ok(Some(Wire::Plain(stream))) };
         let made = self.opening(handshake.accept(stream)).await;

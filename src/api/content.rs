@@ -48,9 +48,9 @@ pub(crate) async fn respond(
     })
 }
 
-/// Builds the answer that sends a client to the store for the blob `digest`, if a setting says so and the store has
-/// URLs that need no credentials. Such a URL holds no longer than the time `left`, for which the caller may read;
-/// `None` stands for no end. Returns `None` if the service is to answer by itself.
+/// Redirects a download of the bytes `digest` to a presigned URL of the object store, if a setting and the store allow
+/// it. The URL expires within the time `left` for which the caller may read; `None` stands for no end. Returns `None`
+/// if the service is to send the bytes itself.
 pub(crate) async fn redirected(
     app: &App,
     digest: Digest,

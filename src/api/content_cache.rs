@@ -13,9 +13,9 @@ const SMALL: u64 = 1 << 20;
 /// Minutes for which a file stays in the memory cache. Raising it saves reads of the store.
 const KEPT: Duration = Duration::from_mins(1);
 
-/// Memory cache of small material files, keyed by tenant and digest, so that nobody learns by the time of an answer
-/// that another tenant has the same bytes. Check the catalog before answering from it: the material may have been
-/// deleted.
+/// Memory cache of small material files, keyed by tenant and digest, so that nobody learns from the duration of an
+/// answer that another tenant has the same bytes. Check the catalog before answering from it: the material may have
+/// been deleted.
 #[derive(Clone, Debug)]
 pub(crate) struct Contents {
     files: moka::future::Cache<(Tenant, Digest), Bytes>,

@@ -1,4 +1,4 @@
-//! Decisions about keys, each remembered in this process for at most four seconds.
+//! Decisions about the validity and rights of access keys, each remembered in this process for at most four seconds.
 
 use crate::catalog::{Catalog, CatalogError, Credential};
 use crate::trust::{KeyFacts, KeyId, Scopes, SecretHash, Tenant, Verifier};
@@ -6,26 +6,27 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time for which a decision is remembered. Raising it spares the database, but delays the effect of a revocation on
-/// other nodes: together with [`LOOK`] it must stay below the promised 5 s.
+/// Time for which a decision about the validity of an access key is remembered. Raising it spares the database, but
+/// delays the effect of a revocation on other nodes: together with [`LOOK`] it must stay below the promised 5 s.
 const BELIEVED: Duration = Duration::from_secs(4);
 
-/// Interval at which a long answer looks whether its key is still valid. Raising it spares looks into memory, but lets
-/// the answer go on for longer.
+/// Interval at which the service checks, while it sends a long answer, that the key of the request is still valid.
+/// Raising it saves checks, but lets the answer go on for longer after a revocation.
 const LOOK: Duration = Duration::from_millis(500);
 
-/// Age at which one request asks the database again, while the others still use the remembered decision. Lowering it
-/// asks more often; above [`BELIEVED`] all requests with a key would ask at once when it runs out.
+/// Age of a remembered decision about a key at which one request asks the database again, while the others still use
+/// the decision. Lowering it asks more often; above [`BELIEVED`] all requests with a key would ask at once when the
+/// decision runs out.
 const RENEWED: Duration = Duration::from_millis(2500);
 
-/// Upper bound on the remembered keys. Raising it costs memory, some 200 bytes for each.
+/// Upper bound on the number of keys whose validity is remembered. Raising it costs memory, some 200 bytes for each.
 const KEYS: usize = 10_000;
 
-/// One of so many remembered keys is dropped when there are [`KEYS`]. Raising it keeps more of them, and looks through
-/// them all more often.
+/// Part of the remembered keys that is dropped once there are [`KEYS`]: one in this number. Raising it drops fewer at a
+/// time, and searches all of them more often.
 const DROPPED: usize = 10;
 
-/// Remembered decisions about keys.
+/// Memory of the decisions about the validity and rights of access keys.
 #[derive(Debug, Default)]
 pub(crate) struct Decisions {
     known: Mutex<Known>,
@@ -34,8 +35,8 @@ pub(crate) struct Decisions {
 #[derive(Debug, Default)]
 struct Known {
     by: HashMap<KeyId, Remembered>,
-    /// Number of decisions that were dropped before their time. A decision that was asked for before the last of them
-    /// is not remembered.
+    /// Number of times that a decision about a key was dropped because the key was changed. A database answer that was
+    /// requested before the latest drop is not remembered.
     dropped: u64,
 }
 
@@ -47,10 +48,10 @@ struct Remembered {
     until: Instant,
 }
 
-/// Decision about a key that exists, shared by all requests that come with it.
+/// Decision about an existing access key, shared by all requests that present the key.
 pub(crate) type Decision = Arc<Rights>;
 
-/// Rights of a key that exists, and the state on which they depend.
+/// Rights of an existing access key, and the state (valid, expired, revoked or closed) on which they depend.
 #[derive(Debug)]
 pub(crate) struct Rights {
     /// Tenant for which the key acts.
@@ -63,33 +64,33 @@ pub(crate) struct Rights {
     expires_ms: Option<i64>,
 }
 
-/// State of a key that exists.
+/// State of an existing access key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum KeyState {
-    /// The key is valid.
+    /// The access key is valid.
     Valid,
-    /// The time of the key is over.
+    /// The access key has expired.
     Expired,
-    /// The key was revoked.
+    /// The access key was revoked.
     Revoked,
-    /// The key is valid, but its tenant is closed.
+    /// The access key is valid, but its tenant is closed.
     Closed,
 }
 
-/// Judgement of a request that presents a key.
+/// Outcome of checking the access key that a request presents.
 #[derive(Clone, Debug)]
 pub(crate) enum Judged {
-    /// The key exists, and the secret is right if one was given.
+    /// An access key with the presented id exists, and its secret is the presented one, if one was presented.
     Known(Decision),
-    /// There is no such key, or the secret is wrong.
+    /// No key has the presented id, or the presented secret is wrong.
     Wrong,
 }
 
-/// Memory of a key before the database is asked.
+/// Outcome of looking for an access key among the remembered ones, before the database is asked.
 enum Recalled {
     Fresh(Decision),
-    /// The decision has to be renewed; it still holds if the database does not answer.
-    /// The database is to be asked; until the given time the remembered decision holds if it does not answer.
+    /// The database is to be asked about the key again. If it does not answer, the remembered decision holds until the
+    /// given time; `None` if that time is over.
     Due(Option<(Decision, Instant)>),
     Wrong,
     Unknown,
@@ -139,8 +140,8 @@ impl Decisions {
         Ok(Judged::Known(decision))
     }
 
-    /// Resolves when the key on which a long answer rests is no longer valid, or at `end`, when what was made from the
-    /// key ends. A key that was valid stays so while the database does not answer.
+    /// Resolves when the key of a request whose answer is still being sent is no longer valid, or at `end`, when the
+    /// token or link made from it expires. A valid key counts as valid while the database does not answer.
     pub(crate) async fn lost(&self, catalog: &Catalog, key: KeyId, end: Option<Instant>) {
         while end.is_none_or(|end| Instant::now() < end) && self.holds(catalog, key).await {
             let next = Instant::now() + LOOK;
@@ -158,7 +159,7 @@ impl Decisions {
         judged.map_or(true, |judged| matches!(judged, Judged::Known(rights) if rights.state == KeyState::Valid))
     }
 
-    /// Drops the decision about a key, because the key was changed in this process.
+    /// Drops the remembered decision about a key, because the key was changed in this process.
     pub(crate) fn forget(&self, id: KeyId) {
         let mut known = self.known();
         known.dropped += 1;
@@ -234,7 +235,7 @@ impl Rights {
         })
     }
 
-    /// Returns the end of the key in Unix seconds; `None` if it does not expire.
+    /// Returns the time at which the key expires, in Unix seconds; `None` if it does not expire.
     pub(crate) fn until(&self) -> Option<u64> {
         self.expires_ms.map(|ms| ms.max(0) as u64 / 1000)
     }

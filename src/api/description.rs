@@ -57,7 +57,7 @@ const FILE: &[Kind] = &[
     Kind::Overloaded,
     Kind::Corrupt,
 ];
-/// Kinds of errors of HTTP operations that add to what a tenant has.
+/// Kinds of errors of HTTP operations that add to the stored data or the jobs of a tenant.
 const ADDS: &[Kind] = &[Kind::QuotaExceeded];
 /// Kinds of errors of uploads of a measurement, besides those of any file.
 const MEASUREMENT: &[Kind] =

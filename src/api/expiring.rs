@@ -5,13 +5,14 @@ use hyper::body::{Frame, SizeHint};
 use std::pin::Pin;
 use std::task::{Context, Poll};
 
-/// Size in bytes up to which an answer is sent whole, although the rights of its caller end meanwhile.
+/// Size in bytes up to which an answer is sent whole, even if the rights of its caller end meanwhile. Raising it lets
+/// longer answers go on after a key was revoked.
 pub(crate) const SHORT: u64 = 1 << 20;
 
-/// Body of an answer that rests on a key, a token or a link.
+/// Body of an answer to a request with a key, token or link. It breaks off when the rights of the caller end.
 pub(crate) struct Expiring {
     body: Body,
-    /// Resolves when the rights end; `None` once they have ended.
+    /// Future that resolves when the rights of the caller end; `None` once it has resolved.
     end: Option<Pin<Box<dyn Future<Output = ()> + Send>>>,
 }
 
@@ -21,7 +22,7 @@ pub(crate) struct Expiring {
 struct Ended;
 
 impl Expiring {
-    /// Lets `body` break off when `end` resolves.
+    /// Builds a response body that breaks off when `end` resolves.
     pub(crate) fn new(body: Body, end: impl Future<Output = ()> + Send + 'static) -> Self {
         Self { body, end: Some(Box::pin(end)) }
     }

@@ -36,14 +36,14 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
     OpenApiRouter::new().routes(routes!(export))
 }
 
-/// Export format and the stated options, as they are declared.
+/// Query of an export: the format, and the values of the options that the query states.
 #[derive(Debug)]
 struct ExportQuery {
     format: String,
     options: ExportOptions,
 }
 
-/// Reads the parameters of an export. The error names the parameter.
+/// Parses the query parameters of an export. An error names the faulty parameter.
 fn read(pairs: Vec<(String, String)>) -> Result<ExportQuery, String> {
     let (mut format, mut stated) = (None, Map::new());
     for (name, text) in pairs {

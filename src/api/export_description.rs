@@ -32,7 +32,7 @@ impl IntoParams for ExportParams {
     }
 }
 
-/// Returns the schema of the text that states an option of an export in a query.
+/// Returns the OpenAPI schema of the query parameter for one option of an export.
 fn schema_of(declared: &Declared) -> RefOr<Schema> {
     if matches!(declared.values, Values::List { .. }) {
         return Ref::from_schema_name(IndexText::name()).into();

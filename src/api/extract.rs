@@ -184,7 +184,7 @@ const FIRST: usize = 16 << 10;
 const SMALL: usize = 512 << 10;
 
 impl JsonBytes {
-    /// Receives a JSON body within the limit of the service.
+    /// Receives the JSON body of a request, up to the size limit of the service.
     pub(crate) async fn receive(request: Request, app: &App) -> Result<Self, Problem> {
         read_json(request, app, app.engine.limits.json_bytes).await
     }

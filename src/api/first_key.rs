@@ -7,11 +7,11 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// Key that whoever starts a service gives to it. Neither `Debug` nor an error shows its text.
+/// First access key of a service, given by whoever starts it. Neither `Debug` nor an error shows its text.
 #[derive(Clone)]
 pub struct BootstrapKey(Arc<Key>);
 
-/// Text that is not a key.
+/// Error for a text that was given as the first access key of a service, but is not a key.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}; `wavelume keys generate` prints one")]
 pub struct NotAKey(String);
@@ -19,7 +19,7 @@ pub struct NotAKey(String);
 /// Failure to store the first key.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum FirstKeyError {
-    /// No pair for signatures can be made from the key.
+    /// No key pair for signatures can be derived from the access key.
     #[error(transparent)]
     Signer(#[from] NoSigner),
     /// The catalog cannot be used.
@@ -44,7 +44,7 @@ impl fmt::Debug for BootstrapKey {
     }
 }
 
-/// Stores the key with all scopes, unless there has ever been a key.
+/// Stores the first access key of a service with all scopes, unless the service has ever had a key.
 pub(super) async fn store(engine: &Engine, BootstrapKey(key): &BootstrapKey) -> Result<(), FirstKeyError> {
     let id = key.id();
     let verifier = Signer::of(key)?.verifier()?;

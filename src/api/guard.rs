@@ -17,7 +17,7 @@ pub enum AuthMode {
     Off,
     /// Requests need a key.
     Keys,
-    /// Requests need a key, but for reading public materials.
+    /// Requests need a key, except those that only read public materials.
     KeysAndAnonymousRead,
 }
 
@@ -31,29 +31,31 @@ impl fmt::Display for AuthMode {
     }
 }
 
-/// State by which requests are admitted or refused.
+/// Access mode of a service, with the remembered decisions about keys and the counts of wrong keys, by which requests
+/// are admitted or refused.
 #[derive(Debug)]
 pub(crate) struct Guard {
     /// Rule by which the service decides who may use it.
     pub(crate) mode: AuthMode,
     /// True if a service without keys may be reached from other machines and through proxies.
     pub(crate) is_insecure: bool,
-    /// Remembered decisions about keys.
+    /// Remembered decisions about the validity of access keys.
     pub(crate) decisions: Decisions,
-    /// Wrong keys of each address.
+    /// Counts of the wrong keys that each client address has sent.
     pub(crate) guesses: Arc<Guesses>,
     /// Counter of requests that are being refused, or whose key this process does not know yet.
     strangers: Places,
 }
 
-/// Judgement of a key, with all that the request holds until its answer is decided.
+/// Outcome of checking the key of a request, with the permits that the request holds until its answer is decided.
 #[derive(Debug)]
 pub(crate) enum Verdict {
-    /// The key was judged.
+    /// The key was checked. Holds the result and, if the database had to be asked, the permits of the request.
     Judged(Judged, Option<(Turn, Place)>),
-    /// The address has sent too many wrong keys, and the key is not known to be right.
+    /// The key was not looked up, because it is not a remembered one and its client address has sent too many wrong
+    /// keys.
     Unasked,
-    /// The places of requests with unknown keys are taken.
+    /// The key was not looked up, because too many requests with unknown keys are under way.
     Full(Full),
 }
 
@@ -64,14 +66,14 @@ impl Guard {
         Arc::new(Self { mode, is_insecure, decisions: Decisions::default(), guesses, strangers })
     }
 
-    /// Takes the place of a request without a known key.
+    /// Takes a permit for a request without a key that this process knows.
     pub(crate) fn stranger(&self, peer: Peer) -> Result<Place, Full> {
         self.strangers.take(peer, 1)
     }
 
-    /// Judges a key by its id and, unless something else proves that the caller has it, the hash of its secret. An
-    /// address has as many look-ups of keys that this process does not know at once as it may still send wrong keys, so
-    /// that guesses that come together are no more than those that come one after the other.
+    /// Judges a key by its id and, unless something else proves that the caller has it, the hash of its secret. One
+    /// address may have as many look-ups of unknown keys under way as it may still send wrong keys, so that parallel
+    /// guesses are as limited as successive ones.
     pub(crate) async fn judge(
         &self,
         catalog: &Catalog,

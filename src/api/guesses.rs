@@ -1,4 +1,4 @@
-//! Wrong keys of each client address within a minute, so that guessing is slow and leaves a trace.
+//! Counts of the wrong keys of each client address within a minute, so that guessing is slow and leaves a trace.
 
 use super::places::Peer;
 use std::collections::HashMap;
@@ -6,28 +6,31 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
-/// Time within which wrong keys are counted, and after which their address may try again. Raising it slows guessing.
+/// Time within which the wrong keys of a client address are counted, and after which the address may try again. Raising
+/// it slows guessing.
 const WINDOW: Duration = Duration::from_mins(1);
 
-/// Upper bound on the addresses that are remembered. Raising it costs memory, about 100 bytes for each.
+/// Upper bound on the number of client addresses whose wrong keys are counted. Raising it costs memory, about 100 bytes
+/// for each.
 const ADDRESSES: usize = 50_000;
 
-/// Shortest time between two records of one address, and of a few at once of all addresses, in the audit trail.
+/// Shortest time between two records of wrong keys of one address in the audit trail, and period to which the bound
+/// [`RECORDS`] over all addresses applies. Raising it records fewer of them.
 const RECORDED: Duration = Duration::from_secs(1);
 
 /// Upper bound on the records of wrong keys of all addresses within [`RECORDED`]. Raising it lets a flood from many
 /// addresses write more.
 const RECORDS: u32 = 10;
 
-/// Time within which [`HOURLY`] records of all addresses are written.
+/// Period to which the bound [`HOURLY`] on the records of wrong keys in the audit trail applies, over all addresses.
 const HOUR: Duration = Duration::from_hours(1);
 
 /// Upper bound on the records of wrong keys of all addresses within [`HOUR`]. Raising it lets a flood that lasts fill
 /// more of the database: with this bound 432,000 records of one node within the 30 days for which they are kept.
 const HOURLY: u32 = 600;
 
-/// Shortest time between two searches for addresses whose minute is over. Raising it forgets more addresses before
-/// their time in a flood from more addresses than are remembered.
+/// Shortest time between two searches for addresses whose minute of counted wrong keys is over. Raising it forgets more
+/// addresses too early in a flood from more addresses than are remembered.
 const SEARCHED: Duration = Duration::from_secs(1);
 
 /// Counts of wrong keys by client address.
@@ -40,40 +43,40 @@ pub(crate) struct Guesses {
 #[derive(Debug, Default)]
 struct State {
     by: HashMap<Peer, Window>,
-    /// Start of the current second of records, and the records within it.
+    /// Start of the current second, and number of wrong keys of all addresses that the audit trail records within it.
     second: Option<(Instant, u32)>,
-    /// Start of the current hour of records, and the records within it.
+    /// Start of the current hour, and number of wrong keys of all addresses that the audit trail records within it.
     hour: Option<(Instant, u32)>,
-    /// Number of wrong keys since the last record, which were not recorded.
+    /// Number of wrong keys left out of the audit trail since its last record of one.
     left_out: u64,
-    /// Time of the last search for addresses whose minute is over.
+    /// Time of the last search for addresses whose minute of counted wrong keys is over.
     searched: Option<Instant>,
 }
 
-/// Wrong keys of one address since the first of them.
+/// Counts of the wrong keys that one client address has sent within the current minute.
 #[derive(Clone, Debug)]
 struct Window {
     since: Instant,
     wrong: u32,
     recorded: Option<Instant>,
-    /// Number of look-ups that are under way.
+    /// Number of look-ups of keys in the database that are under way for one client address.
     asking: u32,
-    /// Signal to requests that wait for the end of a look-up.
+    /// Signal to requests of one client address that wait for the end of a look-up of a key.
     ended: Arc<Notify>,
 }
 
-/// Outcome of counting a wrong key.
+/// Outcome of counting a wrong key against its client address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Counted {
-    /// Number of wrong keys that were left out of the audit trail since the last record; `None` if this one is left
-    /// out, too.
+    /// Number of wrong keys left out of the audit trail before this one, which its record states; `None` if this one is
+    /// left out, too.
     pub(crate) recorded: Option<u64>,
     /// Time for which the address is refused from now on, if it has sent as many wrong keys as it may.
     pub(crate) wait: Option<Duration>,
 }
 
-/// Turn of an address to look up a key that this process does not know, until this is dropped. Count the key first if
-/// it was wrong.
+/// Permit of a client address to look up a key that this process does not know; dropping the permit returns it. Count
+/// the key before that, if it was wrong.
 #[derive(Debug)]
 #[must_use]
 pub(crate) struct Turn {
@@ -94,7 +97,7 @@ impl Drop for Turn {
 }
 
 impl Guesses {
-    /// Allows `most` wrong keys of one address within a minute.
+    /// Builds counters that allow each client address `most` wrong keys within a minute.
     pub(crate) fn new(most: u32) -> Arc<Self> {
         Arc::new(Self { most, state: Mutex::default() })
     }
@@ -104,8 +107,8 @@ impl Guesses {
         self.state().by.get(&peer)?.wait(self.most, now)
     }
 
-    /// Returns the turn of an address to look up a key; `None` if it has sent too many wrong keys. Look-ups under way
-    /// count as wrong keys until they have ended, so that a further one may have to wait.
+    /// Waits for the permit of an address to look up a key; returns `None` if the address has sent too many wrong keys.
+    /// Look-ups under way count as wrong keys until they have ended, so that a further one may have to wait.
     pub(crate) async fn turn(self: &Arc<Self>, peer: Peer) -> Option<Turn> {
         loop {
             let now = Instant::now();
@@ -128,7 +131,7 @@ impl Guesses {
         }
     }
 
-    /// Counts a wrong key of an address.
+    /// Counts a wrong key against the client address that sent it.
     pub(crate) fn count(&self, peer: Peer, now: Instant) -> Counted {
         let mut state = self.state();
         let within = |counted: Option<(Instant, u32)>, time| {
@@ -160,7 +163,7 @@ impl Guesses {
 }
 
 impl State {
-    /// Returns the current minute of an address.
+    /// Returns the counts of wrong keys of a client address in its current minute.
     fn window(&mut self, peer: Peer, now: Instant) -> &mut Window {
         if self.by.len() >= ADDRESSES && !self.by.contains_key(&peer) {
             if self.searched.is_none_or(|searched| now >= searched + SEARCHED) {

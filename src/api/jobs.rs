@@ -226,7 +226,7 @@ async fn cancel_job(app: App, caller: Caller, JobId(id): JobId) -> Result<Respon
     }
 }
 
-/// Records in a service with keys that a job was made, cancelled or repeated.
+/// Records in the audit trail that a job was made, cancelled or repeated, if the service has keys.
 async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
     if caller.actor != Actor::Off
         && let Err(error) = app.engine.archive.catalog.record(&caller.act(action, id)).await
@@ -235,7 +235,7 @@ async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
     }
 }
 
-/// Builds the problem of a queue that is full.
+/// Builds the error response to a request for a job that finds the queue full.
 fn full(app: &App) -> Problem {
     Problem::new(
         Kind::TooManyJobs,

@@ -36,8 +36,8 @@ struct KeyRequest {
     /// Tenant of the key, for callers with the scope `instance`; by default the caller's own.
     #[schema(value_type = Option<TenantText>)]
     tenant: Option<String>,
-    /// Seconds for which the key is valid; by default, and at most, the setting `key-age`, a year, and unless the key
-    /// that makes it has the scope `instance`, no longer than that one.
+    /// Seconds for which the key is valid. Default and upper bound: the setting `key-age`, a year. The key ends no
+    /// later than the key that makes it, unless that one has the scope `instance`.
     #[schema(minimum = 1)]
     valid_s: Option<u64>,
 }
@@ -61,7 +61,7 @@ pub(crate) struct AccessKey {
     revoked_ms: Option<i64>,
     /// Time of the last use, exact to a minute, in milliseconds since the Unix epoch; null if the key was never used.
     used_ms: Option<i64>,
-    /// Maker of the key: `key` and the id of another one, or another word.
+    /// Maker of the key: `key` and the id of the key that was used, or another text such as the name of a command.
     created_by: Option<String>,
 }
 

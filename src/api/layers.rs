@@ -26,12 +26,12 @@ const LOGGED_PATH: usize = 300;
 /// Upper bound in characters on a logged HTTP method.
 const LOGGED_METHOD: usize = 20;
 
-/// Header value that lets browsers note, for a year, to reach the host over TLS only. Raising it lengthens the time in
-/// which a service cannot go back to plain HTTP for them.
+/// Value of the header `Strict-Transport-Security`, by which browsers reach the host over TLS only, for a year. Raising
+/// it lengthens the time in which a service cannot go back to plain HTTP for them.
 const SECURE_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
-/// Refuses requests for other hosts, and writes and reads with a key by web pages of other origins. Lets pages of
-/// allowed origins read the answers.
+/// Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they write, or if they
+/// use a key and the origin is not allowed. Lets pages of allowed origins read the answers.
 async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
@@ -89,8 +89,8 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     response
 }
 
-/// Returns true if a page sends a key, or asks for what a signed link names in the background. Whoever follows a link
-/// to it leaves the page.
+/// Returns true if a web page sends a key with a request, or fetches a signed link in the background. A link that the
+/// user follows does not count, because it leaves the page.
 fn uses_key(request: &Request) -> bool {
     let headers = request.headers();
     let leaves = headers.get("sec-fetch-mode").is_some_and(|mode| mode == "navigate")
@@ -107,7 +107,7 @@ fn asks(request: &Request) -> bool {
         && ["/evaluate", "/pdf", "/sample", "/albedo"].iter().any(|question| path.ends_with(question))
 }
 
-/// Answers with a problem, after reading the rest of the request that most clients send first.
+/// Sends an error response after reading the rest of the request, which most clients send before they read an answer.
 pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
     super::extract::linger(request).await;
     problem.into_response()

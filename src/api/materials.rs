@@ -61,7 +61,7 @@ struct ListQuery {
     visible: Option<Whose>,
 }
 
-/// Materials to list, by the reason for which the caller may read them.
+/// Materials to list, by the reason for which the caller may read them: owned, shared or public.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Whose {
@@ -95,7 +95,8 @@ struct MaterialChange {
     shared_with: Option<Vec<String>>,
 }
 
-/// Upper bound on the tenants with which a material is shared. Raising it lengthens the manifest for its owner.
+/// Upper bound on the number of tenants with which one material is shared. Raising it lengthens the manifest for its
+/// owner.
 const MOST_READERS: usize = 100;
 
 /// Description of a material (a compressed measurement): its content, its errors and its provenance.
@@ -188,8 +189,8 @@ async fn get_material(app: App, Id(id): Id) -> Result<Json<Material>, Problem> {
     if seen.sight == Sight::Own { Material::of(row) } else { Material::of_another(row) }.map(Json)
 }
 
-/// Change who may read a material: everybody, or the tenants that are named. A reader sees the manifest without the
-/// measurements, and asks it everything; a material that is made private again is theirs no longer.
+/// Change who may read a material: everybody, or the tenants that are named. Readers get the manifest without the
+/// source measurements, and may run all queries until the material is made private again.
 #[utoipa::path(
     patch, path = "/v1/materials/{id}", tag = "materials", params(("id" = Digest, Path, description = "Id of the material")),
     request_body = MaterialChange,
@@ -212,7 +213,7 @@ async fn change_material(app: App, Id(id): Id, SmallJson(body): SmallJson) -> Re
     Material::of(row.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))?).map(Json)
 }
 
-/// Reads the ids of tenants, without the caller's own.
+/// Parses the ids of the tenants with which a material is shared, and leaves out that of its owner.
 fn readers(app: &App, ids: &[String]) -> Result<Vec<Tenant>, Problem> {
     if ids.len() > MOST_READERS {
         return Err(Problem::invalid(format!("shared_with: {} tenants, expected at most {MOST_READERS}", ids.len())));
@@ -298,7 +299,7 @@ async fn get_blob(app: App, method: Method, headers: HeaderMap, Id(digest): Id) 
 }
 
 impl Whose {
-    /// Returns the value of the query parameter.
+    /// Returns the value `own`, `shared` or `public` of the query parameter that chooses the materials to list.
     fn text(self) -> &'static str {
         match self {
             Self::Own => "own",

@@ -8,22 +8,22 @@ use axum::http::Method;
 pub(crate) enum Need {
     /// The route answers everybody: health, the introduction, the description, and lists that are the same everywhere.
     Public,
-    /// The route reads or queries materials; a service may show its public ones to callers without a key.
+    /// The route reads or queries materials. A service may answer it without a key for public materials.
     Material,
-    /// The route reads anything else.
+    /// The route reads something other than materials, such as measurements or jobs.
     Read,
-    /// The route uploads or deletes.
+    /// The route uploads or deletes measurements or materials.
     Write,
     /// The route queues, cancels or repeats jobs.
     Jobs,
-    /// The route administers a tenant; whoever administers the whole service may do so, too.
+    /// The route administers one tenant, and is open to whoever administers the whole service, too.
     Tenant,
     /// The route administers the whole service.
     Instance,
 }
 
-/// Methods and paths of the interface, each with its need. A route that is missing here is refused; `HEAD` needs what
-/// `GET` needs.
+/// Methods and paths of the HTTP interface, each with the scope that it needs. A route that is missing here is refused;
+/// `HEAD` needs the scope of `GET`.
 pub(crate) const NEEDS: &[(&str, &str, Need)] = &[
     ("GET", "/", Need::Public),
     ("GET", "/healthz", Need::Public),
@@ -89,7 +89,7 @@ impl Need {
         }
     }
 
-    /// Names the scope in a message.
+    /// Returns the name of the scope that a route needs, for messages; `none` if it needs none.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Public => "none",
@@ -102,15 +102,15 @@ impl Need {
     }
 }
 
-/// Returns the need of a route by its method and the pattern of its path; `None` if there is no such route.
+/// Returns the scope that a route needs, by its method and the pattern of its path; `None` if there is no such route.
 pub(crate) fn need(method: &str, path: &str) -> Option<Need> {
     let listed =
         |method: &str| NEEDS.iter().find(|(known, at, _)| *known == method && *at == path).map(|(_, _, need)| *need);
     listed(method).or_else(|| if method == Method::HEAD.as_str() { listed("GET") } else { None })
 }
 
-/// Returns the name under which the audit trail records a successful request for a route; `None` if it does not, or if
-/// the handler records it itself.
+/// Returns the name under which the audit trail records a successful request for a route; `None` if such requests are
+/// not recorded, or if their handler records them itself.
 pub(crate) fn act(method: &str, path: &str) -> Option<&'static str> {
     Some(match (method, path) {
         ("POST", "/v1/materials") => "material.upload",
@@ -124,7 +124,7 @@ pub(crate) fn act(method: &str, path: &str) -> Option<&'static str> {
     })
 }
 
-/// Returns the methods that the path with this pattern has, as the header `Allow` lists them.
+/// Returns the HTTP methods of the routes with this path pattern, as the header `Allow` lists them.
 pub(crate) fn methods(path: &str) -> String {
     let mut methods = Vec::new();
     for (method, _, _) in NEEDS.iter().filter(|(_, known, _)| *known == path) {

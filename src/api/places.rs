@@ -1,4 +1,4 @@
-//! Places that clients hold, counted per address, per tenant and in total.
+//! Permits that clients hold (for example, for simultaneous uploads), counted per address, per tenant and in total.
 
 use super::problem::{Kind, Problem};
 use crate::jobs::{Client, most_of_tenant};
@@ -29,7 +29,7 @@ impl Peer {
         })
     }
 
-    /// Returns the client at an address that was made one before.
+    /// Builds the client for an address that is already normalised: IPv6 addresses have only their first 64 bits.
     pub(crate) fn at(address: IpAddr) -> Self {
         Self(address)
     }
@@ -113,7 +113,8 @@ pub(crate) struct Place {
     count: usize,
 }
 
-/// Refusal of a permit: all permits are taken, all that this address may have, or all that this tenant may have.
+/// Refusal of a permit from a pool: the bound on all permits, on those of the client's address or on those of its
+/// tenant is reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Full {
     All { kind: &'static str, limit: usize },

@@ -25,7 +25,7 @@ pub(crate) struct Problem {
     detail: String,
     /// Extra header of an error response, such as `Content-Range` for status 416 or `Allow` for status 405.
     header: Option<(header::HeaderName, HeaderValue)>,
-    /// Limit of the tenant that the request would exceed, and the use before it.
+    /// Limit of the tenant that the request would exceed, and the amount that the tenant used before the request.
     quota: Option<Box<(u64, u64)>>,
 }
 
@@ -46,7 +46,7 @@ pub(crate) struct ProblemBody {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     limit: Option<u64>,
-    /// Use of the tenant before the request; absent for other errors.
+    /// Amount of the limited resource that the tenant used before the request; absent for other errors.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(nullable = false)]
     used: Option<u64>,
@@ -140,12 +140,13 @@ impl Problem {
         self
     }
 
-    /// Builds the problem of a request beyond a limit of the caller's tenant, which has `used` of it.
+    /// Builds the error response to a request that would exceed `limit`, a limit of the caller's tenant, which already
+    /// uses `used`.
     pub(crate) fn over_quota(limit: u64, used: u64, detail: impl Into<String>) -> Self {
         Self { quota: Some(Box::new((limit, used))), ..Self::new(Kind::QuotaExceeded, detail) }
     }
 
-    /// Returns the code of the error's type.
+    /// Returns the code that names the type of the error in an error response.
     pub(crate) fn code(&self) -> &'static str {
         self.kind.code()
     }

@@ -1,4 +1,5 @@
-//! Rates of requests: each tenant with a limit has a bucket of them in this process, which fills steadily.
+//! Limits on the request rates of tenants: each tenant with a limit has a token bucket in this process, which fills
+//! steadily.
 
 use super::problem::{Kind, Problem};
 use crate::catalog::Catalog;
@@ -9,30 +10,32 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time for which the limit of a tenant is remembered. Raising it asks the database less, and follows changes later.
+/// Time for which the request limit of a tenant is remembered. Raising it asks the database less often, but applies
+/// changes later.
 const REMEMBERED: Duration = Duration::from_secs(4);
 
-/// Longest wait for the database to tell a limit; the last known one holds meanwhile. Raising it delays requests while
-/// the database is away.
+/// Longest wait for the database to return the request limit of a tenant; the last known one holds meanwhile. Raising
+/// it delays requests while the database is away.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// Upper bound on the limits that are remembered. Raising it takes memory in a service with many tenants.
+/// Upper bound on the number of tenants whose request limits are remembered. Raising it takes memory in a service with
+/// many tenants.
 const LIMITS: u64 = 10_000;
 
-/// Time within which a bucket fills.
+/// Time within which the empty token bucket of a tenant fills up to its request limit.
 const MINUTE: Duration = Duration::from_mins(1);
 
-/// Limits of tenants on their requests, and the requests that each of them has left.
+/// Request limits of tenants, and the number of requests that each of them may still send now.
 #[derive(Debug)]
 pub(crate) struct Rates {
     limits: Cache<Tenant, Option<u64>>,
     buckets: Mutex<HashMap<Tenant, Bucket>>,
 }
 
-/// Requests that a tenant with a limit has left.
+/// Token bucket of a tenant with a request limit: the number of requests that it may still send now.
 #[derive(Clone, Copy, Debug)]
 struct Bucket {
-    /// Limit on the requests within a minute: as many are left after a pause.
+    /// Upper bound on the requests of the tenant within a minute, which is also the capacity of its bucket.
     limit: u64,
     left: f64,
     at: Instant,
@@ -57,7 +60,7 @@ impl Rates {
         Err(Problem::new(Kind::TooManyRequests, detail).with(header::RETRY_AFTER, &seconds.to_string()))
     }
 
-    /// Returns the limit of a tenant, or the last known one if the database does not answer.
+    /// Returns the request limit of a tenant, or the last known one if the database does not answer.
     async fn limit(&self, catalog: &Catalog, tenant: &Tenant) -> Option<u64> {
         match tokio::time::timeout(PATIENCE, catalog.most_requests(tenant)).await {
             Ok(Ok(limit)) => {
@@ -70,7 +73,8 @@ impl Rates {
         }
     }
 
-    /// Takes a request from the bucket of a tenant. Returns the time until there is one, if there is none.
+    /// Takes one request from the token bucket of a tenant. If the bucket is empty, returns the time until the next
+    /// one.
     fn draw(&self, tenant: &Tenant, limit: u64, now: Instant) -> Option<Duration> {
         let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
         let bucket = buckets.entry(tenant.clone()).or_insert(Bucket { limit, left: limit as f64, at: now });

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Time for which an answer of the catalog is trusted. Raising it spares queries, but a material that another process
-/// has deleted, closed or renamed is noticed later.
+/// Time for which the right of a tenant to read a material is remembered. Raising it spares queries of the catalog, but
+/// a material that another process has deleted, made private or renamed is noticed later.
 const TRUSTED: Duration = Duration::from_secs(2);
 
 /// Upper bound on the pairs of a tenant and a material that are remembered at once.
@@ -18,9 +18,10 @@ const PAIRS: u64 = 10_000;
 /// within [`TRUSTED`].
 #[derive(Clone, Debug)]
 pub(crate) struct Remembered {
-    /// For each reader and material: the number of changes when the catalog was asked, and its answer.
+    /// Answers of the catalog by reading tenant and material, each with the value of `changes` when the catalog was
+    /// asked.
     found: moka::sync::Cache<(Tenant, Digest), (u64, Arc<Visible>)>,
-    /// Number of deletions and closings by this process.
+    /// Number of times that this process has deleted a material or changed who may read one.
     changes: Arc<AtomicU64>,
 }
 
@@ -30,7 +31,8 @@ impl Remembered {
         Self { found, changes: Arc::default() }
     }
 
-    /// Returns how `reader` may read a material, from memory or as `ask` finds it. A refusal is never remembered.
+    /// Returns the right of the tenant `reader` to read a material, from memory or from the query `ask`. A refusal is
+    /// never remembered.
     pub(crate) async fn visible<E>(
         &self,
         reader: &Tenant,
@@ -50,7 +52,7 @@ impl Remembered {
         Ok(Some(visible))
     }
 
-    /// Forgets everything after a material was deleted, or a tenant may no longer read it.
+    /// Forgets all remembered rights to read materials, after a material was deleted or its readers were changed.
     pub(crate) fn forget(&self) {
         self.changes.fetch_add(1, Ordering::SeqCst);
     }

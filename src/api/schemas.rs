@@ -51,7 +51,7 @@ described! {
     /// Schema of the id of a tenant.
     TenantText = "TenantId", text("1 to 40 of a–z, 0–9 and `-`, the first one a letter.")
         .pattern(Some("^[a-z][a-z0-9-]{0,39}$"));
-    /// Schema of the choice of materials that a list has.
+    /// Schema of the parameter that chooses whose materials are listed.
     VisibleText = "Visible", one_of("Whose materials are listed.", ["own", "shared", "public"]);
     /// Schema of the header `Idempotency-Key`.
     RequestKey = "RequestKey", text("Key that a client makes for one request and its repetitions.")

@@ -8,7 +8,7 @@ use axum::response::Response;
 
 /// A material that the caller of a request may read.
 pub(super) struct Seen {
-    /// State for the data of the material's owner. It answers for this material alone.
+    /// Service state with access to the data of the material's owner, to be used for this material alone.
     pub(super) app: App,
     /// Name of the material given by its owner.
     pub(super) name: Option<String>,
@@ -17,7 +17,7 @@ pub(super) struct Seen {
     is_public: bool,
 }
 
-/// Mark of an answer that everybody may have, whoever has asked for it.
+/// Mark of a response that is the same for all callers, because it is about a public material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ForAll;
 
@@ -28,15 +28,15 @@ pub(super) async fn seen(app: &App, id: Digest) -> Result<Seen, Problem> {
     find(app, id).await?.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Like [`seen`], but trusts what the catalog said within the last two seconds, unless this process has changed it
-/// since. For downloads, which renderers repeat.
+/// Finds a material that the caller may read, like [`seen`], but trusts an answer of the catalog for two seconds unless
+/// this process has changed it. For downloads, which renderers repeat.
 pub(super) async fn seen_lately(app: &App, id: Digest) -> Result<Seen, Problem> {
     let catalog = &app.engine.archive.catalog;
     let visible = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await?;
     Seen::of(app, id, visible.as_deref()).await.ok_or_else(|| Problem::new(Kind::NotFound, absent(id)))
 }
 
-/// Like [`seen`], but returns `None` for a material that the caller may not read.
+/// Finds a material that the caller may read, like [`seen`], but returns `None` instead of an error if there is none.
 pub(super) async fn find(app: &App, id: Digest) -> Result<Option<Seen>, Problem> {
     let visible = app.engine.archive.catalog.sees(id).await?;
     Ok(Seen::of(app, id, visible.as_ref()).await)
@@ -53,7 +53,8 @@ pub(super) fn absent(id: Digest) -> String {
 }
 
 impl Seen {
-    /// Builds the material that the catalog lets the caller see. Frees the memory of one that it does not.
+    /// Builds the access to a material from the answer of the catalog. If the caller may not read it, frees the memory
+    /// that it occupies and returns `None`.
     async fn of(app: &App, id: Digest, visible: Option<&Visible>) -> Option<Self> {
         let Some(Visible { owner, name, sight, is_public }) = visible else {
             forget(app, id).await;

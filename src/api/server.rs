@@ -33,15 +33,15 @@ const COMPLAINT: Duration = Duration::from_secs(10);
 pub struct ServeConfig {
     /// Socket address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Host names that requests may name besides loopback ones, and besides IP addresses where the service listens on
-    /// another address than loopback.
+    /// Host names that requests may use to address the service, in addition to loopback names and, if it listens on
+    /// another address than loopback, IP addresses.
     pub names: Vec<String>,
     /// Web origins (`https://app.example.org`) whose pages may read answers and send queries; pages of other origins
     /// may not.
     pub origins: Vec<String>,
     /// Rule by which the service decides who may use it.
     pub auth: AuthMode,
-    /// Permission to run without keys on an address that other machines reach, and behind a proxy.
+    /// Permission to run without keys on an address that other machines reach, or behind a proxy.
     pub insecure: bool,
     /// Text of a key that is stored with all scopes when the service starts for the first time; ignored once there is a
     /// key, and without keys.
@@ -85,7 +85,8 @@ pub enum ServeError {
     /// The OpenAPI description of the HTTP interface cannot be written as JSON.
     #[error("the description of the HTTP interface cannot be written: {0}")]
     Description(serde_json::Error),
-    /// The service would let everybody on the network read, write and delete.
+    /// The service has no keys and listens on an address that other machines reach, so that everybody could read, write
+    /// and delete.
     #[error(
         "on {address} everybody who reaches this machine could read, write and delete, because the service runs without \
          keys: make a key with `wavelume keys create{place} --name admin --scopes {scopes}` and start with `wavelume \
@@ -96,13 +97,13 @@ pub enum ServeError {
     Unguarded {
         /// Socket address on which the service was to listen.
         address: SocketAddr,
-        /// Options of the commands that name the data of the service, each after a space.
+        /// Command-line options that name the database and the data directory of the service, each after a space.
         place: String,
     },
-    /// The text of the first key is a key, but cannot be stored.
+    /// The first access key, given by whoever starts the service, cannot be stored.
     #[error("the first key cannot be stored: {0}; make another one with `wavelume keys generate`")]
     FirstKey(String),
-    /// The certificate or its key cannot be used.
+    /// The TLS certificate of the service or its private key cannot be used.
     #[error("the certificate cannot be used: {0}")]
     Certificate(String),
     /// The data directory cannot be used.

@@ -18,12 +18,12 @@ use std::ops::Deref;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// State of the router. A handler asks for [`App`] instead, and so cannot reach the data of a tenant other than its
-/// caller's. Each layer around a handler clones it for each request.
+/// State of the HTTP router. A handler extracts [`App`] instead, and so cannot reach the data of a tenant other than
+/// its caller's. Each layer around a handler clones the state for each request.
 #[derive(Clone)]
 pub(crate) struct Service(App);
 
-/// State that every HTTP handler shares, for the tenant of its caller; cheap to clone.
+/// State that HTTP handlers use, bound to the data of the caller's tenant; cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
     /// Engine for the data of the caller's tenant.
@@ -39,7 +39,7 @@ pub(crate) struct Shared {
     pub(crate) guard: Arc<Guard>,
     /// Counts of what clients occupy at a time (requests, uploads, memory), limited per address and in total.
     pub(crate) held: Held,
-    /// Counts of the requests of tenants with a limit on them.
+    /// Counts of the requests of tenants that have a limit on the requests within a minute.
     pub(crate) rates: Rates,
     /// Cache of small material files that were requested recently.
     pub(crate) contents: Contents,

@@ -41,19 +41,20 @@ pub(crate) struct About {
     id: String,
     name: String,
     state: StateText,
-    /// Share of the workers, relative to those of others; 100 is the usual one.
+    /// Weight of the tenant when tenants share the workers: with 200 its jobs get twice the share that they get with
+    /// 100, the default.
     weight: u64,
-    /// Upper bound on the bytes of measurements and materials; null for none.
+    /// Upper bound on the total size in bytes of the tenant's measurements and materials; null for no limit.
     max_bytes: Option<u64>,
-    /// Upper bound on the number of materials; null for none.
+    /// Upper bound on the number of the tenant's materials; null for no limit.
     max_materials: Option<u64>,
-    /// Upper bound on the number of jobs that wait; null for none.
+    /// Upper bound on the number of the tenant's waiting jobs; null for no limit.
     max_queued: Option<u64>,
-    /// Upper bound on the requests to each node within a minute; null for none.
+    /// Upper bound on the requests of the tenant to each node within a minute; null for no limit.
     max_requests: Option<u64>,
-    /// Bytes of measurements and materials.
+    /// Total size in bytes of the tenant's measurements and materials.
     used_bytes: u64,
-    /// Number of materials.
+    /// Number of the tenant's materials.
     used_materials: u64,
     /// Time of creation, in milliseconds since the Unix epoch.
     created_ms: i64,
@@ -76,7 +77,8 @@ struct TenantRequest {
     change: ChangeRequest,
 }
 
-/// Properties of a tenant to set. A property that is absent stays as it is, or as it is by default.
+/// Properties of a tenant to set. An absent property of an existing tenant stays unchanged; that of a new tenant gets
+/// its default.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = TenantChange)]
@@ -86,31 +88,32 @@ struct ChangeRequest {
     name: Option<String>,
     /// State of the tenant. Default: `active`.
     state: Option<StateText>,
-    /// Share of the workers, relative to those of others. Default: 100.
+    /// Weight of the tenant when tenants share the workers: with 200 its jobs get twice the share that they get with
+    /// 100, the default.
     #[schema(minimum = 1, maximum = 10_000)]
     weight: Option<u64>,
-    /// Upper bound on the bytes of measurements and materials; null for none.
+    /// Upper bound on the total size in bytes of the tenant's measurements and materials; null for no limit.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_bytes: Option<Limit>,
-    /// Upper bound on the number of materials; null for none.
+    /// Upper bound on the number of the tenant's materials; null for no limit.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_materials: Option<Limit>,
-    /// Upper bound on the number of jobs that wait; null for none.
+    /// Upper bound on the number of the tenant's waiting jobs; null for no limit.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_queued: Option<Limit>,
-    /// Upper bound on the requests to each node within a minute; null for none.
+    /// Upper bound on the requests of the tenant to each node within a minute; null for no limit.
     #[serde(default, deserialize_with = "given")]
     #[schema(value_type = Option<u64>, maximum = 9_223_372_036_854_775_807_u64)]
     max_requests: Option<Limit>,
 }
 
-/// Upper bound on a limit, the largest number of the catalog.
+/// Largest value that a limit of a tenant may have, because the database cannot store a larger integer.
 const MOST: u64 = i64::MAX as u64;
 
-/// Tells a field that is null from one that is absent.
+/// Deserialises a limit of a tenant so that a null field (no limit) differs from an absent one (no change).
 fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Limit>, D::Error> {
     let limit = Option::<u64>::deserialize(deserializer)?;
     match limit.filter(|limit| *limit > MOST) {
@@ -192,7 +195,8 @@ async fn change_tenant(
     }
 }
 
-/// Records the change of another tenant where that one reads it, too, without the address of the caller.
+/// Records the change of a tenant in the audit trail of that tenant, if the caller belongs to another one. Leaves out
+/// the caller's address.
 async fn record(app: &App, caller: &Caller, tenant: &Tenant, change: &TenantChange) {
     if caller.actor == Actor::Off || caller.tenant == *tenant {
         return;

@@ -24,8 +24,8 @@ pub(crate) fn shown(text: &str, most: usize) -> String {
     out
 }
 
-/// Returns the path of a URL like [`shown`]. If its percent-encoding hides a key or a token, the decoded path is shown
-/// without it.
+/// Returns the path of a URL, safe to display like the result of [`shown`]. If its percent-encoding hides a key or a
+/// token, the decoded path is shown without it.
 pub(crate) fn shown_path(path: &str, most: usize) -> String {
     let mut decoded = path.to_owned();
     for _ in 0..DECODED {

@@ -1,4 +1,4 @@
-//! Audit trail: rows that say who did what, kept for longer than what was done.
+//! Audit trail: rows that say who did what, kept for longer than the objects that were acted on.
 
 use super::database::{Catalog, Write};
 use super::error::CatalogError;
@@ -13,11 +13,12 @@ use std::time::Duration;
 pub(crate) struct Act {
     /// Tenant that may read the record; `None` if the act belongs to no tenant, such as an attempt with an unknown key.
     pub tenant: Option<Tenant>,
-    /// Key that acted, or its token or link, each with the id of the key; otherwise the command that acted.
+    /// Actor: the id of the access key that was used, directly or by its token or link; otherwise the name of the
+    /// command.
     pub actor: String,
     /// Name of the act, such as `key.create`.
     pub action: &'static str,
-    /// Id of the row that was acted on.
+    /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
     /// Further facts about the act, in words.
     pub detail: Option<String>,
@@ -34,11 +35,12 @@ pub(crate) struct ActRow {
     pub id: String,
     /// Time of the act, ms of the Unix epoch.
     pub at_ms: i64,
-    /// Key that acted, or its token or link, each with the id of the key; otherwise the command that acted.
+    /// Actor: the id of the access key that was used, directly or by its token or link; otherwise the name of the
+    /// command.
     pub actor: String,
     /// Name of the act, such as `key.create`.
     pub action: String,
-    /// Id of the row that was acted on.
+    /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
     /// Further facts about the act, in words.
     pub detail: Option<String>,
@@ -48,15 +50,16 @@ pub(crate) struct ActRow {
     pub request: Option<String>,
 }
 
-/// Upper bound on the old records that one transaction deletes. Raising it makes other writers wait for longer.
+/// Upper bound on the old records of the audit trail that one transaction deletes. Raising it makes other writers wait
+/// for longer.
 const MOST: i64 = 1000;
 
-/// Upper bound on the age of records that belong to no tenant, which anybody may cause. Raising it lets a flood of
-/// wrong keys take more room.
+/// Age at which records of the audit trail that belong to no tenant, which anybody may cause, are deleted. Raising it
+/// lets a flood of wrong keys take more room.
 const UNOWNED: Duration = Duration::from_hours(30 * 24);
 
 impl Catalog {
-    /// Records an act that changes nothing else in the catalog.
+    /// Records an act in the audit trail, in a transaction of its own.
     pub(crate) async fn record(&self, act: &Act) -> Result<(), CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
@@ -114,7 +117,7 @@ impl Catalog {
     }
 }
 
-/// Records an act in the transaction that does it.
+/// Records an act in the audit trail, in the transaction that carries out the act.
 pub(super) async fn record(write: &mut Write, act: &Act) -> Result<(), CatalogError> {
     sqlx::query(
         "INSERT INTO audit (id, at, tenant, actor, action, subject, detail, address, request) \

@@ -355,8 +355,8 @@ impl Catalog {
         Ok(BlobCounts { live: number(0)?, doomed: number(1)?, doomed_bytes: number(2)? })
     }
 
-    /// Returns the next rows about stored bytes whose digest begins with byte `first`, or with any. They are sorted by
-    /// digest and follow the digest `after`.
+    /// Returns the next rows about stored bytes whose digest begins with byte `first` (any byte if `None`). They are
+    /// sorted by digest and follow the digest `after`.
     pub(crate) async fn blobs_beginning(
         &self,
         first: Option<u8>,
@@ -527,7 +527,8 @@ async fn doom(write: &mut Write, object: String, bytes: i64, later: Duration) ->
     Ok(())
 }
 
-/// Returns the text before the first digest that begins with byte `first`, or with any, and follows the digest `after`.
+/// Returns a text that sorts before all digests that begin with byte `first` (any byte if `None`) and follow `after`,
+/// and after all others below them.
 pub(super) fn low(first: Option<u8>, after: Option<Digest>) -> String {
     let start = || first.map_or("b3-".to_owned(), |first| format!("b3-{first:02x}"));
     after.map_or_else(start, |digest| digest.to_string())

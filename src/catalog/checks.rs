@@ -75,8 +75,8 @@ impl Catalog {
         write.commit().await
     }
 
-    /// Returns the digests up to `last` that nothing in the catalog refers to, and that no sweep would find. They begin
-    /// with byte `first`, or with any, and follow the digest `after`.
+    /// Returns the digests up to `last` to which no row of the catalog refers, and which are not listed for removal.
+    /// They begin with byte `first` (any byte if `None`) and follow the digest `after`.
     pub(crate) async fn orphans(
         &self,
         first: Option<u8>,

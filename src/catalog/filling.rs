@@ -105,7 +105,7 @@ impl Filling {
         insert(&mut self.0, "blobs", &blob_columns(), &[row]).await
     }
 
-    /// Makes the rows added so far visible; the copy goes on.
+    /// Commits the rows that were copied so far, so that others see them; the copy of a catalog goes on.
     pub(crate) async fn pause(self) -> Result<(), CatalogError> {
         self.0.commit().await
     }

@@ -87,7 +87,7 @@ pub(crate) enum Enqueued {
     NoMeasurement,
     /// The queue is full: too many jobs are waiting.
     Full,
-    /// As many jobs of the tenant are waiting as its limit allows.
+    /// The job is refused, because as many jobs of the tenant are waiting as its limit allows.
     Over(OverQuota),
 }
 

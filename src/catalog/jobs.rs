@@ -46,9 +46,9 @@ pub(crate) enum Retried {
     Unended(JobState),
     /// The job cannot run again, because the measurement that it reads was deleted.
     NoMeasurement,
-    /// The queue is full: too many jobs are waiting.
+    /// The job is refused, because the queue is full: too many jobs are waiting.
     Full,
-    /// As many jobs of the tenant are waiting as its limit allows.
+    /// The job is refused, because as many jobs of the tenant are waiting as its limit allows.
     Over(OverQuota),
     /// No job has the given id.
     Absent,

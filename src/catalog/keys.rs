@@ -24,7 +24,7 @@ pub(crate) struct NewKey {
     pub verifier: Option<Verifier>,
     /// Scopes of the key: what it allows.
     pub scopes: Scopes,
-    /// Time from now after which the key is refused.
+    /// Time from now after which the access key is refused.
     pub life: Duration,
     /// Id of the key that made this one, or another word for its maker.
     pub created_by: String,
@@ -53,10 +53,10 @@ pub(crate) struct KeyRow {
     pub created_by: Option<String>,
 }
 
-/// Facts by which a request with a key is judged.
+/// Stored facts about an access key, by which a request that presents the key is accepted or refused.
 #[derive(Clone, Debug)]
 pub(crate) struct Credential {
-    /// The key's row.
+    /// Row of the access key in the catalog.
     pub row: KeyRow,
     /// Hash of the key's secret.
     pub hash: SecretHash,
@@ -66,44 +66,47 @@ pub(crate) struct Credential {
     pub left: Duration,
     /// True if the tenant of the key is closed.
     pub is_closed: bool,
-    /// True if the last recorded use is older than [`USED`].
+    /// True if the last recorded use of the key is older than [`USED`].
     pub is_use_old: bool,
 }
 
 /// Outcome of storing an access key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum AddedKey {
-    /// The key is stored.
+    /// The access key is stored.
     Row(Box<KeyRow>),
-    /// There is no such tenant.
+    /// The tenant that the access key names does not exist.
     NoTenant,
     /// A key with this id is stored already.
     Taken,
-    /// The tenant has so many valid keys, as many as it may have.
+    /// The key is refused, because the tenant already has the given number of valid keys, its limit.
     Full(u64),
-    /// The tenant has so many keys with those that have ended, which are not forgotten yet.
+    /// The key is refused, because the tenant already has the given number of stored keys, expired and revoked ones
+    /// included.
     Ended(u64),
 }
 
 /// Outcome of revoking an access key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Revoked {
-    /// The key is revoked.
+    /// The access key is revoked.
     Done,
-    /// There is no such key.
+    /// There is no access key with the given id, or it is another tenant's.
     Absent,
-    /// The key has the scope `instance`, and whoever asks has not.
+    /// The key is not revoked, because it has the scope `instance` and the caller does not.
     Operator,
 }
 
-/// Interval at which the last use of a key is recorded. Raising it writes less and records the use less exactly.
+/// Interval at which the last use of an access key is recorded. Raising it writes less and records the use less
+/// exactly.
 const USED: Duration = Duration::from_mins(1);
 
-/// Keys of a tenant, valid or ended, for each valid one that it may have. Raising it lets a tenant replace its keys
-/// more often within the time for which ended ones are kept, and makes the look through them longer.
+/// Upper bound on the stored keys of a tenant, valid or ended, as a multiple of the limit on its valid keys. Raising it
+/// lets a tenant replace its keys more often before ended ones are deleted, and lengthens the search through them.
 const ROWS: u64 = 10;
 
-/// Upper bound on the ended keys that one transaction deletes. Raising it makes other writers wait for longer.
+/// Upper bound on the expired and revoked access keys that one transaction deletes. Raising it makes other writers wait
+/// for longer.
 const MOST: i64 = 1000;
 
 macro_rules! columns {
@@ -165,7 +168,8 @@ impl Catalog {
         .await
     }
 
-    /// Returns the facts by which a request with the key `id` is judged, if there is such a key.
+    /// Returns the stored facts by which a request that presents the key `id` is accepted or refused, if there is such
+    /// a key.
     pub(crate) async fn credential(&self, id: KeyId) -> Result<Option<Credential>, CatalogError> {
         let row = sqlx::query(self.sql(concat!(
             "SELECT ",
@@ -273,8 +277,8 @@ impl Catalog {
         .await
     }
 
-    /// Deletes keys that expired or were revoked more than `age` ago. The newest key stays, because a service that has
-    /// ever had a key takes no first one.
+    /// Deletes access keys that expired or were revoked more than `age` ago. The newest key stays, because a service
+    /// that has ever had a key accepts no first one from its environment.
     pub(super) async fn forget_ended_keys(&self, age: Duration) -> Result<(), CatalogError> {
         loop {
             let turn = self.turn().await;
@@ -295,7 +299,7 @@ impl Catalog {
     }
 }
 
-/// Returns the numbers of valid keys and of all keys of a tenant, of the first `rows` of them.
+/// Returns the number of valid keys and the number of all keys of a tenant, counted over at most `rows` stored keys.
 async fn count(write: &mut Write, tenant: &Tenant, rows: u64) -> Result<(u64, u64), CatalogError> {
     let counted = sqlx::query(
         "SELECT CAST(COALESCE(SUM(CASE WHEN revoked_at IS NULL AND (expires_at IS NULL OR expires_at > $2) THEN 1 \

@@ -52,7 +52,7 @@ pub(crate) struct MaterialRow {
     pub created_ms: i64,
     /// True if everybody may read the material.
     pub is_public: bool,
-    /// Tenants with which the material is shared, in their order.
+    /// Tenants with which the material is shared, sorted by id.
     pub readers: Vec<Tenant>,
 }
 
@@ -220,7 +220,7 @@ pub(super) fn bare(row: &AnyRow) -> Result<MaterialRow, CatalogError> {
     })
 }
 
-/// Value of the column `visibility` of a material that everybody may read.
+/// Value of the database column `visibility` for a material that everybody may read.
 pub(super) const PUBLIC: &str = "public";
 
 /// Key of a manifest under which the errors of an uploaded material against stored measurements are.
@@ -230,7 +230,7 @@ pub(crate) const COMPARED: &str = "measured_again";
 /// lengthens the manifests of materials that many jobs have named differently.
 const MOST_NAMES: usize = 32;
 
-/// Value of the column `search` of a row that this transaction has inserted and not filled yet.
+/// Value of the database column `visibility` for a material that everybody may read.
 const UNFILLED: &str = "\u{1}";
 
 /// Stores a material in the catalog, within the given transaction. Returns true if it is new.

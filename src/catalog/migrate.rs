@@ -25,7 +25,7 @@ const UNHURRIED: &str =
 /// lets more statements read at once.
 const LOCAL: u32 = 8;
 
-/// Name of the fact that holds the lowest schema version whose program still understands the database.
+/// Name of the stored fact about a database that states the lowest schema version whose program still understands it.
 const OLDEST_READER: &str = "oldest_reader";
 
 impl Catalog {

@@ -71,20 +71,20 @@ pub(crate) struct PartialLimits {
 pub(crate) enum Begun {
     /// The upload has begun.
     Now(Partial),
-    /// As many uploads as the limits allow have begun.
+    /// The upload is refused, because it would exceed a limit on the number of unfinished or unused uploads.
     TooMany(Bound),
-    /// The uploads have as many bytes as the limits allow.
+    /// The upload is refused, because it would exceed a limit on the total stated bytes of uploads.
     TooLarge(Bound),
 }
 
-/// Uploads that a limit bounds.
+/// Group of uploads that a limit bounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Bound {
-    /// Uploads of one client and tenant.
+    /// All uploads of one client and tenant.
     Client,
-    /// Uploads of one tenant.
+    /// All uploads of one tenant.
     Tenant,
-    /// Uploads of all.
+    /// All uploads of all tenants together.
     All,
 }
 

@@ -33,8 +33,8 @@ macro_rules! lost {
 }
 
 impl Catalog {
-    /// Claims the next job of the queue for a worker, if there is one, whoever owns it. Jobs of closed tenants wait
-    /// until these are opened. Jobs whose ids are in `but` are left to other workers.
+    /// Claims the next job of the queue for a worker, if there is one, whichever tenant owns it. Jobs of closed tenants
+    /// wait until these are opened. Jobs whose ids are in `but` are left to other workers.
     pub(crate) async fn claim(
         &self,
         worker: &str,

@@ -1,4 +1,4 @@
-//! Places of jobs in the queue: their ranks, and the limits on those that wait.
+//! Ranks of jobs in the queue, by which they are started, and the limits on the number of waiting jobs.
 //!
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
 //! of its jobs, and a share whose rank has been passed begins at the rank that is being served (start-time fair
@@ -18,10 +18,11 @@ use std::sync::atomic::Ordering::Relaxed;
 /// back in the queue. A job that reads a measurement costs its size in MiB, plus one. Raising it favours other shares.
 pub(super) const COST: i64 = 8;
 
-/// Weight of a tenant with the usual share of the workers: each unit of its jobs' cost is [`STEP`] ranks.
+/// Weight of a tenant with the usual share of the workers: each unit of the cost of its jobs is [`STEP`] ranks.
 const USUAL: i64 = 100;
 
-/// Ranks for each unit of cost of a job of usual weight. Raising it tells greater weights apart.
+/// Number of ranks for each unit of cost of a job whose tenant has the usual weight. Raising it distinguishes larger
+/// weights of tenants.
 const STEP: i64 = 100;
 
 /// Part of the free places in the queue that a process fills before it counts the waiting jobs of all processes again:
@@ -29,28 +30,28 @@ const STEP: i64 = 100;
 /// often; a count of 10,000 waiting jobs takes longer than all else that queueing a job does.
 const ROOM: u64 = 8;
 
-/// A job that is to wait in the queue.
+/// A new job that is to wait in the queue.
 pub(super) struct Queueing<'a> {
     /// Id of the measurement that the job reads.
     pub(super) measurement: Option<&'a str>,
-    /// Name of the share whose turns the job takes.
+    /// Name of the share of the queue (such as the jobs of one client) to which the job belongs.
     pub(super) share: &'a str,
     pub(super) priority: Priority,
 }
 
 /// Outcome of looking for a place in the queue for a job.
 pub(super) enum Admitted {
-    /// The job waits at this rank.
+    /// The job is admitted to the queue with the given rank; jobs of lower rank start first.
     Rank(i64),
     /// The measurement that the job would read does not exist.
     NoMeasurement,
-    /// As many jobs of the tenant are waiting as its limit allows.
+    /// The job is refused, because as many jobs of the tenant are waiting as its limit allows.
     Over(OverQuota),
-    /// The queue is full, and the tenant has its part of it.
+    /// The job is refused, because the queue is full and the tenant already has its fair part of the waiting jobs.
     Full,
 }
 
-/// Terms on which the jobs of a tenant wait.
+/// Weight of a tenant in the queue of jobs, and the limit on its waiting jobs.
 pub(super) struct Terms {
     weight: i64,
     most_queued: Option<i64>,
@@ -68,8 +69,8 @@ impl Terms {
         })
     }
 
-    /// Returns the distance in ranks that a job of this cost keeps from the next one. Heavier tenants go on by smaller
-    /// steps.
+    /// Returns the number of ranks by which a job of this cost moves the next job of its share back. It is smaller for
+    /// tenants of larger weight.
     pub(super) fn distance(&self, cost: i64) -> i64 {
         (cost * STEP * USUAL / self.weight.max(1)).max(1)
     }
@@ -98,8 +99,9 @@ impl Catalog {
         Ok(Admitted::Rank(rank(write, &self.tenant, job.share, job.priority, terms.distance(cost)).await?))
     }
 
-    /// Moves a share back by the distance of a job that was cancelled before its start, so that later jobs of the share
-    /// do not wait for it. They may start before jobs of the share that wait already, but not before more of others.
+    /// Lowers the next rank of a share (jobs of one client) by the distance of a job that was cancelled before its
+    /// start, so that later jobs of the share do not wait for it. They may start before waiting jobs of the share, but
+    /// overtake no more jobs of others.
     pub(super) async fn give_back(
         &self,
         write: &mut Write,
@@ -130,8 +132,8 @@ impl Catalog {
         Ok(waiting.max(0) as u64)
     }
 
-    /// Returns true if `most` jobs wait, and this tenant has its part of them: as many as each tenant with waiting jobs
-    /// would have if all had equally many. So no tenant fills the queue for the others.
+    /// Returns true if `most` jobs wait, and this tenant already has its part of them: as many as each tenant with
+    /// waiting jobs would have if all had equally many. So no tenant fills the queue for the others.
     async fn is_full(&self, write: &mut Write, most: u64) -> Result<bool, CatalogError> {
         if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(1)).is_ok() {
             return Ok(false);

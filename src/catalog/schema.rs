@@ -27,7 +27,8 @@ pub(crate) const EDITION: Edition = Edition {
     level: OTHER_TENANTS,
 };
 
-/// Version of the arguments of jobs of other tenants than the default one.
+/// Version of the stored job arguments in jobs of tenants other than the default one; workers that only know lower
+/// versions leave such jobs alone.
 pub(crate) const OTHER_TENANTS: i64 = 2;
 
 /// Version of the database schema that this program works with: the number of the last migration.

@@ -35,29 +35,30 @@ pub(crate) struct Visible {
     pub sight: Sight,
 }
 
-/// Change of the right to read a material; what is `None` stays.
+/// Change of who may read a material; a field that is `None` changes nothing.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Opening {
     /// True to make the material public, false to make it private.
     pub is_public: Option<bool>,
-    /// Tenants that may read the material although it is private.
+    /// New list of all tenants that may read the material although it is private.
     pub readers: Option<Vec<Tenant>>,
 }
 
 /// Outcome of changing the right to read a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Opened {
-    /// The right was changed.
+    /// The right to read the material was changed.
     Done,
-    /// The tenant owns no such material.
+    /// The tenant owns no material with the given id.
     Absent,
     /// There is no tenant with this id to share the material with, so nothing was changed.
     NoTenant(Tenant),
 }
 
 impl Catalog {
-    /// Returns how this tenant may read a material: its own before one shared with it, and that before a public one.
-    /// Takes as long for a material that another tenant keeps private as for one that exists nowhere.
+    /// Returns the owner of a material that this tenant may read, and the reason: ownership comes before sharing,
+    /// sharing before a public material. Takes as long for a material that another tenant keeps private as for one that
+    /// exists nowhere.
     pub(crate) async fn sees(&self, id: Digest) -> Result<Option<Visible>, CatalogError> {
         let own = sqlx::query("SELECT tenant, name, visibility FROM materials WHERE tenant = $2 AND id = $1")
             .bind(id.to_string())

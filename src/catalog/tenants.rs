@@ -19,13 +19,13 @@ pub(crate) enum TenantState {
 /// Limits on what a tenant may have; `None` is no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Quotas {
-    /// Upper bound on the bytes of its measurements and materials.
+    /// Upper bound on the total size in bytes of the tenant's measurements and materials.
     pub bytes: Option<u64>,
-    /// Upper bound on the number of its materials.
+    /// Upper bound on the number of the tenant's materials.
     pub materials: Option<u64>,
-    /// Upper bound on the number of its jobs that wait.
+    /// Upper bound on the number of the tenant's waiting jobs.
     pub queued: Option<u64>,
-    /// Upper bound on its requests to each process within a minute.
+    /// Upper bound on the requests of the tenant to each process within a minute.
     pub requests: Option<u64>,
 }
 
@@ -42,45 +42,46 @@ pub(crate) struct TenantRow {
     pub name: String,
     /// State of the tenant.
     pub state: TenantState,
-    /// Share of the workers, relative to those of others; 100 is the usual one.
+    /// Weight of the tenant when tenants share the workers: with 200 its jobs get twice the share that they get with
+    /// 100, the default.
     pub weight: u64,
     /// Limits on what the tenant may have.
     pub quotas: Quotas,
-    /// Bytes of its measurements and materials.
+    /// Total size in bytes of the tenant's measurements and materials.
     pub bytes: u64,
-    /// Number of its materials.
+    /// Number of the tenant's materials.
     pub materials: u64,
     /// Time at which the tenant was created, ms of the Unix epoch.
     pub created_ms: i64,
 }
 
-/// Change of a tenant; what is `None` stays.
+/// Change of the properties of a tenant; a field that is `None` changes nothing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct TenantChange {
     /// Name of the tenant, for people.
     pub name: Option<String>,
     /// State of the tenant.
     pub state: Option<TenantState>,
-    /// Share of the workers, from 1 to 10,000.
+    /// Weight of the tenant when tenants share the workers, from 1 to 10,000; 100 is the default.
     pub weight: Option<u64>,
-    /// Limit on the bytes of its measurements and materials.
+    /// Limit on the total size in bytes of the tenant's measurements and materials.
     pub bytes: Option<Limit>,
-    /// Limit on the number of its materials.
+    /// Limit on the number of the tenant's materials.
     pub materials: Option<Limit>,
-    /// Limit on the number of its jobs that wait.
+    /// Limit on the number of the tenant's waiting jobs.
     pub queued: Option<Limit>,
-    /// Limit on its requests to each process within a minute.
+    /// Limit on the requests of the tenant to each process within a minute.
     pub requests: Option<Limit>,
 }
 
 /// Outcome of creating or changing a tenant.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Settled {
-    /// The tenant is as it was asked for.
+    /// The tenant was created or changed as requested; holds its new description.
     Row(Box<TenantRow>),
     /// The id or the name belongs to another tenant, so nothing was written.
     Taken,
-    /// There is no such tenant.
+    /// No tenant has the given id.
     Absent,
 }
 
@@ -108,7 +109,7 @@ impl TenantState {
 }
 
 impl Catalog {
-    /// Returns the ids of all tenants, in their order.
+    /// Returns the ids of all tenants, sorted.
     pub(crate) async fn tenant_ids(&self) -> Result<Vec<Tenant>, CatalogError> {
         let rows = sqlx::query("SELECT id FROM tenants ORDER BY id").fetch_all(&self.pool).await?;
         let ids = rows.iter().map(|row| {
@@ -161,7 +162,7 @@ impl Catalog {
         self.change_tenant(id, &TenantChange { name: None, ..change.clone() }).await
     }
 
-    /// Changes a tenant.
+    /// Changes the name, state, weight or limits of a tenant.
     pub(crate) async fn change_tenant(&self, id: &Tenant, change: &TenantChange) -> Result<Settled, CatalogError> {
         let turn = self.turn().await;
         // 1 for a limit that changes, whatever it becomes.
@@ -199,7 +200,7 @@ impl Catalog {
 }
 
 impl fmt::Display for TenantChange {
-    /// Writes what changes, for the audit trail.
+    /// Writes the changed properties of a tenant with their new values, for the audit trail.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, state, weight, bytes, materials, queued, requests } = self;
         let limit = |limit: &Option<Limit>| {
@@ -219,7 +220,8 @@ impl fmt::Display for TenantChange {
     }
 }
 
-/// Largest share of the workers relative to others. Raising it lets one tenant delay others for longer.
+/// Upper bound on the weight of a tenant when tenants share the workers; the default weight is 100. Raising it lets one
+/// tenant delay others for longer.
 pub(crate) const MOST_WEIGHT: u64 = 10_000;
 
 fn read(row: &AnyRow) -> Result<TenantRow, CatalogError> {

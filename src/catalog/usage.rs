@@ -1,5 +1,5 @@
-//! Bytes and materials that tenants use: counted in the transactions that add and delete them, and held to their
-//! limits.
+//! Counts of the bytes and materials of each tenant: changed in the transactions that add and delete them, and held to
+//! the tenant's limits.
 //!
 //! A tenant has several rows of counts, so that its transactions seldom wait for one another. Each transaction changes
 //! one of them, as its last statement. A count of everything, from time to time, corrects what older programs or hands
@@ -14,37 +14,37 @@ use sqlx::{Executor, Row};
 use std::fmt;
 use std::time::Duration;
 
-/// Number of rows of counts of a tenant. Raising it lets more transactions of one tenant end at once, and reads more
-/// rows for each.
+/// Number of database rows over which the counts of one tenant's bytes and materials are spread. Raising it lets more
+/// transactions of one tenant end at once, and reads more rows for each.
 const SHARDS: i64 = 8;
 
-/// Age of the last count of everything that a tenant has after which it is counted again. Raising it reads less, and
-/// corrects wrong counts later.
+/// Age of the last complete count of a tenant's bytes and materials after which they are counted again. Raising it
+/// reads less, and corrects wrong counts later.
 const COUNTED: Duration = Duration::from_hours(24);
 
 /// Limit of a tenant that a request would exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct OverQuota {
-    /// Kind of what is limited.
+    /// Kind of the limited resource: bytes, materials or waiting jobs.
     pub what: Limited,
-    /// Limit of the tenant.
+    /// Limit that the request would exceed, in bytes, materials or waiting jobs.
     pub limit: u64,
-    /// Use of the tenant before the request.
+    /// Amount that the tenant used before the request, in bytes, materials or waiting jobs.
     pub used: u64,
 }
 
-/// Kind of what a tenant may have a limited amount of.
+/// Kind of resource of which a tenant may have a limited amount.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Limited {
-    /// Bytes of measurements and materials.
+    /// Total size in bytes of measurements and materials.
     Bytes,
-    /// Materials.
+    /// Number of materials.
     Materials,
-    /// Jobs that wait.
+    /// Number of jobs that wait in the queue.
     Queued,
 }
 
-/// Amount by which the use of a tenant changes.
+/// Amount by which the counted bytes and materials of a tenant change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Change {
     bytes: i64,
@@ -64,25 +64,25 @@ impl fmt::Display for OverQuota {
 }
 
 impl Change {
-    /// Returns the change by a new measurement of so many bytes.
+    /// Returns the change of a tenant's counts by a new measurement with this number of bytes.
     pub(super) fn measurement(bytes: u64) -> Self {
         Self { bytes: bytes as i64, rows: 1, materials: 0 }
     }
 
-    /// Returns the change by a new material of so many bytes.
+    /// Returns the change of a tenant's counts by a new material with this number of bytes.
     pub(super) fn material(bytes: u64) -> Self {
         Self { materials: 1, ..Self::measurement(bytes) }
     }
 
-    /// Returns the change by a deletion of what this change has added.
+    /// Returns the opposite of this change of a tenant's counts, for the deletion of what was added.
     pub(super) fn undone(self) -> Self {
         Self { bytes: -self.bytes, rows: -self.rows, materials: -self.materials }
     }
 }
 
-/// Counts a change of what the tenant of a transaction uses, about the row `id`. Returns the limit that it would
-/// exceed: the transaction must be undone then. Must be the last statement of the transaction, so that transactions
-/// that share a row of counts never wait for one another in a circle.
+/// Adds a change, caused by the object `id`, to the counted bytes and materials of the tenant of a transaction. Returns
+/// the limit that it would exceed: the transaction must be undone then. Must be the last statement of the transaction,
+/// so that transactions that share a row of counts never wait for one another in a circle.
 pub(super) async fn charge(write: &mut Write, id: Digest, change: Change) -> Result<Option<OverQuota>, CatalogError> {
     if change.rows > 0 {
         let row = sqlx::query(LIMITS).bind(write.tenant.to_string()).fetch_optional(&mut *write.transaction).await?;
@@ -99,7 +99,7 @@ pub(super) async fn charge(write: &mut Write, id: Digest, change: Change) -> Res
     Ok(None)
 }
 
-/// Adds a change to one of the rows of counts of the tenant of a transaction.
+/// Adds a change to one of the database rows that together hold the counted bytes and materials of a tenant.
 async fn add(write: &mut Write, shard: i64, change: Change) -> Result<(), CatalogError> {
     sqlx::query(
         "INSERT INTO usage (tenant, shard, bytes, blobs, materials) VALUES ($1, $2, $3, $4, $5) \
@@ -116,13 +116,13 @@ async fn add(write: &mut Write, shard: i64, change: Change) -> Result<(), Catalo
     Ok(())
 }
 
-/// Query for the limits of the tenant `$1`, and for what it uses.
+/// SQL query for the limits of the tenant `$1`, and for the bytes and materials that it has.
 const LIMITS: &str = "SELECT t.most_bytes, t.most_materials, \
     CAST(COALESCE((SELECT SUM(u.bytes) FROM usage u WHERE u.tenant = t.id), 0) AS BIGINT), \
     CAST(COALESCE((SELECT SUM(u.materials) FROM usage u WHERE u.tenant = t.id), 0) AS BIGINT) \
     FROM tenants t WHERE t.id = $1 AND (t.most_bytes IS NOT NULL OR t.most_materials IS NOT NULL)";
 
-/// Returns the limit that so many more bytes and materials would exceed.
+/// Returns the limit of a tenant that the given numbers of further bytes and materials would exceed.
 fn over(row: &sqlx::any::AnyRow, added: [u64; 2]) -> Result<Option<OverQuota>, CatalogError> {
     for (at, what) in [Limited::Bytes, Limited::Materials].into_iter().enumerate() {
         let limit: Option<i64> = row.try_get(at)?;
@@ -136,13 +136,14 @@ fn over(row: &sqlx::any::AnyRow, added: [u64; 2]) -> Result<Option<OverQuota>, C
 }
 
 impl Catalog {
-    /// Returns the limit of this tenant that so many more bytes and materials would exceed, before they are stored.
+    /// Returns the limit of this tenant that the given numbers of further bytes and materials would exceed, before they
+    /// are stored.
     pub(crate) async fn lacks_room(&self, bytes: u64, materials: u64) -> Result<Option<OverQuota>, CatalogError> {
         let row = sqlx::query(LIMITS).bind(self.tenant.to_string()).fetch_optional(&self.pool).await?;
         row.map_or(Ok(None), |row| over(&row, [bytes, materials]))
     }
 
-    /// Counts everything that each tenant has whose last count is older than a day.
+    /// Counts the bytes and materials of each tenant whose last complete count is older than a day.
     pub(crate) async fn recount(&self) -> Result<(), CatalogError> {
         let due = sqlx::query(self.sql("SELECT id FROM tenants WHERE counted_at < {now} - $1 ORDER BY counted_at"))
             .bind(COUNTED.as_millis() as i64)
@@ -161,7 +162,8 @@ impl Catalog {
         Ok(())
     }
 
-    /// Notes that a tenant is counted now. Returns false if another process has done so since the last day.
+    /// Records that a complete count of a tenant's bytes and materials begins now. Returns false if another process has
+    /// begun one within the last day.
     async fn is_to_count(&self, tenant: &Tenant) -> Result<bool, CatalogError> {
         let _turn = self.turn().await;
         let noted =
@@ -173,8 +175,9 @@ impl Catalog {
         Ok(noted.rows_affected() == 1)
     }
 
-    /// Counts everything that a tenant has, and corrects its counts. One statement reads rows and counts as they are at
-    /// one moment, so that it locks nothing however long it takes, and the difference stays true afterwards.
+    /// Counts all bytes and materials of a tenant, and corrects the stored counts. One statement reads the data and the
+    /// stored counts as they are at one moment, so that it locks nothing however long it takes, and the difference
+    /// stays true afterwards.
     pub(crate) async fn count(&self, tenant: &Tenant) -> Result<(), CatalogError> {
         let mut reading = self.pool.begin().await?;
         if self.dialect == Dialect::Postgres {

@@ -41,7 +41,8 @@ pub(crate) struct Args {
     /// Print the settings as one line of JSON
     #[arg(long)]
     json: bool,
-    /// The settings as they were given, filled in after the command line was read.
+    /// Settings of the service that the command line, the environment and the configuration file state; set after all
+    /// three were read.
     #[arg(skip)]
     effective: Effective,
 }

@@ -19,8 +19,9 @@ fn is_switched_off(declared: &Declared) -> bool {
     matches!(declared.values, Values::Switch) && (declared.default)() == true
 }
 
-/// Returns a declared help text without its last full stop, as help texts of options are written. Names that the option
-/// accepts follow, unless they stand in the place of its value. The option `--no-NAME` says that it switches off.
+/// Returns the declared help text of an option without its last full stop, as on the command line. Names that the
+/// option accepts follow, unless they stand in the place of its value. The option `--no-NAME` says that it switches
+/// off.
 pub(super) fn help(declared: &Declared) -> String {
     let text = declared.help.trim().trim_end_matches('.');
     match declared.values {

@@ -48,7 +48,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Options of an evaluation on the command line, derived from their declarations.
+/// Command-line options of an evaluation, derived from their shared declarations.
 #[derive(Clone, Copy, Debug)]
 struct OptionArgs {
     interpolation: Interpolation,

@@ -44,7 +44,7 @@ struct Answer<'a> {
     summary: &'a Summary,
 }
 
-/// Options of an export on the command line, derived from their declarations.
+/// Command-line options of an export, derived from their shared declarations.
 #[derive(Clone, Debug)]
 struct OptionArgs(ExportOptions);
 

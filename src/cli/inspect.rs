@@ -45,7 +45,8 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     if args.json { print_json(&measurement) } else { print(&measurement.sheet().render(&name)) }
 }
 
-/// Description of a measurement, in the names of an upload over HTTP, and of the tensor that `compress` would make.
+/// Description of a measurement file, with the field names that an upload over HTTP returns, and of the tensor that
+/// `compress` would make of it.
 #[derive(Serialize)]
 struct Measured {
     kind: &'static str,
@@ -56,7 +57,7 @@ struct Measured {
     tensor: Prepared,
 }
 
-/// Tensor that `compress` would encode.
+/// Description of the tensor that `compress` would make of a measurement file.
 #[derive(Serialize)]
 struct Prepared {
     quantity: Quantity,
@@ -72,7 +73,7 @@ struct Prepared {
     /// Smallest and largest value of the tensor.
     range: Option<(f32, f32)>,
     coverage: Coverage,
-    /// True if the tensor keeps a grid of angles.
+    /// True if the tensor keeps the measured grid of angles as its axes.
     #[serde(skip)]
     on_grid: bool,
 }
@@ -115,7 +116,7 @@ impl Measured {
         Ok(Self { kind: "measurement", content_digest: source.content_digest, bytes, understood, tensor })
     }
 
-    /// Returns the axes of the file in words; `None` if the tensor has the same ones.
+    /// Returns the axes of the measurement file in words; `None` if they are those of the tensor.
     fn source_axes(&self) -> Option<String> {
         let (axes, tensor) = (&self.understood.axes, &self.tensor);
         // A list over the scattering angle keeps its angles.
@@ -159,8 +160,8 @@ impl Measured {
     }
 }
 
-/// Description of a compressed file, in the names of the report of its compression, with further facts of its header.
-/// Samples are decoded only to find warnings.
+/// Description of a compressed file, with the field names of the report of its compression, and further facts of its
+/// header. Samples are decoded only to find warnings.
 #[derive(Serialize)]
 struct Material {
     kind: &'static str,

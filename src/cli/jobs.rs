@@ -16,7 +16,9 @@ use std::time::Duration;
 
 /// Action on the jobs of a service.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A service with keys takes one from the environment variable WAVELUME_KEY")]
+#[command(
+    after_help = "Each command sends the access key in the environment variable WAVELUME_KEY, which a service with keys needs"
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     action: Action,
@@ -84,7 +86,7 @@ pub(crate) struct UrlArg {
     url: String,
 }
 
-/// Description of a job in an answer of the service, as far as it is shown.
+/// Facts about a job that the command prints, taken from an answer of the service.
 #[derive(Deserialize)]
 struct Shown {
     id: String,
@@ -102,7 +104,7 @@ struct ShownProblem {
 }
 
 impl Shown {
-    /// Takes the shown facts from the description of a job. Fails if one of them is missing.
+    /// Takes the facts to print from the description of a job. Fails if one of them is missing.
     fn of(job: Value) -> Result<Self, Failure> {
         let unfit = |error| Failure::failed(format!("the service describes a job in another way: {error}"));
         serde_json::from_value(job).map_err(unfit)

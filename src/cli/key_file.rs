@@ -1,4 +1,4 @@
-//! Key of a service for commands that make tokens and links: from a file or the environment, never from an argument.
+//! Access key from which commands make tokens and links: read from a file or the environment, never from an argument.
 
 use super::failure::Failure;
 use super::input::describe;
@@ -7,13 +7,13 @@ use crate::trust::{Key, LONGEST, MaterialId};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Environment variable that holds a key.
+/// Name of the environment variable that holds an access key.
 pub(crate) const VARIABLE: &str = "WAVELUME_KEY";
 
 /// Upper bound in bytes on the file of a key, which has 65 characters and white space around them.
 const LONGEST_FILE: u64 = 4096;
 
-/// Source of a key. An argument would stand in the list of processes and in the history of the shell.
+/// Source of an access key. An argument would stand in the list of processes and in the history of the shell.
 #[derive(Debug, clap::Args)]
 pub(crate) struct KeyArgs {
     /// File that holds the key; `-` is stdin. Without a file, the environment variable `WAVELUME_KEY` holds the key
@@ -21,16 +21,16 @@ pub(crate) struct KeyArgs {
     key_file: Option<PathBuf>,
 }
 
-/// Length of a permission.
+/// Time for which a token or link is valid.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TimeArgs {
-    /// Time from now for which it holds, at most 7d; revoking or expiry of the key ends it earlier
+    /// Time from now for which the token or link is valid, at most 7d; revoking or expiry of its key ends it earlier
     #[arg(long, value_name = "TIME", default_value = "24h", value_parser = seconds)]
     expires: u64,
 }
 
 impl KeyArgs {
-    /// Reads the key. Messages never contain what was read.
+    /// Reads the access key. Error messages never contain what was read.
     pub(crate) fn read(&self) -> Result<Key, Failure> {
         let Some(path) = &self.key_file else {
             let text = std::env::var(VARIABLE).map_err(|_| {
@@ -46,7 +46,7 @@ impl KeyArgs {
 }
 
 impl TimeArgs {
-    /// Returns the current time in Unix seconds, and the seconds from then on.
+    /// Returns the current time in Unix seconds, and the number of seconds for which the token or link is valid.
     pub(crate) fn since_now(&self) -> (u64, u64) {
         (unix_seconds(), self.expires)
     }
@@ -62,7 +62,7 @@ fn file(path: &Path) -> std::io::Result<String> {
     Ok(text)
 }
 
-/// Reads a time such as `12h` or `7d` as whole seconds.
+/// Parses a duration such as `12h` or `7d`, and returns it in whole seconds.
 fn seconds(text: &str) -> Result<u64, String> {
     let expected = "expected a time of at least 1s and at most 7d, such as 30min, 12h or 7d";
     let seconds = crate::jobs::Unit::Time.parse(text).map(|milliseconds| milliseconds / 1000);

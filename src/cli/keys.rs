@@ -60,7 +60,7 @@ struct Create {
 struct List {
     #[command(flatten)]
     places: PlaceArgs,
-    /// Only keys of this tenant
+    /// List only the keys of this tenant
     #[arg(long, value_name = "ID")]
     tenant: Option<Tenant>,
     /// Print the keys as one line of JSON
@@ -80,7 +80,7 @@ struct Revoke {
 /// Name under which keys and the audit trail record what was done by this command, which has no key of its own.
 const ACTOR: &str = "wavelume keys";
 
-/// Number of keys that are read from the database at once. Raising it needs fewer queries and more memory.
+/// Number of access keys that one query reads from the database. Raising it needs fewer queries and more memory.
 const PAGE: usize = 1000;
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {
@@ -96,7 +96,7 @@ fn new_key() -> Result<Key, Failure> {
     Key::generate().map_err(Failure::failed)
 }
 
-/// Parses a time such as `12h` or `90d`.
+/// Parses a duration such as `12h` or `90d`.
 fn life(text: &str) -> Result<Duration, String> {
     let millis = Unit::Time.parse(text).filter(|millis| *millis >= 1000);
     millis.map(Duration::from_millis).ok_or_else(|| "expected a time such as 12h or 90d, at least 1s".to_owned())
@@ -226,7 +226,7 @@ fn act(tenant: Option<Tenant>, action: &'static str, id: KeyId) -> Act {
     Act { tenant, actor: ACTOR.to_owned(), action, subject: Some(id.to_string()), ..Act::default() }
 }
 
-/// Returns the day and minute of a time in UTC: `2026-11-26 05:40`.
+/// Formats a time, in milliseconds since the Unix epoch, as day and minute in UTC: `2026-11-26 05:40`.
 fn day(ms: Option<i64>) -> String {
     ms.map_or_else(|| "never".to_owned(), |ms| date(ms.div_euclid(1000)))
 }

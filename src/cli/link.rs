@@ -10,7 +10,7 @@ pub(crate) struct Args {
     /// URL of the service, with the prefix that a proxy removes, if there is one
     #[arg(long, value_name = "URL", value_parser = base)]
     url: String,
-    /// Id of the material, `b3-…`; several give a line each
+    /// Id of the material, `b3-…`; several ids print one link each, on lines of their own
     #[arg(long = "material", value_name = "ID", required = true, value_parser = material)]
     materials: Vec<MaterialId>,
     #[command(flatten)]
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Failure> {
     print(&lines)
 }
 
-/// Reads the base of a URL, without the slashes at its end.
+/// Parses the base URL of a service, and removes the slashes at its end.
 fn base(text: &str) -> Result<String, String> {
     let expected = "expected the URL of a service without user, query and fragment, for example https://host";
     let url = reqwest::Url::parse(text).map_err(|_| expected.to_owned())?;

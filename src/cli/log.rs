@@ -47,7 +47,7 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
 #[derive(Clone)]
 enum Output {
     Unlocked(Arc<File>),
-    /// Destination if the system has no second descriptor to give.
+    /// Stderr with its lock, as the destination of the log if the system cannot duplicate the file descriptor.
     Locked,
 }
 

@@ -128,9 +128,9 @@ enum Command {
     Jobs(jobs::Args),
     /// Make, list or revoke access keys
     Keys(keys::Args),
-    /// Print URLs that fetch materials without a header, for a limited time; asks no service
+    /// Print URLs that fetch materials for a limited time without a key in a header; made without asking the service
     Link(link::Args),
-    /// Print a token that stands for a key for a limited time; asks no service
+    /// Print a token that acts for a key for a limited time; made without asking the service
     Token(token::Args),
     /// Make, list, change or close tenants
     Tenants(tenants::Args),

@@ -1,4 +1,4 @@
-//! Trust in one certificate, whatever name it is for: on its own machine a service has another name.
+//! Trust in one TLS certificate, whatever name it is for: on its own machine a service has another name.
 
 use super::failure::Failure;
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
@@ -10,7 +10,7 @@ use rustls::{CertificateError, ClientConfig, DigitallySignedStruct, Error, Signa
 use std::path::Path;
 use std::sync::Arc;
 
-/// Verifier that accepts one certificate, from a server that has its private key.
+/// Verifier of TLS servers that accepts one certificate, from a server that has its private key.
 #[derive(Debug)]
 struct Pinned {
     certificate: CertificateDer<'static>,

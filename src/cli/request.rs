@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 const ILLUMINANT: &str = "illuminant";
 /// Names of the options that choose the axes of the tensor to compress.
 const AXES: [&str; 5] = ["domain", "reciprocal", "incoming_level", "outgoing_level", "wavelengths"];
-/// Names of the options, besides the promise, that have a sum of materials compressed anew.
+/// Names of the options that, like a promise (error bound, size or ratio), have a sum of materials compressed anew.
 const AGAIN: [&str; 2] = ["policy", "basis"];
 /// Name of the option that leaves the provenance out of a material.
 const METADATA: &str = "metadata";
@@ -31,7 +31,8 @@ pub(crate) struct TargetArgs(Option<Target>);
 #[derive(Clone, Debug)]
 pub(crate) struct RequestArgs(Request);
 
-/// Options of a compression that a sum of materials takes: its axes are given.
+/// Options of a compression that a sum of materials accepts. It accepts none for the axes, which the materials already
+/// have.
 #[derive(Clone, Debug)]
 pub(crate) struct SumArgs {
     request: Request,

@@ -42,8 +42,8 @@ pub(crate) struct Place {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Access")]
 pub(crate) struct AccessArgs {
-    /// Rule by which the service decides who may use it: everybody who reaches it, on a loopback address; or whoever
-    /// has a key, besides reading public materials without one
+    /// Rule for who may use the service: `off` everybody, on a loopback address or with --insecure; `keys` holders of a
+    /// key; `keys+anonymous-read` also anybody who only reads public materials
     #[arg(long, value_name = "MODE", value_enum, default_value_t, env = "WAVELUME_AUTH", hide_env_values = true)]
     pub(crate) auth: Auth,
     /// Run without keys on an address that other machines reach, and behind a proxy that decides who may ask

@@ -28,11 +28,11 @@ pub(super) struct Key {
 /// Kind of TOML value that a key takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A whole number.
+    /// A whole number without a unit.
     Count,
     /// A size or a time: a text with a unit, or a whole number of bytes or seconds.
     Amount,
-    /// A text.
+    /// A single text.
     Text,
     /// A list of texts.
     List,

@@ -73,19 +73,20 @@ struct Change {
     /// Name of the tenant, for people; by default its id
     #[arg(long, value_name = "TEXT")]
     name: Option<String>,
-    /// Upper bound on the bytes of measurements and materials, or `none`
+    /// Upper bound on the total bytes of the tenant's measurements and materials; `none` for no limit
     #[arg(long, value_name = "BYTES", value_parser = limit)]
     max_bytes: Option<Limit>,
-    /// Upper bound on the number of materials, or `none`
+    /// Upper bound on the number of the tenant's materials; `none` for no limit
     #[arg(long, value_name = "N", value_parser = limit)]
     max_materials: Option<Limit>,
-    /// Upper bound on the number of jobs that wait, or `none`
+    /// Upper bound on the number of the tenant's waiting jobs; `none` for no limit
     #[arg(long, value_name = "N", value_parser = limit)]
     max_queued: Option<Limit>,
-    /// Upper bound on the requests to each node within a minute, or `none`
+    /// Upper bound on the requests of the tenant to each node within a minute; `none` for no limit
     #[arg(long, value_name = "N", value_parser = limit)]
     max_requests: Option<Limit>,
-    /// Share of the workers, relative to those of others; 100 is the usual one
+    /// Weight of the tenant when tenants share the workers: with 200 its jobs get twice the share that they get with
+    /// 100, the default
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_WEIGHT))]
     weight: Option<u64>,
 }

@@ -20,7 +20,7 @@ pub(crate) struct TlsArgs {
 }
 
 impl TlsArgs {
-    /// Returns the files of the certificate, of which there are both or none.
+    /// Returns the files of the certificate and its private key, of which both or none are named.
     pub(crate) fn files(&self) -> Result<Option<TlsFiles>, Failure> {
         let lacks = |given, other| Err(Failure::usage(format!("{given} needs {other}: give both, or none for HTTP")));
         match (&self.tls_cert, &self.tls_key) {
@@ -35,14 +35,14 @@ impl TlsArgs {
 /// Option for the certificates that a client of a service trusts.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TrustArg {
-    /// Certificates in PEM that are trusted instead of those of the system, for a service whose certificate is of an
-    /// authority of its own
+    /// Certificates in PEM to trust instead of those of the system, for a service whose certificate is issued by a
+    /// private authority
     #[arg(long, value_name = "FILE", env = "WAVELUME_CA_CERT", hide_env_values = true)]
     ca_cert: Option<PathBuf>,
 }
 
 impl TrustArg {
-    /// Builds an HTTP client that trusts these certificates, or else those of the system.
+    /// Builds an HTTP client that trusts the certificates that the option names, or else those of the system.
     pub(crate) fn client(&self, mut builder: ClientBuilder) -> Result<Client, Failure> {
         if let Some(file) = &self.ca_cert {
             let at = |reason: &dyn std::fmt::Display| Failure::failed(format!("{}: {reason}", file.display()));

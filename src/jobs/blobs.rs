@@ -34,9 +34,9 @@ impl Archive {
         Ok((blob, bytes))
     }
 
-    /// Returns a URL of the store that reads the stored bytes with the given digest for the time `life`, with these
-    /// headers of the answer; `None` if the store has no such URLs. Whoever has the URL reads bytes that nobody has
-    /// checked against their digest.
+    /// Returns a presigned URL of the object store that reads the stored bytes with the given digest for the time
+    /// `life`, with these headers of the answer; `None` if the store has no such URLs. Whoever has the URL reads bytes
+    /// that nobody has checked against their digest.
     pub(crate) async fn presigned(
         &self,
         digest: Digest,

@@ -1,8 +1,8 @@
-//! Time of this machine, and times as people write them.
+//! Current time of this machine, and times written as dates for people.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Seconds of a day.
+/// Number of seconds in a day.
 pub(crate) const DAY: i64 = 24 * 60 * 60;
 
 /// Returns the time of this machine in Unix seconds.

@@ -354,7 +354,8 @@ fn wavelengths(grid: &WavelengthGrid) -> DescribedAxis {
     DescribedAxis::new(AxisKind::Wavelength, grid.len(), description).between(Some(first), Some(last), "nm")
 }
 
-/// Describes an axis of angles; `name` and `continued` are its name and the continuation of azimuths in words.
+/// Describes an axis of angles. `name` is the name of the axis, and `continued` says in words how its azimuths
+/// continue.
 fn angles((kind, name): (AxisKind, &str), values: &[f64], continued: &str) -> DescribedAxis {
     let span = match values {
         [] => String::new(),

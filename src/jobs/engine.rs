@@ -33,7 +33,7 @@ pub(crate) struct Engine {
     pub(crate) queries: Maths,
     /// Threads that export materials to other file formats; only a few exports run at the same time.
     pub(crate) exports: Maths,
-    /// True if tenants take turns in the queue of jobs, false if addresses do.
+    /// True if tenants take turns in the queue of jobs, false if client addresses do.
     pub(super) by_tenant: bool,
     pub(crate) hub: Hub,
     pub(crate) presence: Arc<Presence>,

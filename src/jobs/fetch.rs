@@ -29,7 +29,7 @@ pub(super) struct Stored {
 /// Fault of one stored file that could not be copied.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Lost {
-    /// Owner of the bytes; left out of a report if it is the default tenant.
+    /// Tenant that owns the stored bytes; left out of a report if it is the default tenant.
     #[serde(skip_serializing_if = "Tenant::is_default")]
     pub tenant: Tenant,
     /// Digest of the bytes.

@@ -28,7 +28,7 @@ pub enum Fault {
     Corrupt {
         /// Digest under which the damaged bytes are stored.
         digest: String,
-        /// Owner of the bytes; absent if it is the default tenant.
+        /// Tenant that owns the stored bytes; absent if it is the default tenant.
         #[serde(skip_serializing_if = "Option::is_none")]
         tenant: Option<String>,
     },
@@ -38,7 +38,7 @@ pub enum Fault {
         digest: String,
         /// Row of the catalog that refers to the missing bytes: `measurement b3-…`, `material b3-…` or `job …`.
         named_by: String,
-        /// Owner of the bytes; absent if it is the default tenant.
+        /// Tenant that owns the stored bytes; absent if it is the default tenant.
         #[serde(skip_serializing_if = "Option::is_none")]
         tenant: Option<String>,
     },
@@ -53,7 +53,7 @@ pub enum Fault {
     OrphanRow {
         /// Digest of the stored bytes to which no row refers.
         digest: String,
-        /// Owner of the bytes; absent if it is the default tenant.
+        /// Tenant that owns the stored bytes; absent if it is the default tenant.
         #[serde(skip_serializing_if = "Option::is_none")]
         tenant: Option<String>,
     },
@@ -170,7 +170,7 @@ impl Archive {
         Ok(())
     }
 
-    /// Returns the owner of the checked bytes as a report names it.
+    /// Returns the tenant that owns the checked bytes, as a report names it; `None` for the default tenant.
     fn told_tenant(&self) -> Option<String> {
         Some(self.catalog.tenant()).filter(|tenant| !tenant.is_default()).map(ToString::to_string)
     }

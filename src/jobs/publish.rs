@@ -49,7 +49,7 @@ impl Published {
         &self.claim
     }
 
-    /// Lists the bytes for deletion at once, because the catalog has refused the row that would refer to them.
+    /// Lists newly stored bytes for deletion at once, because the catalog has refused the row that would refer to them.
     pub(super) async fn withdraw(self, archive: &Archive) {
         if let Claim::Written(object, _) = &self.claim
             && let Err(error) = archive.catalog.withdraw(object).await

@@ -170,7 +170,7 @@ impl Archive {
     }
 }
 
-/// Adds all rows of a table, each batch after `change` has seen it.
+/// Copies all rows of a table into the new catalog, each batch after `change` has edited it.
 async fn insert_all(
     filling: &mut Filling,
     dump: &Dump,

@@ -18,7 +18,8 @@ tokio::task_local! {
 pub(crate) struct Client {
     /// Address of the client.
     pub address: IpAddr,
-    /// Tenant whose key the client has sent, or nobody's if it has sent none; `None` in a service without keys.
+    /// Tenant whose key the client has sent, or the tenant that owns nothing if it has sent none; `None` in a service
+    /// without keys.
     pub tenant: Option<Tenant>,
 }
 
@@ -39,10 +40,10 @@ struct Waiting {
     tenants: Rotation<Option<Tenant>, Rotation<IpAddr, Requests>>,
 }
 
-/// Queues that are served in rotation.
+/// Set of queues that are served in rotation.
 #[derive(Debug)]
 struct Rotation<K, Q> {
-    /// Keys of the queues, the next one first.
+    /// Keys of the queues in the order in which the queues are served, the next one first.
     order: VecDeque<K>,
     queues: HashMap<K, Q>,
 }
@@ -72,8 +73,8 @@ impl Client {
     }
 }
 
-/// Returns the number of places that one tenant may have of `all`, of which one address may have `each`. It leaves
-/// those of one address to other tenants, or half of all where one address may have more.
+/// Returns the number of places that one tenant may hold at most, of `all`. It leaves `each`, the places of one
+/// address, to other tenants, but at most half of all.
 pub(crate) fn most_of_tenant(all: u64, each: u64) -> u64 {
     all - each.min(all / 2)
 }
@@ -85,7 +86,7 @@ impl<K, Q> Default for Rotation<K, Q> {
 }
 
 impl<K: Clone + Eq + Hash, Q: Default> Rotation<K, Q> {
-    /// Returns the queue of `key`. A new one is served last.
+    /// Returns the queue of `key`. A new queue is served after all others.
     fn queue(&mut self, key: &K) -> &mut Q {
         if !self.queues.contains_key(key) {
             self.order.push_back(key.clone());
@@ -93,8 +94,8 @@ impl<K: Clone + Eq + Hash, Q: Default> Rotation<K, Q> {
         self.queues.entry(key.clone()).or_default()
     }
 
-    /// Returns what `take` gets from the first queue that has something, which is served last then. Queues before it
-    /// have nothing, and are removed.
+    /// Returns what `take` gets from the first queue that is not empty, and moves this queue to the end of the
+    /// rotation. Removes the empty queues before it.
     fn next<T>(&mut self, take: impl Fn(&mut Q) -> Option<T>) -> Option<T> {
         while let Some(key) = self.order.pop_front() {
             if let Some(next) = self.queues.get_mut(&key).and_then(&take) {

@@ -46,12 +46,12 @@ impl Member for Method {
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MaterialId(blake3::Hash);
 
-/// Materials that a token or link reaches.
+/// Materials that the holder of a token or link may access.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reach {
-    /// All that the key reaches, and all other resources, too.
+    /// All materials that the key of the token may access, and all other resources, too.
     All,
-    /// One material, and nothing else.
+    /// The material with this id, and nothing else.
     One(MaterialId),
 }
 
@@ -80,24 +80,24 @@ pub(crate) struct Grant {
 /// Reason to refuse a token or link. No message contains a part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Refused {
-    /// The text is no token.
+    /// The text does not have the form of a token.
     #[error("found a text that is not a token, expected `wlt_`, its claims, a dot and a signature")]
     NotAToken,
-    /// The path and query are no link.
+    /// The path and query do not have the form of a signed link.
     #[error(
         "found a query that is not one of a signed link, expected `key=…&expires=…&signature=…` and nothing else, at the \
          content of a material"
     )]
     NotALink,
-    /// The time of the token or link is over.
+    /// The token or link has expired.
     #[error("the token or link has expired: make a new one")]
     Expired,
-    /// The token or link would hold for longer than any may.
+    /// The token or link ends further in the future than any that can be made now.
     #[error(
         "the token or link ends more than 7 days from now: make a shorter one, and check the clocks of both machines"
     )]
     TooLong,
-    /// The signature is not one of the key that is named.
+    /// The signature of the token or link was not made with the key that it names.
     #[error("the signature does not match: the token or link was changed, or its key does not exist")]
     Forged,
     /// The key that made the token or link was revoked.
@@ -114,16 +114,16 @@ pub(crate) enum Refused {
 /// Reason not to make a token or link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum NotMade {
-    /// The time is zero or longer than [`LONGEST`].
+    /// The requested validity of the token or link is zero or longer than [`LONGEST`].
     #[error("found a time that is 0 or longer than 7 days, expected for example 12h or 7d")]
     Time,
-    /// The scopes are none, or some are for keys alone.
+    /// The token would have no scope, or one that only keys may have.
     #[error("found the scopes {0}, expected some of {tokens}", tokens = token_scopes())]
     Scopes(Scopes),
-    /// The methods are none.
+    /// The token would allow no HTTP method.
     #[error("found no methods, expected for example GET,POST")]
     Methods,
-    /// No signature can be made.
+    /// The token or link cannot be signed.
     #[error(transparent)]
     Signer(#[from] NoSigner),
 }
@@ -190,7 +190,7 @@ impl Grant {
     }
 }
 
-/// Path below which the materials are.
+/// URL path below which the service has its materials.
 pub(super) const MATERIALS: &str = "/v1/materials/";
 
 impl MaterialId {
@@ -214,7 +214,7 @@ impl fmt::Debug for MaterialId {
 }
 
 impl fmt::Display for Reach {
-    /// Writes `all`, or the id of the material.
+    /// Writes the materials that a token reaches as text: `all`, or the id of one material.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::All => f.write_str("all"),
@@ -224,7 +224,7 @@ impl fmt::Display for Reach {
 }
 
 impl Reach {
-    /// Reads `all` or the id of a material; `None` for any other text.
+    /// Parses the materials that a token reaches: `all` or the id of one material; `None` for any other text.
     pub(super) fn read(text: &str) -> Option<Self> {
         if text == "all" { Some(Self::All) } else { MaterialId::read(text).map(Self::One) }
     }
@@ -232,13 +232,13 @@ impl Reach {
 
 #[cfg(test)]
 pub(super) mod fixed {
-    //! Key, material and time of the tests.
+    //! Fixed key, material and time that the tests of tokens and links use.
 
     use super::super::key::Key;
     use super::super::signing::Signer;
     use super::*;
 
-    /// Time of the tests in Unix seconds: 2026-11-26.
+    /// Fixed time of the tests of tokens and links in Unix seconds: 2026-11-26.
     pub(crate) const NOW: u64 = 1_795_651_200;
 
     pub(crate) fn key() -> Key {

@@ -7,35 +7,38 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt::{self, Write};
 use std::str::FromStr;
 
-/// Opening of every key; scanners find leaked keys by it.
+/// First characters of every access key; scanners find leaked keys by them.
 pub(super) const PREFIX: &str = "wlm_";
 
-/// Characters of an id, 5 random bits each: 50 bits in all. Ids name keys and are not secret.
+/// Number of characters in the public id of an access key, 5 random bits each: 50 bits in all. Ids name keys and are
+/// not secret.
 const ID: usize = 10;
 
-/// Random bytes of a secret: 256 bits, too many to guess, so that a fast hash of them is safe to store.
+/// Number of random bytes in the secret of a key: 256 bits, too many to guess, so that a fast hash of them is safe to
+/// store.
 const SECRET: usize = 32;
 
-/// Characters of a secret in base64url without padding.
+/// Number of characters in the secret of a key, written in base64url without padding.
 const SECRET_TEXT: usize = 43;
 
-/// Characters of the checksum: 62⁶ exceeds 2³².
+/// Number of base-62 characters in the checksum of a key: 62⁶ exceeds 2³², the number of CRC-32 values.
 const CHECKSUM: usize = 6;
 
-/// Characters of a key.
+/// Number of characters in the text of an access key.
 const LENGTH: usize = PREFIX.len() + ID + 1 + SECRET_TEXT + 1 + CHECKSUM;
 
-/// Digits of an id: no `i`, `l`, `o` or `u`, which are misread.
+/// Base-32 digits of the id of a key: no `i`, `l`, `o` or `u`, which are misread.
 const BASE32: &[u8; 32] = b"0123456789abcdefghjkmnpqrstvwxyz";
 
-/// Digits of the checksum.
+/// Base-62 digits of the checksum of a key.
 const BASE62: &[u8; 62] = b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
 
-/// Context of BLAKE3 for the hash that the catalog stores. Another text makes all stored keys invalid.
+/// Context string with which BLAKE3 hashes the secret of a key for the catalog. Changing it makes all stored keys
+/// invalid.
 const HASHED: &str = "wavelume key hash 2026-11";
 
-/// Key of a client: `wlm_`, the id, the secret and a checksum of the characters before, with underscores between. The
-/// text is given out once, by [`Key::reveal`]; no other method shows the secret.
+/// Access key of a client: `wlm_`, the id, the secret and a checksum of the characters before, with underscores
+/// between. The text is given out once, by [`Key::reveal`]; no other method shows the secret.
 pub(crate) struct Key {
     id: KeyId,
     secret: Secret,
@@ -45,25 +48,26 @@ pub(crate) struct Key {
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct KeyId([u8; ID]);
 
-/// Secret of a key. Has no text, and its `Debug` shows nothing.
+/// Secret of an access key. Cannot be converted to text, and its `Debug` shows nothing.
 pub(crate) struct Secret([u8; SECRET]);
 
-/// Hash of a secret, as the catalog stores it. Comparison takes the same time wherever two hashes differ.
+/// Hash of the secret of an access key, as the catalog stores it. Comparison takes the same time wherever two hashes
+/// differ.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct SecretHash(blake3::Hash);
 
-/// Text that is not a key. The messages never contain the text, which may be a secret.
+/// Error for a text that is not an access key. The messages never contain the text, which may be a secret.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum KeyError {
-    /// The text is something else.
+    /// The text does not begin like an access key.
     #[error("found a text that is not a key, expected 65 characters that begin with `wlm_`")]
     Shape,
-    /// The text opens like a key, and a character is missing, wrong or exchanged.
+    /// The text begins like an access key, but a character is missing, wrong or exchanged.
     #[error("found a mistyped or cut key (its checksum does not match), expected all 65 characters unchanged")]
     Mistyped,
 }
 
-/// Text that is not the id of a key.
+/// Error for a text that is not the id of an access key.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no id of a key, expected 10 characters of 0–9 and a–z without i, l, o and u")]
 pub(crate) struct NotAKeyId(String);
@@ -140,7 +144,8 @@ impl Secret {
         SecretHash(blake3::Hash::from_bytes(self.derive(HASHED)))
     }
 
-    /// Derives 256 bits for one purpose, from which neither the secret nor the bits of another purpose follow.
+    /// Derives 256 bits for one purpose from the secret of a key. Neither the secret nor the bits of another purpose
+    /// follow from them.
     pub(super) fn derive(&self, context: &'static str) -> [u8; 32] {
         blake3::derive_key(context, &self.0)
     }
@@ -153,7 +158,7 @@ impl fmt::Debug for Secret {
 }
 
 impl fmt::Display for SecretHash {
-    /// Writes 64 hexadecimal digits.
+    /// Writes the hash of a secret as 64 hexadecimal digits.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0.to_hex())
     }

@@ -5,16 +5,19 @@ use super::key::{Key, KeyId};
 use super::scope::Scope;
 use super::signing::{Signature, Signer};
 
-/// Upper bound in characters on the query of a link, checked before it is read. No query has more than 140.
+/// Upper bound in characters on the query of a signed link, checked before the query is parsed. No valid query has more
+/// than 140.
 const LONGEST_QUERY: usize = 160;
 
-/// First line of a signed text. No token has the same, so that neither can be presented as the other.
+/// First line of the text that is signed for a link. The text signed for a token begins with another line, so that
+/// neither can be presented as the other.
 const FIRST_LINE: &str = "wavelume link 1";
 
-/// Last part of the path of a link.
+/// Last part of the URL path of a signed link.
 const CONTENT: &str = "/content";
 
-/// Link whose time was checked. It grants nothing before [`Link::verify`].
+/// Signed link that has not expired, but whose signature is not verified yet. It grants nothing before
+/// [`Link::verify`].
 ///
 /// The signed text is `wavelume link 1`, the method `GET` (which includes `HEAD`), the path, the id of the key and the
 /// end in Unix seconds, each followed by a line feed. It does not state the tenant: a key belongs to one tenant for as
@@ -43,19 +46,20 @@ impl Link {
         format!("{}?key={key}&expires={expires}&signature={signature}", path(*material))
     }
 
-    /// Reads the path and query that a stranger sends, and checks at `now` when the link ends. Each link has one text.
+    /// Parses the path and query of a request that may come from anybody as a signed link, and checks at `now` that it
+    /// has not expired. Each link has one text.
     pub(crate) fn read(path: &str, query: &str, now: u64) -> Result<Self, Refused> {
         let link = Self::parse(path, query).ok_or(Refused::NotALink)?;
         check_end(link.expires, now)?;
         Ok(link)
     }
 
-    /// Id of the key that the link names.
+    /// Id of the access key that the signed link names.
     pub(crate) fn key(&self) -> KeyId {
         self.key
     }
 
-    /// Verifies the link at `now` with the facts of the key that it names.
+    /// Verifies the signature and rights of the link at `now` with the stored facts of the key that it names.
     pub(crate) fn verify(&self, facts: &KeyFacts, now: u64) -> Result<Grant, Refused> {
         let grant = Grant {
             key: self.key,
@@ -80,12 +84,13 @@ impl Link {
         is_plain.then_some(Self { material, key: key.parse().ok()?, expires, signature: Signature::read(signature)? })
     }
 
-    /// Returns true if a stranger presents something like a link.
+    /// Returns true if the path and query of a request look like a signed link.
     pub(crate) fn is_like(path: &str, query: &str) -> bool {
         query.contains("signature=") && Self::material(path).is_some()
     }
 
-    /// Returns the material whose file is at `path`; `None` for all paths that no link has.
+    /// Returns the id of the material whose file is at the URL path `path`; `None` for all paths that no signed link
+    /// has.
     fn material(path: &str) -> Option<MaterialId> {
         MaterialId::read(path.strip_prefix(MATERIALS)?.strip_suffix(CONTENT)?)
     }

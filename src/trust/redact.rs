@@ -1,9 +1,9 @@
-//! Text without the keys and tokens that stand in it.
+//! Removal of access keys and tokens from texts that are shown or logged.
 
 use super::{key, token};
 use std::borrow::Cow;
 
-/// Openings of the texts that let their holder in, of equal length.
+/// First characters of access keys and of tokens; both have the same length.
 const OPENINGS: [&str; 2] = [key::PREFIX, token::PREFIX];
 
 /// Returns true if `text` holds a key or a token, or something like one.
@@ -11,7 +11,8 @@ pub(crate) fn holds_secret(text: &str) -> bool {
     OPENINGS.iter().any(|opening| text.contains(opening))
 }
 
-/// Returns `text` with the rest of every key and token, and of words like them, left out: `wlm_…`.
+/// Returns `text` with every key and token, and words that begin like one, shortened to their first characters:
+/// `wlm_…`.
 pub(crate) fn without_secrets(text: &str) -> Cow<'_, str> {
     if !holds_secret(text) {
         return Cow::Borrowed(text);

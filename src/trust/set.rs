@@ -6,28 +6,29 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::str::FromStr;
 
-/// Upper bound on the text of a set, in bytes, checked before the text is split. Above the names of all members.
+/// Upper bound in bytes on the text that lists the members of a set, checked before the text is split. Longer than the
+/// names of all members.
 const TEXT: usize = 64;
 
 /// One of at most eight values that a [`Set`] may hold.
 pub(crate) trait Member: Copy + PartialEq + 'static {
-    /// Noun for one member in messages, such as `scope`.
+    /// Noun for one member of a set in messages, such as `scope`.
     const NOUN: &'static str;
-    /// All members, in the order in which the text of a set lists them.
+    /// All members that a set may have, in the order in which its text lists them.
     const ALL: &'static [Self];
 
     /// Name of the member in the text of a set.
     fn name(self) -> &'static str;
 }
 
-/// Set of members, one bit for each.
+/// Set of at most eight possible members, one bit for each.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Set<M> {
     bits: u8,
     members: PhantomData<M>,
 }
 
-/// Text that is not a set.
+/// Error for a text that is not a list of members of a set.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found `{found}`, expected {noun}s with commas between: {names}", names = .names.join(", "))]
 pub(crate) struct NotASet {
@@ -101,7 +102,7 @@ impl<M: Member> fmt::Debug for Set<M> {
 impl<M: Member> FromStr for Set<M> {
     type Err = NotASet;
 
-    /// Parses names with commas between, in any order. Refuses a name twice and a set without members.
+    /// Parses a set from names with commas between, in any order. Refuses a name twice and a set without members.
     fn from_str(text: &str) -> Result<Self, NotASet> {
         let refused = || NotASet {
             found: text.chars().take(TEXT).collect(),
@@ -119,14 +120,15 @@ impl<M: Member> FromStr for Set<M> {
 }
 
 impl<M: Member> Serialize for Set<M> {
-    /// Writes the list of the members' names.
+    /// Writes the set as the list of its members' names.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.iter().map(Member::name))
     }
 }
 
 impl<'de, M: Member> Deserialize<'de> for Set<M> {
-    /// Reads a list of names, in any order. Refuses a name twice, so that the list is never longer than the members.
+    /// Reads a set from a list of names, in any order. Refuses a name twice, so that the list is never longer than all
+    /// members.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct Names<M>(PhantomData<M>);
 

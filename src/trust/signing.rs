@@ -1,4 +1,5 @@
-//! Signatures: an Ed25519 pair that follows from the secret of a key. The public half verifies and cannot sign.
+//! Signatures by an Ed25519 key pair that is derived from the secret of an access key. The public half verifies and
+//! cannot sign.
 
 use super::key::Key;
 use base64::Engine;
@@ -7,40 +8,41 @@ use ring::signature::{ED25519, Ed25519KeyPair, UnparsedPublicKey};
 use std::fmt;
 use std::str::FromStr;
 
-/// Context of BLAKE3 for the seed of the pair. Another text makes all tokens and links invalid.
+/// Context string with which BLAKE3 derives the seed of an Ed25519 key pair from a secret. Changing it makes all tokens
+/// and links invalid.
 const SEED: &str = "wavelume link signing 2026-11";
 
-/// Bytes of a signature, and characters in base64url without padding.
+/// Number of bytes in an Ed25519 signature.
 const SIGNATURE: usize = 64;
 
-/// Signing half of a pair, for the holder of the key.
+/// Ed25519 key pair with which the holder of an access key signs tokens and links.
 pub(crate) struct Signer(Ed25519KeyPair);
 
-/// Public half of a pair, for the catalog: written as 64 hexadecimal digits.
+/// Public half of an Ed25519 key pair, for the catalog: written as 64 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Verifier([u8; 32]);
 
-/// Signature of a text: written in 86 characters of base64url.
+/// Ed25519 signature of a text: written in 86 characters of base64url.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Signature([u8; SIGNATURE]);
 
-/// Refusal of the cryptographic library to make a pair; it accepts every seed of 32 bytes.
+/// Refusal of the cryptographic library to make an Ed25519 key pair; it accepts every seed of 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the cryptographic library refuses to make a pair for signatures from this key")]
 pub(crate) struct NoSigner;
 
-/// Text that is not the public half of a pair.
+/// Error for a text that is not the public half of an Ed25519 key pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found a text that is not the public half of a pair for signatures, expected 64 hexadecimal digits")]
 pub(crate) struct NotAVerifier;
 
 impl Signer {
-    /// Derives the pair of `key`. The same key has the same pair on every machine.
+    /// Derives the Ed25519 key pair of the access key `key`. An access key has the same pair on every machine.
     pub(crate) fn of(key: &Key) -> Result<Self, NoSigner> {
         Ed25519KeyPair::from_seed_unchecked(&key.secret().derive(SEED)).map(Self).map_err(|_| NoSigner)
     }
 
-    /// Returns the public half, from which the signing half does not follow.
+    /// Returns the public half of the key pair, from which the private half does not follow.
     pub(crate) fn verifier(&self) -> Result<Verifier, NoSigner> {
         use ring::signature::KeyPair;
         self.0.public_key().as_ref().try_into().map(Verifier).map_err(|_| NoSigner)
@@ -53,18 +55,19 @@ impl Signer {
 }
 
 impl Verifier {
-    /// Returns true if `signature` is one of `text` by the other half. Everything compared is public, so the time that
-    /// it takes tells nothing.
+    /// Returns true if `signature` was made for `text` with the private half of the key pair. Everything compared is
+    /// public, so the time that it takes tells nothing.
     pub(super) fn verifies(&self, text: &str, signature: &Signature) -> bool {
         UnparsedPublicKey::new(&ED25519, self.0).verify(text.as_bytes(), &signature.0).is_ok()
     }
 }
 
 impl Signature {
-    /// Characters of a signature.
+    /// Number of base64url characters in a signature, without padding.
     pub(super) const TEXT: usize = (SIGNATURE * 4).div_ceil(3);
 
-    /// Reads a signature. Each has one text: padding and stray bits in the last character are refused.
+    /// Parses a signature from base64url. Each signature has one text: padding and stray bits in the last character are
+    /// refused.
     pub(super) fn read(text: &str) -> Option<Self> {
         let mut bytes = [0; SIGNATURE];
         let is_whole = text.len() == Self::TEXT && URL_SAFE_NO_PAD.decode_slice(text, &mut bytes) == Ok(SIGNATURE);
@@ -105,7 +108,7 @@ impl fmt::Display for Signature {
 }
 
 impl fmt::Debug for Signature {
-    /// Shows nothing: whoever has the signature of a link has the link.
+    /// Writes nothing of the signature: whoever has the signature of a link has the link.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Signature(…)")
     }

@@ -16,7 +16,7 @@ const LONGEST: usize = 40;
 #[derive(Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Tenant(Arc<str>);
 
-/// Text that is not the id of a tenant.
+/// Error for a text that is not the id of a tenant.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("found `{0}`, expected the id of a tenant: 1 to 40 of a–z, 0–9 and `-`, the first one a letter")]
 pub(crate) struct NotATenant(String);
@@ -33,7 +33,7 @@ impl Tenant {
         Self(Arc::clone(&TENANT))
     }
 
-    /// Returns the text of the id.
+    /// Returns the id of the tenant as text.
     pub(crate) fn as_str(&self) -> &str {
         &self.0
     }

@@ -1,4 +1,5 @@
-//! Tokens: `wlt_`, claims, a dot and a signature. Made offline from a key, and sent as `Authorization: Bearer wlt_…`.
+//! Tokens: `wlt_`, claims, a dot and a signature. Made offline from an access key, and sent as `Authorization: Bearer
+//! wlt_…`.
 
 use super::grant::{Grant, KeyFacts, Methods, NotMade, Reach, Refused, check_end, end, token_scopes};
 use super::key::{Key, KeyId};
@@ -8,19 +9,20 @@ use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use serde::Deserialize;
 
-/// Opening of every token; scanners find leaked tokens by it.
+/// First characters of every token; scanners find leaked tokens by them.
 pub(super) const PREFIX: &str = "wlt_";
 
-/// Upper bound in characters on a token, checked before it is read. No token has more than 362.
+/// Upper bound in characters on a token, checked before it is parsed. No valid token has more than 362.
 const LONGEST_TEXT: usize = 512;
 
-/// First line of a signed text. No link has the same, so that neither can be presented as the other.
+/// First line of the text that is signed for a token. The text signed for a link begins with another line, so that
+/// neither can be presented as the other.
 const FIRST_LINE: &str = "wavelume token 1";
 
-/// Version of the claims.
+/// Version of the format of the claims in a token.
 const VERSION: u8 = 1;
 
-/// Token that was read and whose time was checked. It grants nothing before [`Token::verify`].
+/// Token that has not expired, but whose signature is not verified yet. It grants nothing before [`Token::verify`].
 ///
 /// The claims do not state the tenant. They state the key, a key belongs to one tenant for as long as it exists, and
 /// the signature is of that key: so the token is for the tenant in the row of its key, and the holder of a key can make
@@ -31,7 +33,7 @@ pub(crate) struct Token {
     signature: Signature,
 }
 
-/// Claims of a token as JSON: the version first, then these in this order, without white space or escapes.
+/// Claims of a token, which are JSON without white space or escapes: the version, then the fields in this order.
 #[derive(Deserialize)]
 struct Claims<'a> {
     key: &'a str,
@@ -62,24 +64,25 @@ impl Token {
         Ok(format!("{PREFIX}{claims}.{signature}"))
     }
 
-    /// Returns true if `text` opens like a token.
+    /// Returns true if `text` begins like a token.
     pub(crate) fn is_like(text: &str) -> bool {
         text.starts_with(PREFIX)
     }
 
-    /// Reads a token that a stranger sends, and checks at `now` when it ends. Each token has one text.
+    /// Parses a token from a request that may come from anybody, and checks at `now` that it has not expired. Each
+    /// token has one text.
     pub(crate) fn read(text: &str, now: u64) -> Result<Self, Refused> {
         let token = Self::parse(text).ok_or(Refused::NotAToken)?;
         check_end(token.grant.expires, now)?;
         Ok(token)
     }
 
-    /// Id of the key that the token names.
+    /// Id of the access key that the token names.
     pub(crate) fn key(&self) -> KeyId {
         self.grant.key
     }
 
-    /// Verifies the token at `now` with the facts of the key that it names.
+    /// Verifies the signature and rights of the token at `now` with the stored facts of the key that it names.
     pub(crate) fn verify(&self, facts: &KeyFacts, now: u64) -> Result<Grant, Refused> {
         facts.check(&signed(&encoded(&self.grant)), &self.signature, self.grant, now)
     }
@@ -100,7 +103,7 @@ impl Token {
     }
 }
 
-/// Returns the claims of a token in base64url.
+/// Returns the claims of a token as JSON in base64url.
 fn encoded(grant: &Grant) -> String {
     let Grant { key, scopes, methods, reach, expires } = grant;
     // None of the texts has a character that JSON would escape.

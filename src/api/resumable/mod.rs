@@ -165,12 +165,13 @@ async fn begin(app: &App, client: Client, headers: &HeaderMap) -> Result<Partial
     }
 }
 
-/// Returns the limit on the uploads of one client or tenant.
+/// Returns the limit that applies to the uploads of one client or of one tenant, from the limits on all uploads and on
+/// those of one client.
 fn most_of(bound: Bound, all: u64, each: u64) -> u64 {
     if bound == Bound::Client { each } else { most_of_tenant(all, each) }
 }
 
-/// Names the owner of the uploads that a limit bounds, in a message.
+/// Returns the client address or `the tenant`, to say in a message whose uploads have reached a limit.
 fn holder(bound: Bound, address: Peer) -> String {
     if bound == Bound::Client { address.to_string() } else { "the tenant".to_owned() }
 }
@@ -286,7 +287,7 @@ async fn override_upload(app: App, client: Client, Id32(id): Id32, request: Requ
     }
 }
 
-/// Method that a request with `POST` carries out instead.
+/// HTTP method that a `POST` request carries out instead, as its header `X-HTTP-Method-Override` states.
 #[derive(Clone, Copy, Debug)]
 enum Overriding {
     Patch,
@@ -301,7 +302,8 @@ fn overriding(headers: &HeaderMap) -> Option<Overriding> {
     }
 }
 
-/// Returns the method that a request carries out: its own, or the one that its header names where a route looks at it.
+/// Returns the HTTP method that a request carries out: on the route of a resumable upload the one in
+/// `X-HTTP-Method-Override`, otherwise its own.
 pub(super) fn carried_out(parts: &Parts) -> &str {
     let route = parts.extensions.get::<MatchedPath>().map(MatchedPath::as_str);
     let is_overridden = parts.method == Method::POST && route == Some("/v1/uploads/{id}");

@@ -5,13 +5,13 @@ use super::der::{Reader, SEQUENCE};
 use crate::jobs::{DAY, days};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
-/// Upper bound in characters on a name that is shown.
+/// Upper bound in characters on each host name of a certificate that messages show.
 const LONGEST_NAME: usize = 100;
 
 /// Content of the object identifier 2.5.29.17: the extension `subjectAltName`.
 const ALTERNATIVE_NAMES: &[u8] = &[0x55, 0x1d, 0x11];
 
-/// Tags of the times: two digits for the year, and four.
+/// DER tag of a time whose year has two digits.
 const UTC_TIME: u8 = 0x17;
 const GENERALIZED_TIME: u8 = 0x18;
 
@@ -62,8 +62,8 @@ impl Certificate {
         Some(Self { begins, ends, names })
     }
 
-    /// Returns true if the certificate is valid for a host: a name, which a `*` may stand for the first part of, or an
-    /// address.
+    /// Returns true if the certificate is valid for a host: an IP address, or a name whose first label a `*` may stand
+    /// for.
     pub(super) fn covers(&self, host: &str) -> bool {
         let host = host.trim_start_matches('[').trim_end_matches(']');
         let address = host.parse::<IpAddr>();
@@ -96,7 +96,7 @@ fn alternative_names(value: &[u8]) -> Option<Vec<String>> {
     Some(names)
 }
 
-/// Returns a time of a certificate in seconds since 1970.
+/// Parses a time of a certificate, and returns it in seconds since 1970.
 fn time((tag, text): (u8, &[u8])) -> Option<i64> {
     let text = text.strip_suffix(b"Z")?;
     let (year, rest) = match tag {

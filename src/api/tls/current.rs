@@ -1,4 +1,4 @@
-//! The certificate in use, and the replacement of it when its files have changed.
+//! TLS certificate in use, and its replacement when its files have changed.
 
 use super::certificate::date;
 use super::pair::{Contents, Pair, TlsFiles};
@@ -7,8 +7,8 @@ use rustls::sign::CertifiedKey;
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
-/// Interval at which the files of the certificate are read again. A changed pair is used once two readings agree, so
-/// that one that is being written is left alone. Raising it delays a new certificate.
+/// Interval at which the files of the TLS certificate and its key are read again. Changed files are used once two
+/// readings agree, so that files being written are left alone. Raising it delays a new certificate.
 const INTERVAL: Duration = Duration::from_secs(2);
 
 /// Certificate that the service shows to clients, and the files that it came from.
@@ -16,19 +16,20 @@ const INTERVAL: Duration = Duration::from_secs(2);
 pub(crate) struct Current {
     files: TlsFiles,
     shown: RwLock<Arc<CertifiedKey>>,
-    /// Digest of the files as they were at the start.
+    /// Digest of the certificate file and the key file at the start of the service.
     first: blake3::Hash,
 }
 
-/// Progress of looking at the files: the latest reading, and the latest one that was judged.
+/// Digests of the certificate files at the latest reading, and at the latest one whose contents were tried as a
+/// certificate.
 struct Watch {
     latest: blake3::Hash,
     judged: blake3::Hash,
 }
 
 impl Watch {
-    /// Takes note of a reading. Returns true if it is to be judged now: it differs from the one judged before, and the
-    /// files have not changed since the reading before it.
+    /// Takes note of a reading of the certificate files. Returns true if the contents are to be tried now: they equal
+    /// those of the reading before, and differ from those tried last.
     fn is_settled(&mut self, reading: blake3::Hash) -> bool {
         let is_settled = reading == self.latest && reading != self.judged;
         self.latest = reading;
@@ -40,7 +41,7 @@ impl Watch {
 }
 
 impl Current {
-    /// Reads certificate and key for the first time. Blocks the thread.
+    /// Reads the TLS certificate and its private key for the first time. Blocks the thread.
     pub(crate) fn open(files: TlsFiles) -> Result<Self, String> {
         let contents = files.read()?;
         let pair = Pair::new(&files, &contents)?;
@@ -48,8 +49,8 @@ impl Current {
         Ok(Self { shown: RwLock::new(Arc::clone(&pair.key)), first: contents.digest(), files })
     }
 
-    /// Uses a changed certificate as soon as its files are whole, for ever. A faulty one is logged once, and the one
-    /// before stays in use.
+    /// Watches the certificate files for as long as the service runs, and uses a changed certificate once its files are
+    /// complete. A faulty one is logged once, and the previous one stays in use.
     pub(crate) async fn keep_up(self: Arc<Self>) {
         let mut watch = Watch { latest: self.first, judged: self.first };
         loop {
@@ -78,7 +79,7 @@ impl Current {
     }
 }
 
-/// Logs a certificate that is used from now on, and shows its end in the metrics.
+/// Logs a certificate that is used from now on, and sets the metric of its expiry.
 fn announce(pair: &Pair) {
     let (ends, names) = (pair.ends(), pair.chain.first().map(|first| first.names.join(", ")).unwrap_or_default());
     tracing::info!(names, ends = date(ends), "certificate in use");

@@ -16,7 +16,7 @@ impl<'a> Reader<'a> {
         self.0.is_empty()
     }
 
-    /// Takes the next element: its tag and its content. Returns `None` at the end, and if the bytes are no DER.
+    /// Takes the next DER element: its tag and its content. Returns `None` at the end, and if the bytes are not DER.
     pub(super) fn element(&mut self) -> Option<(u8, &'a [u8])> {
         let (&[tag, first], rest) = self.0.split_first_chunk()?;
         // Tags of more than one byte occur in no certificate.
@@ -37,7 +37,7 @@ impl<'a> Reader<'a> {
         Some((tag, content))
     }
 
-    /// Takes the next element if it has this tag, and returns its content.
+    /// Takes the next DER element if it has the given tag, and returns its content.
     pub(super) fn of(&mut self, tag: u8) -> Option<&'a [u8]> {
         let mut ahead = *self;
         let (_, content) = ahead.element().filter(|(found, _)| *found == tag)?;
@@ -45,7 +45,7 @@ impl<'a> Reader<'a> {
         Some(content)
     }
 
-    /// Takes the next element, a sequence, and returns a reader of its content.
+    /// Takes the next DER element, which must be a sequence, and returns a reader of its content.
     pub(super) fn sequence(&mut self) -> Option<Self> {
         self.of(SEQUENCE).map(Self)
     }

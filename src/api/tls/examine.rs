@@ -6,7 +6,7 @@ use crate::jobs::{DAY, Finding, unix_seconds};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-/// Rest of a certificate's validity in seconds below which a warning is given, the same as that of the alert
+/// Remaining validity of a certificate in seconds below which a warning is given, equal to that of the alert
 /// `WavelumeCertificateEnds`. Raising it warns earlier.
 const SOON: i64 = 14 * DAY;
 

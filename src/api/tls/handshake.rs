@@ -13,14 +13,14 @@ use tokio_rustls::TlsAcceptor;
 /// Protocols that a client may choose (ALPN), the preferred one first.
 const PROTOCOLS: [&[u8]; 2] = [b"h2", b"http/1.1"];
 
-/// Answer to a plain HTTP request, which a browser shows.
+/// Text of the answer to a plain HTTP request on a TLS port, which a browser shows.
 const PLAIN: &str = "this port speaks HTTPS: begin the address with https://\n";
 
-/// Upper bound in bytes on what is read of a plain HTTP request, so that the client gets the answer. Raising it lets
-/// larger requests end without a reset.
+/// Upper bound in bytes on the part of a plain HTTP request that is read before a TLS port refuses it, so that the
+/// client gets the answer. Raising it lets larger requests end without a reset.
 const READ_AWAY: u64 = 64 << 10;
 
-/// Server side of the handshakes of a listener.
+/// Server side of the TLS handshakes of a listener.
 #[derive(Clone)]
 pub(crate) struct Handshake {
     acceptor: TlsAcceptor,
@@ -37,8 +37,8 @@ impl Handshake {
         Ok(Self { acceptor: TlsAcceptor::from(Arc::new(config)) })
     }
 
-    /// Makes the handshake with a client. Returns `None` if the client closes before its first byte, or has spoken
-    /// plain HTTP and was told.
+    /// Makes the TLS handshake with a client. Returns `None` if the client closes before its first byte, or has sent
+    /// plain HTTP and was told to use HTTPS.
     pub(crate) async fn accept(&self, mut stream: TcpStream) -> io::Result<Option<Wire>> {
         let mut first = [0];
         if stream.peek(&mut first).await? == 0 {

@@ -12,8 +12,8 @@ pub(super) fn openssl(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Makes a certificate that ends in so many days, and its key. `names` is an extension such as
-/// `subjectAltName=DNS:lab.example.org`.
+/// Makes a certificate that expires after the given number of days, and its private key. `names` is an extension such
+/// as `subjectAltName=DNS:lab.example.org`.
 pub(super) fn made(directory: &Path, stem: &str, names: &str, days: u32) -> TlsFiles {
     let [chain, key] = ["pem", "key"].map(|ending| directory.join(format!("{stem}.{ending}")));
     let (pem, secret, days) = (chain.to_str().unwrap(), key.to_str().unwrap(), days.to_string());

@@ -20,31 +20,33 @@ pub struct TlsFiles {
     pub key: PathBuf,
 }
 
-/// Upper bound in bytes on each of the two files. Raising it admits longer chains; a usual one has 4 to 8 KiB.
+/// Upper bound in bytes on each of the files of a certificate and its private key. Raising it admits longer chains; a
+/// usual one has 4 to 8 KiB.
 const LARGEST: u64 = 1 << 20;
 
-/// Contents of the two files, as they were read.
+/// Contents of the files of a TLS certificate and its private key, as read.
 pub(super) struct Contents {
     chain: Vec<u8>,
     key: Vec<u8>,
 }
 
-/// A certificate that can be shown to clients.
+/// TLS certificate chain and private key that the service can use for handshakes.
 #[derive(Debug)]
 pub(super) struct Pair {
-    /// Chain and private key, which fit together.
+    /// Certificate chain and private key, checked to belong together.
     pub(super) key: Arc<CertifiedKey>,
     /// Facts of each certificate of the chain, in the order of the file; at least one.
     pub(super) chain: Vec<Certificate>,
 }
 
 impl TlsFiles {
-    /// Reads both files. Blocks the thread.
+    /// Reads the files of a certificate and its private key. Blocks the thread.
     pub(super) fn read(&self) -> Result<Contents, String> {
         Ok(Contents { chain: read(&self.chain)?, key: read(&self.key)? })
     }
 
-    /// Reads both files, and makes a certificate of them. Blocks the thread.
+    /// Reads the files of a certificate and its private key, parses them and checks that they belong together. Blocks
+    /// the thread.
     pub(super) fn load(&self) -> Result<Pair, String> {
         Pair::new(self, &self.read()?)
     }
@@ -61,7 +63,7 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
 }
 
 impl Contents {
-    /// Digest of both contents, by which they are compared with others.
+    /// Digest of the contents of the certificate file and the key file, by which a change is found.
     pub(super) fn digest(&self) -> blake3::Hash {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(self.chain.len() as u64).to_le_bytes()).update(&self.chain).update(&self.key).finalize()

@@ -10,13 +10,13 @@ use tokio_rustls::server::TlsStream;
 /// Stream of bytes from and to a client.
 #[derive(Debug)]
 pub(crate) enum Wire {
-    /// Bytes as they are.
+    /// Stream of bytes without encryption.
     Plain(TcpStream),
-    /// Bytes over TLS, after the handshake.
+    /// Stream of bytes over TLS, after the handshake.
     Secure(Box<TlsStream<TcpStream>>),
 }
 
-/// Calls a method of whichever stream there is.
+/// Calls a method of the plain or the TLS stream, whichever the connection uses.
 macro_rules! either {
     ($self:ident, $stream:ident => $call:expr) => {
         match $self.get_mut() {
