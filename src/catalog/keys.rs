@@ -284,7 +284,7 @@ impl Catalog {
             let turn = self.turn().await;
             let gone = sqlx::query(self.sql(
                 "WITH old AS MATERIALIZED (SELECT id FROM keys WHERE COALESCE(revoked_at, expires_at) < {now} - $1 \
-                 AND id <> (SELECT id FROM keys ORDER BY created_at DESC, id DESC LIMIT 1) LIMIT $2) \
+                 AND created_at < (SELECT MAX(created_at) FROM keys) LIMIT $2) \
                  DELETE FROM keys WHERE id {among SELECT id FROM old}",
             ))
             .bind(age.as_millis() as i64)
@@ -494,6 +494,10 @@ mod tests {
             catalog.forget_ended_keys(DAY).await.unwrap();
             assert_eq!(testing::count(&catalog, "keys").await, 3 * ROWS as i64 + 1, "they ended just now");
             sqlx::query("UPDATE keys SET revoked_at = revoked_at - 90000000").execute(&catalog.pool).await.unwrap();
+            // Two may have been made within a millisecond.
+            let newest =
+                sqlx::query("UPDATE keys SET created_at = created_at + 1 WHERE id = $1").bind(last.to_string());
+            newest.execute(&catalog.pool).await.unwrap();
             catalog.forget_ended_keys(DAY).await.unwrap();
             assert_eq!(
                 testing::count(&catalog, "keys").await,

@@ -73,13 +73,15 @@ options! {
         /// Entry to use on each leading index axis (columns of a table, scan positions), counted from 0. Without an
         /// index `csv` writes every entry; `npy` always writes every entry.
         pub index: Option<Vec<usize>> = None => Values::List { shown: "I,..." },
-        /// Replaces the resolution of the material's own axes or, for mbsdf, the angles of its source.
+        /// Without this option the resolution of the exported file is that of the material's own axes or, for mbsdf,
+        /// its angles are those of the file from which the material was made.
         pub side: Option<usize> = None => Values::Whole { shown: "N", least: 1, most: u32::MAX as u64 },
-        /// Replaces the angles that follow from the material's own axes or, for luminaires, those of its source.
+        /// Without this option the angles of the exported file follow from the material's own axes or, for luminaires,
+        /// are those of the file from which the material was made.
         pub step: Option<f64> = None => Values::Number { shown: "DEGREES", limits: STEPS },
-        /// Replaces the spectra by their colours.
+        /// Without this option the exported file has spectra.
         pub rgb: bool = false => Values::Switch,
-        /// Replaces the mean over wavelengths.
+        /// Without this option the exported phase function is the mean over wavelengths.
         pub wavelength: Option<f64> = None => Values::Number { shown: "NM", limits: Limits::positive(" nm") },
     } beside {
         /// Upper bound on the size of the exported file, in bytes.

@@ -3,7 +3,7 @@
 use super::{Brief, Quoted};
 
 wavelume_core::declare_notes! {
-    /// Notes on spectra and tables of spectra.
+    /// Remarks and warnings to the user about a spectrum, or a table of spectra, that was read from a file.
     SpectrumNote {
         Assumed QuantityNotStated => "the header names no quantity, taken as spectrum in relative values";
         Assumed FactorsAsAsked =>
