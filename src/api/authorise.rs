@@ -257,6 +257,9 @@ async fn rights(
             Err(problem)
         }
         Verdict::Unasked => Err(refused(app, parts, wrong)),
+        Verdict::Late => {
+            Err(Problem::new(Kind::Unavailable, "keys of earlier requests from this address are still being looked up"))
+        }
         Verdict::Full(full) => Err(full.into()),
     }
 }

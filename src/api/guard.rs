@@ -8,6 +8,7 @@ use crate::jobs::Limits;
 use crate::trust::{KeyId, SecretHash};
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Rule by which a service decides who may use it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,6 +48,10 @@ pub(crate) struct Guard {
     strangers: Places,
 }
 
+/// Longest time for which a request waits until its client address may look up a key. Raising it lets requests wait for
+/// longer while the database does not answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
 /// Outcome of checking the key of a request, with the permits that the request holds until its answer is decided.
 #[derive(Debug)]
 pub(crate) enum Verdict {
@@ -55,6 +60,8 @@ pub(crate) enum Verdict {
     /// The key was not looked up, because it is not a remembered one and its client address has sent too many wrong
     /// keys.
     Unasked,
+    /// The key was not looked up, because look-ups for its client address have not ended in time.
+    Late,
     /// The key was not looked up, because too many requests with unknown keys are under way.
     Full(Full),
 }
@@ -88,7 +95,11 @@ impl Guard {
             Ok(place) => place,
             Err(full) => return Ok(Verdict::Full(full)),
         };
-        let Some(turn) = self.guesses.turn(peer).await else { return Ok(Verdict::Unasked) };
+        let turn = match tokio::time::timeout(PATIENCE, self.guesses.turn(peer)).await {
+            Ok(Some(turn)) => turn,
+            Ok(None) => return Ok(Verdict::Unasked),
+            Err(_) => return Ok(Verdict::Late),
+        };
         // Another request with this key may have asked meanwhile.
         let judged = match self.decisions.remembered(catalog, id, hash).await? {
             Some(judged) => judged,
@@ -104,7 +115,7 @@ mod tests {
     use crate::catalog::{Act, AddedKey, NewKey, testing};
     use crate::trust::{Key, Tenant};
     use metrics_exporter_prometheus::PrometheusBuilder;
-    use std::time::{Duration, Instant};
+    use std::time::Instant;
 
     async fn stored(catalog: &Catalog) -> Key {
         let key = Key::generate().unwrap();
@@ -134,7 +145,7 @@ mod tests {
                     1
                 }
                 Verdict::Unasked => 2,
-                Verdict::Full(full) => panic!("{full:?}"),
+                other => panic!("{other:?}"),
             }
         }));
         let mut counts = [0; 3];

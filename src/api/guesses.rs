@@ -89,7 +89,8 @@ impl Drop for Turn {
         let mut state = self.guesses.state();
         let Some(window) = state.by.get_mut(&self.peer) else { return };
         window.asking = window.asking.saturating_sub(1);
-        window.ended.notify_one();
+        // All of them look again: one alone might find a new window, whose end would not reach the others.
+        window.ended.notify_waiters();
         if window.asking == 0 && window.wrong == 0 {
             state.by.remove(&self.peer);
         }
@@ -225,6 +226,21 @@ mod tests {
             guesses.count(near, at(0));
         }
         assert!(guesses.wait(peer("2001:db8::ffff:1"), at(1)).is_some() && guesses.wait(far, at(1)).is_none());
+    }
+
+    #[tokio::test]
+    async fn requests_that_wait_for_a_turn_all_get_one() {
+        for most in [1, 2, 10] {
+            let guesses = Guesses::new(most);
+            let turns = (0..50).map(|_| async {
+                let turn = guesses.turn(peer("10.0.0.1")).await.unwrap();
+                tokio::task::yield_now().await;
+                drop(turn);
+            });
+            let all = tokio::time::timeout(Duration::from_secs(60), futures::future::join_all(turns)).await;
+            assert_eq!(all.unwrap().len(), 50);
+            assert!(guesses.state().by.is_empty());
+        }
     }
 
     #[test]

@@ -180,7 +180,8 @@ impl Shared {
                 Full::All { kind: self.kind, limit: self.all }
             } else if count > self.each.saturating_sub(own) {
                 Full::Each { kind: self.kind, limit: self.each, peer: Peer(client.address) }
-            } else if tenants.is_some_and(|taken| count > most.saturating_sub(taken)) {
+            } else if tenants.is_some_and(|taken| taken > 0 && count > most.saturating_sub(taken)) {
+                // A tenant that holds nothing may need more for one request than it could hold for several.
                 Full::Tenant { kind: self.kind, limit: most }
             } else {
                 taken.all += count;

@@ -59,8 +59,8 @@ impl Dialect {
 
     /// Returns `text` with its marks replaced by the SQL of this kind of database. `{now}` is the database's clock in
     /// ms of the Unix epoch, which workers on several hosts share. `{lock}` locks the rows of a query until the
-    /// transaction ends; `{skip}` does so but leaves out rows that another transaction has locked. `{greater}` is the
-    /// function that returns the greater of two numbers. `{each $n}` is a query for the texts in parameter n, a JSON
+    /// transaction ends; `{skip}` does so but leaves out rows that another transaction has locked. `{greater}` and
+    /// `{lesser}` are the functions that return the greater and the lesser of two numbers. `{each $n}` is a query for the texts in parameter n, a JSON
     /// array. `{among $n}` and `{among SELECT …}` are the condition that a column is one of such texts or of the texts
     /// of a query; on PostgreSQL they are looked up in an index of the column, also without statistics.
     pub(super) fn sql(self, text: &'static str) -> SqlStr {
@@ -83,6 +83,8 @@ impl Dialect {
                 (Self::Postgres, "skip") => out.push_str(" FOR UPDATE SKIP LOCKED"),
                 (Self::Sqlite, "greater") => out.push_str("MAX"),
                 (Self::Postgres, "greater") => out.push_str("GREATEST"),
+                (Self::Sqlite, "lesser") => out.push_str("MIN"),
+                (Self::Postgres, "lesser") => out.push_str("LEAST"),
                 (_, mark) => {
                     if let Some(parameter) = mark.strip_prefix("each ") {
                         self.each(&mut out, parameter);

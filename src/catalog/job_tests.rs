@@ -256,6 +256,32 @@ async fn a_share_that_queues_its_next_job_while_the_last_one_runs_takes_no_more_
 }
 
 #[tokio::test]
+async fn a_share_does_not_wait_for_what_it_ran_on_idle_workers() {
+    for (catalog, _guard) in with_lamp().await {
+        let queue = async |share: &str, number: usize| {
+            let new = NewJob { share: share.to_owned(), ..job(&format!("{share} {number}")) };
+            assert!(matches!(catalog.enqueue(&new, 99).await.unwrap(), Enqueued::New(_)));
+        };
+        queue("long", 0).await;
+        claim(&catalog, "w", LEASE).await.unwrap();
+        for number in 0..9 {
+            queue("busy", number).await;
+            let ended = claim(&catalog, "v", LEASE).await.unwrap();
+            catalog.end(&ended, &Ended::Failed("{}".to_owned())).await.unwrap();
+        }
+        for number in 0..9 {
+            queue("late", number).await;
+        }
+        queue("busy", 9).await;
+        let mut before = 0;
+        while claim(&catalog, "v", LEASE).await.unwrap().id != "busy 9" {
+            before += 1;
+        }
+        assert!(before <= 2, "{before} jobs of the late share");
+    }
+}
+
+#[tokio::test]
 async fn a_share_does_not_wait_for_jobs_that_it_has_cancelled() {
     for (catalog, _guard) in with_lamp().await {
         let queue = async |share: &str, id: &str| {

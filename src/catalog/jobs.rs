@@ -173,7 +173,8 @@ impl Catalog {
     pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
-            let found = write.sql("SELECT state, share, measurement FROM jobs WHERE id = $1 AND tenant = $2{lock}");
+            let found =
+                write.sql("SELECT state, share, measurement, attempts FROM jobs WHERE id = $1 AND tenant = $2{lock}");
             let found = sqlx::query(found)
                 .bind(id.to_owned())
                 .bind(self.tenant.to_string())
@@ -195,7 +196,8 @@ impl Catalog {
             .bind(write.now)
             .execute(&mut *write.transaction)
             .await?;
-            if now == JobState::Queued {
+            // Whoever was tried has had its turn.
+            if now == JobState::Queued && found.try_get::<i64, _>("attempts")? == 0 {
                 let (share, measurement): (String, Option<String>) = (found.try_get(1)?, found.try_get(2)?);
                 self.give_back(&mut write, &share, measurement.as_deref()).await?;
             }

@@ -43,8 +43,11 @@ impl Catalog {
     ) -> Result<Option<Claimed>, CatalogError> {
         let but = serde_json::json!(but).to_string();
         // Look without the write lock first, so that an idle worker does not disturb writers.
-        let any = sqlx::query("SELECT 1 FROM jobs WHERE state = 'queued' LIMIT 1").fetch_optional(&self.pool).await?;
-        if any.is_none() {
+        let any = sqlx::query(
+            "SELECT 1 FROM jobs WHERE state = 'queued' \
+             AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' LIMIT 1",
+        );
+        if any.fetch_optional(&self.pool).await?.is_none() {
             return Ok(None);
         }
         let _turn = self.turn().await;

@@ -3,8 +3,10 @@
 //! Jobs are started in the order of their ranks. Each share of the queue has a rank of its own that grows with the cost
 //! of its jobs, and a share whose rank has been passed begins at the rank that is being served (start-time fair
 //! queueing: Goyal, Vin, Cheng 1996). So a share that queues thousands of jobs delays another's first job by the
-//! running ones only, and a share that queues one job at a time takes no more turns than others. A job that is
-//! cancelled before its start gives its distance back. Each priority is a queue of its own, with ranks of its own.
+//! running ones only, and a share that queues one job at a time takes no more turns than others. A share of which
+//! nothing waits begins one job behind the rank that is being served at most: what it ran on idle workers is forgotten.
+//! A job that is cancelled before its start gives its distance back. Each priority is a queue of its own, with ranks of
+//! its own. Jobs of closed tenants neither run nor count.
 
 use super::database::{Catalog, Write};
 use super::error::CatalogError;
@@ -138,19 +140,21 @@ impl Catalog {
         if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(1)).is_ok() {
             return Ok(false);
         }
-        let waiting: i64 =
-            sqlx::query("SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE state = 'queued' LIMIT $1) AS waiting")
-                .bind(most.min(i64::MAX as u64) as i64)
-                .fetch_one(&mut *write.transaction)
-                .await?
-                .try_get(0)?;
+        let waiting: i64 = sqlx::query(
+            "SELECT COUNT(*) FROM (SELECT 1 FROM jobs WHERE state = 'queued' \
+                 AND tenant NOT IN (SELECT id FROM tenants WHERE state = 'closed') LIMIT $1) AS waiting",
+        )
+        .bind(most.min(i64::MAX as u64) as i64)
+        .fetch_one(&mut *write.transaction)
+        .await?
+        .try_get(0)?;
         let room = most.saturating_sub(waiting.max(0) as u64);
         if room > 0 {
             self.room.store(room / ROOM, Relaxed);
             return Ok(false);
         }
         let others: i64 = sqlx::query(
-            "SELECT COUNT(*) FROM tenants t WHERE t.id <> $1 \
+            "SELECT COUNT(*) FROM tenants t WHERE t.id <> $1 AND t.state <> 'closed' \
              AND EXISTS (SELECT 1 FROM jobs WHERE tenant = t.id AND state = 'queued')",
         )
         .bind(self.tenant.to_string())
@@ -190,7 +194,8 @@ pub(super) async fn rank(
     // The running job that was started last has the rank that is being served.
     let served: i64 = sqlx::query(
         "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running' AND priority = $1), \
-         (SELECT rank FROM jobs WHERE state = 'queued' AND priority = $1 ORDER BY priority, rank, id LIMIT 1), \
+         (SELECT rank FROM jobs WHERE state = 'queued' AND priority = $1 \
+         AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' ORDER BY priority, rank, id LIMIT 1), \
          (SELECT MAX(next_rank) FROM queue_shares), 0)",
     )
     .bind(i64::from(priority))
@@ -200,7 +205,9 @@ pub(super) async fn rank(
     let moved = write.sql(
         "INSERT INTO queue_shares (tenant, share, next_rank, used_at) VALUES ($5, $1, $2 + $3, $4) \
          ON CONFLICT (tenant, share) DO UPDATE SET used_at = $4, \
-         next_rank = $3 + {greater}(queue_shares.next_rank, $2) RETURNING next_rank",
+         next_rank = $3 + {greater}($2, CASE WHEN EXISTS \
+         (SELECT 1 FROM jobs WHERE tenant = $5 AND share = $1 AND state = 'queued') \
+         THEN queue_shares.next_rank ELSE {lesser}(queue_shares.next_rank, $2 + $3) END) RETURNING next_rank",
     );
     let next: i64 = sqlx::query(moved)
         .bind(share.to_owned())

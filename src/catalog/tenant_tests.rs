@@ -198,6 +198,12 @@ async fn jobs_of_a_closed_tenant_wait_until_it_is_opened() {
         let next = async || mine.claim("worker", MINUTE, &[]).await.unwrap().map(|job| job.id);
         set(TenantState::Closed).await;
         assert_eq!((next().await.as_deref(), next().await), (Some("open"), None));
+        // The queue of all has room for as many as before.
+        for id in ["one", "two"] {
+            let new = NewJob { measurement: None, idempotency: None, ..job(id, Digest::of(b"none")) };
+            assert!(matches!(mine.enqueue(&new, 2).await.unwrap(), Enqueued::New(_)), "{id}");
+        }
+        assert_eq!((next().await.as_deref(), next().await.as_deref(), next().await), (Some("one"), Some("two"), None));
         set(TenantState::Active).await;
         assert_eq!(next().await.as_deref(), Some("closed"));
     }
