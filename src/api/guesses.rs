@@ -237,7 +237,7 @@ mod tests {
                 tokio::task::yield_now().await;
                 drop(turn);
             });
-            let all = tokio::time::timeout(Duration::from_secs(60), futures::future::join_all(turns)).await;
+            let all = tokio::time::timeout(Duration::from_mins(1), futures::future::join_all(turns)).await;
             assert_eq!(all.unwrap().len(), 50);
             assert!(guesses.state().by.is_empty());
         }

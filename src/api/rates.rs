@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 /// changes later.
 const REMEMBERED: Duration = Duration::from_secs(4);
 
-/// Longest wait for the database to return the request limit of a tenant; the last known one holds meanwhile. Raising
-/// it delays requests while the database is away.
+/// Longest time for which a request waits until the database returns the request limit of its tenant; after that, the
+/// last known limit is used. Raising it delays requests further while the database does not answer.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Upper bound on the number of tenants whose request limits are remembered. Raising it takes memory in a service with

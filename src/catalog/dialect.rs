@@ -60,9 +60,10 @@ impl Dialect {
     /// Returns `text` with its marks replaced by the SQL of this kind of database. `{now}` is the database's clock in
     /// ms of the Unix epoch, which workers on several hosts share. `{lock}` locks the rows of a query until the
     /// transaction ends; `{skip}` does so but leaves out rows that another transaction has locked. `{greater}` and
-    /// `{lesser}` are the functions that return the greater and the lesser of two numbers. `{each $n}` is a query for the texts in parameter n, a JSON
-    /// array. `{among $n}` and `{among SELECT …}` are the condition that a column is one of such texts or of the texts
-    /// of a query; on PostgreSQL they are looked up in an index of the column, also without statistics.
+    /// `{lesser}` are the functions that return the greater and the lesser of two numbers. `{each $n}` is a query for
+    /// the texts in parameter n, a JSON array. `{among $n}` and `{among SELECT …}` are the condition that a column is
+    /// one of such texts or of the texts of a query; on PostgreSQL they are looked up in an index of the column, also
+    /// without statistics.
     pub(super) fn sql(self, text: &'static str) -> SqlStr {
         if !text.contains('{') {
             return text.into_sql_str();

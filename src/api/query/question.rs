@@ -51,7 +51,9 @@ impl Question {
         };
         if directions.bytes() == 0 {
             let quantity = material.quantity();
-            let detail = format!("this {quantity} has no direction to ask for in a record, expected a JSON body");
+            let detail = format!(
+                "a {quantity} without directions has nothing that records of a batch could state, expected a JSON body"
+            );
             return Err(Problem::new(Kind::UnfitQuery, detail));
         }
         Ok(directions)

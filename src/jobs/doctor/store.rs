@@ -63,7 +63,7 @@ impl Stored {
                 return vec![Finding::warning(
                     "store",
                     format!("{place} does not exist yet"),
-                    "serve and worker create it; check --data and --store if it should be there",
+                    "`wavelume serve` and `wavelume worker` create the store; check --data and --store if it should exist",
                 )];
             }
             Self::Failed(reason) => {

@@ -130,9 +130,10 @@ fn read_axis(r: &mut Reader<'_>) -> Result<Axis, CodecError> {
     match (kind, form) {
         (0..=2 | 5, 0..=MAX_DECIMALS | FORM_F64) | (1..=2 | 5, FORM_SPACED | FORM_F32) | (3..=4, 0) => {}
         _ => {
-            return Err(
-                r.malformed(format!("axis kind {kind} in form {form}, expected kind 0 to 5 in a form of its own"))
-            );
+            return Err(r.malformed(format!(
+                "found an axis of kind {kind} whose numbers have the encoding {form}, expected kind 0 to 5 and an \
+                     encoding of that kind"
+            )));
         }
     }
     match kind {
@@ -177,9 +178,9 @@ fn read_azimuths(r: &mut Reader<'_>) -> Result<Azimuths, CodecError> {
     let first = r.u8("azimuths")?;
     let (kind, form) = (first & 7, first >> 3);
     if kind != 6 || !matches!(form, 0..=MAX_DECIMALS | FORM_SPACED | FORM_F32 | FORM_F64) {
-        return Err(
-            r.malformed(format!("axis kind {kind} in form {form} after polar angles, expected azimuths, kind 6"))
-        );
+        return Err(r.malformed(format!(
+            "found an axis of kind {kind} with the encoding {form} after polar angles, expected azimuths, kind 6"
+        )));
     }
     let angles = read_list(r, form, MAX_ENTRIES, "azimuths")?;
     let code = r.u8("extent of azimuths")?;

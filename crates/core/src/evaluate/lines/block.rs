@@ -84,9 +84,9 @@ impl Lines {
         to.iter_mut().enumerate().all(|(i, to)| self.nodes(vector_of(wi, i)).map(|nodes| *to = nodes).is_some())
     }
 
-    /// Moves the outgoing directions `there` of a block, in place, as the alignment of lobes maps them to one of the
-    /// measured incoming directions ([`Lines::carried`]). A direction with a single incoming direction around it is
-    /// left in place.
+    /// Moves a block of outgoing directions, in place, so that a lobe under each query's incoming direction falls onto
+    /// the lobe under one of the measured incoming directions around it ([`Lines::carried`]). Queries whose incoming
+    /// direction was measured itself are left in place.
     fn carried_block(
         &self,
         slot: usize,

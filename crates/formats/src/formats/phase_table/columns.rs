@@ -56,7 +56,11 @@ pub(super) fn read(
             let expected = if falling { "decreasing" } else { "increasing" };
             return Err(source.malformed(
                 offset,
-                format!("{} after {}, expected {expected} numbers, each once", Brief(b), Brief(a)),
+                format!(
+                    "found wavelength {} after {}, expected {expected} wavelengths, none twice",
+                    Brief(b),
+                    Brief(a)
+                ),
             ));
         }
     }

@@ -86,8 +86,9 @@ impl Columns {
         );
     }
 
-    /// Solves the normal equations of the first `count` samples within the squared radius `reach`, a fraction of the
-    /// squared radius of all samples.
+    /// Builds and factorises the normal equations of a local least-squares fit to the first `count` samples of a
+    /// neighbourhood. The weight of a sample falls to 0 at the squared radius `reach`, which is stated as a fraction of
+    /// the squared radius of the whole neighbourhood.
     pub(super) fn system(&mut self, count: usize, reach: f64, joint: bool, terms: usize) -> Factored {
         self.count(count, reach);
         let padded = count.next_multiple_of(LANES);

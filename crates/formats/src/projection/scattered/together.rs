@@ -175,8 +175,9 @@ struct Around {
     /// in which a lobe is sought, such as half-vector slopes. Only incoming polar angles within the range of these
     /// three count.
     there: Filling,
-    /// True if the sample is brighter than its neighbours, is seen under several incoming directions if there are
-    /// several, and lies on a common peak with the samples like it.
+    /// True if a bright sample of scattered data is part of a narrow lobe: it is brighter than its neighbours, bright
+    /// samples near it form one peak with it, and, where there are several incoming directions, the peak appears under
+    /// more than one of them.
     is_on_peak: bool,
 }
 

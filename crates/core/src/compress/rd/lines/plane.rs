@@ -62,8 +62,8 @@ pub(super) struct Halved<'a> {
 pub(super) struct Learned<'a> {
     pub(super) expectation: &'a mut Expectation,
     pub(super) system: &'a mut Recursive,
-    /// Number of quantiser steps in a change of 1 in the natural logarithm of a sample. If samples are coded instead of
-    /// logarithms, a fixed number of steps that serves as their scale.
+    /// Number of quantiser steps in a change of 1 in the natural logarithm of a sample. If the samples themselves are
+    /// coded, a fixed number of quantiser steps takes its place as the scale of predictions.
     pub(super) unit: f64,
     /// True if adaptive least squares predict details in addition to the fixed filters.
     pub(super) learns: bool,
