@@ -254,24 +254,8 @@ impl Rights {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::{Act, AddedKey, NewKey, Revoked, testing};
+    use crate::catalog::{Act, Revoked, testing};
     use crate::trust::Key;
-
-    async fn stored(catalog: &Catalog, life: Duration) -> Key {
-        let key = Key::generate().unwrap();
-        let new = NewKey {
-            id: key.id(),
-            tenant: Tenant::default(),
-            name: "test".to_owned(),
-            hash: key.secret().hash(),
-            verifier: None,
-            scopes: "read".parse().unwrap(),
-            life,
-            created_by: "test".to_owned(),
-        };
-        assert!(matches!(catalog.add_key(&new, 1000, &Act::default()).await.unwrap(), AddedKey::Row(_)));
-        key
-    }
 
     async fn judged(decisions: &Decisions, catalog: &Catalog, key: &Key) -> &'static str {
         match judge(decisions, catalog, key.id(), Some(key.secret().hash())).await {
@@ -296,7 +280,7 @@ mod tests {
     async fn a_decision_is_remembered_and_dropped_at_once_in_the_process_that_revokes() {
         for (catalog, _guard) in testing::catalogs().await {
             let (here, elsewhere) = (Decisions::default(), Decisions::default());
-            let key = stored(&catalog, Duration::from_hours(1)).await;
+            let key = testing::key(&catalog, Duration::from_hours(1)).await;
             for decisions in [&here, &elsewhere] {
                 assert_eq!(judged(decisions, &catalog, &key).await, "valid");
             }
@@ -315,7 +299,7 @@ mod tests {
     async fn wrong_secrets_and_unknown_keys_are_wrong_and_a_wrong_one_of_a_known_key_asks_nobody() {
         for (catalog, _guard) in testing::catalogs().await {
             let decisions = Decisions::default();
-            let (key, other) = (stored(&catalog, Duration::from_hours(1)).await, Key::generate().unwrap());
+            let (key, other) = (testing::key(&catalog, Duration::from_hours(1)).await, Key::generate().unwrap());
             assert_eq!(judged(&decisions, &catalog, &other).await, "wrong");
             let wrong = Some(other.secret().hash());
             for _ in 0..2 {
@@ -338,7 +322,7 @@ mod tests {
     async fn an_expired_key_is_not_remembered_beyond_its_time() {
         for (catalog, _guard) in testing::catalogs().await {
             let decisions = Decisions::default();
-            let key = stored(&catalog, Duration::from_millis(700)).await;
+            let key = testing::key(&catalog, Duration::from_millis(700)).await;
             assert_eq!(judged(&decisions, &catalog, &key).await, "valid");
             assert!(decisions.known().by[&key.id()].until <= Instant::now() + Duration::from_millis(700));
             tokio::time::sleep(Duration::from_millis(800)).await;
@@ -350,7 +334,7 @@ mod tests {
     async fn one_request_renews_a_decision_while_the_others_use_it() {
         let (catalog, _guard) = testing::catalogs().await.remove(0);
         let decisions = Decisions::default();
-        let key = stored(&catalog, Duration::from_hours(1)).await;
+        let key = testing::key(&catalog, Duration::from_hours(1)).await;
         judged(&decisions, &catalog, &key).await;
         let due = decisions.known().by[&key.id()].renewed;
         assert!(matches!(decisions.recall(key.id(), None, due), Recalled::Due(Some(_))));
@@ -361,7 +345,7 @@ mod tests {
     async fn many_keys_of_one_tenant_displace_few_of_the_others() {
         let (catalog, _guard) = testing::catalogs().await.remove(0);
         let decisions = Decisions::default();
-        let key = stored(&catalog, Duration::from_hours(1)).await;
+        let key = testing::key(&catalog, Duration::from_hours(1)).await;
         judged(&decisions, &catalog, &key).await;
         {
             let mut known = decisions.known();

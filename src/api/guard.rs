@@ -112,26 +112,10 @@ impl Guard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::{Act, AddedKey, NewKey, testing};
-    use crate::trust::{Key, Tenant};
+    use crate::catalog::testing;
+    use crate::trust::Key;
     use metrics_exporter_prometheus::PrometheusBuilder;
     use std::time::Instant;
-
-    async fn stored(catalog: &Catalog) -> Key {
-        let key = Key::generate().unwrap();
-        let new = NewKey {
-            id: key.id(),
-            tenant: Tenant::default(),
-            name: "test".to_owned(),
-            hash: key.secret().hash(),
-            verifier: None,
-            scopes: "read".parse().unwrap(),
-            life: Duration::from_hours(1),
-            created_by: "test".to_owned(),
-        };
-        assert!(matches!(catalog.add_key(&new, 1000, &Act::default()).await.unwrap(), AddedKey::Row(_)));
-        key
-    }
 
     /// Judges all keys at once, as requests of one address; returns the numbers of right and wrong ones and of those
     /// without a look-up.
@@ -167,7 +151,7 @@ mod tests {
             runtime.block_on(async {
                 for (catalog, _guard) in testing::catalogs().await {
                     let guard = Guard::new(AuthMode::Keys, false, &Limits::default());
-                    let right = stored(&catalog).await;
+                    let right = testing::key(&catalog, Duration::from_hours(1)).await;
                     let wrong: Vec<Key> = (0..200).map(|_| Key::generate().unwrap()).collect();
                     let before = look_ups();
                     assert_eq!(judged(&guard, &catalog, peer(1), &wrong).await, [0, 10, 190]);
@@ -191,7 +175,7 @@ mod tests {
             let guard = Guard::new(AuthMode::Keys, false, &Limits::default());
             let mut keys = Vec::new();
             for _ in 0..40 {
-                keys.push(stored(&catalog).await);
+                keys.push(testing::key(&catalog, Duration::from_hours(1)).await);
             }
             assert_eq!(judged(&guard, &catalog, Peer::of([10, 0, 0, 1].into()), &keys).await, [40, 0, 0]);
         }

@@ -6,7 +6,7 @@ use super::page::page;
 use super::problem::{Kind, Problem};
 use super::schemas::{CursorText, KeyIdText, PageSize, TenantText};
 use super::state::{App, Service};
-use crate::catalog::{AddedKey, KeyRow, NewKey, Revoked};
+use crate::catalog::{Act, AddedKey, KeyRow, NewKey, Revoked};
 use crate::jobs::{Text, check_text};
 use crate::trust::{Key, Scope, Scopes, Signer, Tenant};
 use axum::Json;
@@ -141,7 +141,7 @@ async fn create_key(app: App, caller: Caller, SmallJson(body): SmallJson) -> Res
         life,
         created_by: caller.actor.to_string(),
     };
-    let act = crate::catalog::Act { tenant: Some(tenant.clone()), detail: Some(new.scopes.to_string()), ..act };
+    let act = Act { tenant: Some(tenant.clone()), detail: Some(new.scopes.to_string()), ..act };
     let limit = app.engine.limits.keys_each;
     match app.engine.archive.catalog.add_key(&new, limit, &act).await? {
         AddedKey::Row(row) => {

@@ -91,6 +91,7 @@ pub(crate) mod testing {
     use super::*;
     use crate::domain::Quantity;
     use crate::store::{Digest, Object};
+    use crate::trust::{Key, Tenant};
     use sqlx::{AnyConnection, Connection, Executor, Row};
     use std::time::Duration;
 
@@ -141,6 +142,37 @@ pub(crate) mod testing {
             quantity: Some(Quantity::Edf),
             document: "{}".to_owned(),
         }
+    }
+
+    /// Builds a material of 10 bytes with the content `text`, without name, tags and measurements, for a test.
+    pub(crate) fn material(text: &str) -> NewMaterial {
+        NewMaterial {
+            id: Digest::of(text.as_bytes()),
+            payload: Digest::of(b"payload"),
+            quantity: Quantity::Edf,
+            bytes: 10,
+            name: None,
+            tags: Vec::new(),
+            measurements: Vec::new(),
+            document: serde_json::Map::new(),
+        }
+    }
+
+    /// Stores an access key of the usual tenant with the scope `read`, which ends after the time `life`, for a test.
+    pub(crate) async fn key(catalog: &Catalog, life: Duration) -> Key {
+        let key = Key::generate().unwrap();
+        let new = NewKey {
+            id: key.id(),
+            tenant: Tenant::default(),
+            name: "test".to_owned(),
+            hash: key.secret().hash(),
+            verifier: None,
+            scopes: "read".parse().unwrap(),
+            life,
+            created_by: "test".to_owned(),
+        };
+        assert!(matches!(catalog.add_key(&new, 1000, &Act::default()).await.unwrap(), AddedKey::Row(_)));
+        key
     }
 
     /// Announces to the catalog, for a test, that an object with this digest and size in bytes is about to be written.

@@ -8,6 +8,7 @@ use super::database::Catalog;
 use super::error::{CatalogError, breaks_reference, tenant};
 use super::job::{Beat, Claimed, Ended, Ending, JobState};
 use super::materials::insert;
+use super::ranks::of_open_tenant;
 use super::usage::{Change, charge};
 use sqlx::Row;
 use std::time::Duration;
@@ -43,21 +44,20 @@ impl Catalog {
     ) -> Result<Option<Claimed>, CatalogError> {
         let but = serde_json::json!(but).to_string();
         // Look without the write lock first, so that an idle worker does not disturb writers.
-        let any = sqlx::query(
-            "SELECT 1 FROM jobs WHERE state = 'queued' \
-             AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' LIMIT 1",
-        );
+        let any = sqlx::query(concat!("SELECT 1 FROM jobs WHERE state = 'queued' AND ", of_open_tenant!(), " LIMIT 1"));
         if any.fetch_optional(&self.pool).await?.is_none() {
             return Ok(None);
         }
         let _turn = self.turn().await;
-        let row = sqlx::query(self.sql(
+        let row = sqlx::query(self.sql(concat!(
             "UPDATE jobs SET state = 'running', epoch = epoch + 1, attempts = attempts + 1, worker = $1, \
              lease_until = {now} + $2, progress = 0.0, updated_at = {now} WHERE id = (SELECT id FROM jobs \
              WHERE state = 'queued' AND not_before <= {now} AND level <= $3 AND id NOT IN ({each $4}) \
-             AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, tenant, frame, epoch, attempts, \
+             AND ",
+            of_open_tenant!(),
+            " ORDER BY priority, rank, id LIMIT 1{skip}) RETURNING id, tenant, frame, epoch, attempts, \
              CASE WHEN watched_until > {now} THEN 1 ELSE 0 END AS watched",
-        ))
+        )))
         .bind(worker.to_owned())
         .bind(lease.as_millis() as i64)
         .bind(self.edition.level)

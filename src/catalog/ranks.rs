@@ -32,6 +32,14 @@ const STEP: i64 = 100;
 /// often; a count of 10,000 waiting jobs takes longer than all else that queueing a job does.
 const ROOM: u64 = 8;
 
+/// SQL condition that a row of the table `jobs` belongs to a tenant that is not closed.
+macro_rules! of_open_tenant {
+    () => {
+        "(SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed'"
+    };
+}
+pub(super) use of_open_tenant;
+
 /// A new job that is to wait in the queue.
 pub(super) struct Queueing<'a> {
     /// Id of the measurement that the job reads.
@@ -192,12 +200,13 @@ pub(super) async fn rank(
     distance: i64,
 ) -> Result<i64, CatalogError> {
     // The running job that was started last has the rank that is being served.
-    let served: i64 = sqlx::query(
+    let served: i64 = sqlx::query(concat!(
         "SELECT COALESCE((SELECT MAX(rank) FROM jobs WHERE state = 'running' AND priority = $1), \
          (SELECT rank FROM jobs WHERE state = 'queued' AND priority = $1 \
-         AND (SELECT t.state FROM tenants t WHERE t.id = jobs.tenant) <> 'closed' ORDER BY priority, rank, id LIMIT 1), \
-         (SELECT MAX(next_rank) FROM queue_shares), 0)",
-    )
+         AND ",
+        of_open_tenant!(),
+        " ORDER BY priority, rank, id LIMIT 1), (SELECT MAX(next_rank) FROM queue_shares), 0)",
+    ))
     .bind(i64::from(priority))
     .fetch_one(&mut *write.transaction)
     .await?

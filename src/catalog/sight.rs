@@ -234,16 +234,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     fn material(text: &str) -> NewMaterial {
-        NewMaterial {
-            id: Digest::of(text.as_bytes()),
-            payload: Digest::of(b"payload"),
-            quantity: Quantity::Edf,
-            bytes: 4,
-            name: Some(text.to_owned()),
-            tags: vec!["office".to_owned()],
-            measurements: Vec::new(),
-            document: serde_json::Map::new(),
-        }
+        NewMaterial { name: Some(text.to_owned()), tags: vec!["office".to_owned()], ..testing::material(text) }
     }
 
     async fn add(catalog: &Catalog, new: &NewMaterial) {

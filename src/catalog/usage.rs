@@ -210,22 +210,8 @@ impl Catalog {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalog::testing::{self, add, measurement, publish};
-    use crate::catalog::{Added, Deleted, Limit, NewMaterial, Settled, TenantChange, TenantRow, Uploaded};
-    use crate::domain::Quantity;
-
-    fn material(text: &str) -> NewMaterial {
-        NewMaterial {
-            id: Digest::of(text.as_bytes()),
-            payload: Digest::of(b"payload"),
-            quantity: Quantity::Edf,
-            bytes: 10,
-            name: None,
-            tags: Vec::new(),
-            measurements: Vec::new(),
-            document: serde_json::Map::new(),
-        }
-    }
+    use crate::catalog::testing::{self, add, material, measurement, publish};
+    use crate::catalog::{Added, Deleted, Limit, Settled, TenantChange, TenantRow, Uploaded};
 
     async fn used(catalog: &Catalog) -> (u64, u64) {
         let TenantRow { bytes, materials, .. } = catalog.tenant_row(catalog.tenant()).await.unwrap().unwrap();

@@ -94,6 +94,34 @@ pub(super) fn path(matches: &ArgMatches, declared: &Declared) -> Option<PathBuf>
     matches.get_one(declared.name).cloned()
 }
 
+/// Implements the traits of clap for a group of options that is made from declarations: its `arguments` adds them to a
+/// command, and its `read` reads what the user stated.
+macro_rules! declared_args {
+    ($type:ident) => {
+        impl clap::Args for $type {
+            fn augment_args(command: clap::Command) -> clap::Command {
+                Self::arguments(command)
+            }
+
+            fn augment_args_for_update(command: clap::Command) -> clap::Command {
+                Self::arguments(command)
+            }
+        }
+
+        impl clap::FromArgMatches for $type {
+            fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+                Self::read(matches)
+            }
+
+            fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+                *self = Self::read(matches)?;
+                Ok(())
+            }
+        }
+    };
+}
+pub(super) use declared_args;
+
 /// Makes the usage error that rejects a value on the command line.
 pub(super) fn refusal(error: impl std::fmt::Display) -> clap::Error {
     clap::Error::raw(ErrorKind::ValueValidation, error)

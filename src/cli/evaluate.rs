@@ -1,14 +1,14 @@
 //! `wavelume evaluate`: one spectrum of a material, or one for each row of a table of directions.
 
 use super::batch::{BatchArgs, Queries};
-use super::declared::{argument, refusal, stated};
+use super::declared::{argument, declared_args, refusal, stated};
 use super::failure::Failure;
 use super::output::print_json;
 use super::query::{self, List};
 use super::request::ThreadsArgs;
 use crate::domain::{Axis, Direction, Unit};
 use crate::evaluate::{BEYOND, Beyond, INTERPOLATION, Interpolation, Material, Pairs, Place};
-use clap::{ArgMatches, Command, FromArgMatches};
+use clap::{ArgMatches, Command};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -55,25 +55,16 @@ struct OptionArgs {
     beyond: Beyond,
 }
 
-impl clap::Args for OptionArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(OptionArgs);
+
+impl OptionArgs {
+    fn arguments(command: Command) -> Command {
         command.args([&INTERPOLATION, &BEYOND].map(argument))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for OptionArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let [interpolation, beyond] = [&INTERPOLATION, &BEYOND].map(|option| stated(matches, option));
         Ok(Self { interpolation: chosen(interpolation)?, beyond: chosen(beyond)? })
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
     }
 }
 

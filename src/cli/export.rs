@@ -1,6 +1,6 @@
 //! `wavelume export`: a material in an exchange format.
 
-use super::declared::{all_stated, argument, refusal};
+use super::declared::{all_stated, argument, declared_args, refusal};
 use super::decode::decode;
 use super::failure::Failure;
 use super::input::read_file;
@@ -11,7 +11,7 @@ use crate::evaluate::Material;
 use crate::export::{self, ExportFormat, ExportOptions, Exported, Summary};
 use crate::formats::manifest_of;
 use crate::pipeline::{OnGrid, export_on_grid};
-use clap::{ArgMatches, Command, FromArgMatches};
+use clap::{ArgMatches, Command};
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -48,27 +48,18 @@ struct Answer<'a> {
 #[derive(Clone, Debug)]
 struct OptionArgs(ExportOptions);
 
-impl clap::Args for OptionArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(OptionArgs);
+
+impl OptionArgs {
+    fn arguments(command: Command) -> Command {
         let option = |declared: &'static Declared| {
             argument(declared).help(export::option_help(declared).trim_end_matches('.').to_owned())
         };
         command.args(ExportOptions::OPTIONS.iter().map(option))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for OptionArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         ExportOptions::read(all_stated(matches, ExportOptions::OPTIONS)).map(Self).map_err(refusal)
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
     }
 }
 

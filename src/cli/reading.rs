@@ -1,9 +1,9 @@
 //! Options of reading on the command line, derived from their declarations.
 
-use super::declared::{all_stated, argument, path, refusal};
+use super::declared::{all_stated, argument, declared_args, path, refusal};
 use crate::domain::{Declared, Values};
 use crate::formats::Interpretation;
-use clap::{ArgMatches, Command, FromArgMatches};
+use clap::{ArgMatches, Command};
 use std::path::{Path, PathBuf};
 
 /// Options on the command line that say how to read a measurement file.
@@ -35,28 +35,19 @@ impl ReadingArgs {
     }
 }
 
-impl clap::Args for ReadingArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(ReadingArgs);
+
+impl ReadingArgs {
+    fn arguments(command: Command) -> Command {
         command.args(Interpretation::OPTIONS.iter().map(argument))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for ReadingArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let has_file = |declared: &&Declared| matches!(declared.values, Values::File { .. } | Values::Document { .. });
         let files = Interpretation::OPTIONS.iter().filter(has_file);
         let files = files.filter_map(|declared| Some((declared.name, path(matches, declared)?))).collect();
         let stated = all_stated(matches, Interpretation::OPTIONS);
         Ok(Self { files, stated: serde_json::from_value(stated.into()).map_err(refusal)? })
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
     }
 }
 

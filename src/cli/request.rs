@@ -1,13 +1,13 @@
 //! Options of a compression on the command line, derived from the declarations of the request and its targets.
 
-use super::declared::{all_stated, argument, help, refusal, stated};
+use super::declared::{all_stated, argument, declared_args, help, refusal, stated};
 use super::failure::Failure;
 use crate::compress::{DeltaE, Target};
 use crate::domain::colour::Illuminant;
 use crate::domain::{Declared, Values};
 use crate::pipeline::Request;
 use clap::builder::ValueParser;
-use clap::{Arg, ArgGroup, ArgMatches, Command, FromArgMatches};
+use clap::{Arg, ArgGroup, ArgMatches, Command};
 use serde_json::{Value, json};
 
 /// Name of the option for the illuminant under which `--delta-e` compares colours.
@@ -131,76 +131,51 @@ fn target(matches: &ArgMatches, illuminant: Option<Illuminant>) -> Result<Option
     serde_json::from_value(target).map(Some).map_err(refusal)
 }
 
-impl clap::Args for TargetArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(TargetArgs);
+
+impl TargetArgs {
+    fn arguments(command: Command) -> Command {
         let group = ArgGroup::new("target").args(targets().map(|declared| declared.name)).multiple(false);
         command.args(targets().map(target_argument)).group(group)
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for TargetArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         target(matches, None).map(Self)
     }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
 }
 
-impl clap::Args for AxesArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(AxesArgs);
+
+impl AxesArgs {
+    fn arguments(command: Command) -> Command {
         command.args(Request::OPTIONS.iter().filter(|declared| is_of_axes(declared)).map(argument))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for AxesArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         request(matches, Target::default(), is_of_axes).map(Self)
     }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
 }
 
-impl clap::Args for SumArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(SumArgs);
+
+impl SumArgs {
+    fn arguments(command: Command) -> Command {
         let options = Request::OPTIONS.iter().filter(|declared| is_of_sums(declared));
-        TargetArgs::augment_args(command).args(options.map(argument))
+        TargetArgs::arguments(command).args(options.map(argument))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for SumArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let target = target(matches, None)?;
         let again = Request::OPTIONS.iter().filter(|declared| AGAIN.contains(&declared.name));
         let is_stated = target.is_some() || !all_stated(matches, again).is_empty();
         Ok(Self { request: request(matches, target.unwrap_or_default(), is_of_sums)?, is_stated })
     }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
-    }
 }
 
-impl clap::Args for RequestArgs {
-    fn augment_args(command: Command) -> Command {
+declared_args!(RequestArgs);
+
+impl RequestArgs {
+    fn arguments(command: Command) -> Command {
         let names = Illuminant::all_names();
         let illuminant = Arg::new(ILLUMINANT)
             .long(ILLUMINANT)
@@ -208,23 +183,12 @@ impl clap::Args for RequestArgs {
             .value_parser(clap::value_parser!(Illuminant))
             .requires(Target::DeltaE(DeltaE::from(1.0)).name())
             .help(format!("Illuminant of --delta-e: {} [default: {}]", names.join(", "), Illuminant::default()));
-        TargetArgs::augment_args(command).arg(illuminant).args(Request::OPTIONS.iter().map(argument))
+        TargetArgs::arguments(command).arg(illuminant).args(Request::OPTIONS.iter().map(argument))
     }
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
-    }
-}
-
-impl FromArgMatches for RequestArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+    fn read(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let target = target(matches, matches.get_one(ILLUMINANT).copied())?;
         request(matches, target.unwrap_or_default(), |_| true).map(Self)
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Self::from_arg_matches(matches)?;
-        Ok(())
     }
 }
 
