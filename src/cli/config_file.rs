@@ -20,7 +20,7 @@ pub(super) struct ConfigFile {
     entries: BTreeMap<String, Entry>,
 }
 
-/// Value of one key, as texts that the option of the key takes.
+/// Value of one key of the configuration file, as texts that the option of the command line takes.
 #[derive(Debug)]
 pub(super) struct Entry {
     texts: Vec<String>,

@@ -1,4 +1,5 @@
-//! Keys of the configuration file, derived from the options of the commands that read it.
+//! Keys of the configuration file (names of settings, no access keys), derived from the options of the commands that
+//! read it.
 
 use super::settings;
 use crate::catalog::without_password;
@@ -19,13 +20,13 @@ pub(super) struct Key {
     pub(super) section: String,
     /// Name of the key: that of the environment variable without its prefix, in lower case.
     pub(super) name: String,
-    /// Option of the command line that the key sets.
+    /// Option of the command line whose value this key of the configuration file states.
     pub(super) option: Arg,
     /// Commands whose default differs from that of `option`, with their default.
     pub(super) other_defaults: Vec<(String, String)>,
 }
 
-/// Kind of TOML value that a key takes.
+/// Kind of TOML value that a key of the configuration file takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A whole number without a unit.
@@ -69,7 +70,7 @@ pub(super) fn reads_file(command: &Command) -> bool {
     command.get_arguments().any(|option| option.get_id() == CONFIG)
 }
 
-/// Returns the name of the key that sets an option; `None` if no key does.
+/// Returns the name of the key of the configuration file that sets an option; `None` if no key does.
 pub(super) fn name(option: &Arg) -> Option<String> {
     let variable = option.get_env()?.to_str()?;
     (option.get_id() != CONFIG).then(|| variable.trim_start_matches(PREFIX).to_lowercase())
@@ -95,7 +96,7 @@ impl Key {
         if self.section.is_empty() { self.name.clone() } else { format!("{}.{}", self.section, self.name) }
     }
 
-    /// Kind of TOML value that the key takes.
+    /// Returns the kind of TOML value that this key of the configuration file takes.
     pub(super) fn kind(&self) -> Kind {
         match settings::unit(self.id()) {
             _ if self.option.get_value_delimiter().is_some() => Kind::List,
