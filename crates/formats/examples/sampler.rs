@@ -1,11 +1,11 @@
 //! Checks importance samples against quadrature: the mean of their weights must be the integral of the evaluated
 //! function.
 //!
-//! `cargo run --release -p wavelume-formats --example sampler -- 100000`; the number is that of samples per incoming
-//! direction, 100,000 by default.
+//! `cargo run --release -p wavelume-formats --example sampler -- 100000 24`; the numbers are those of samples per
+//! incoming direction, 100,000 by default, and of incoming directions, 24 by default.
 //!
-//! The materials are BRDFs, BTDFs and a BSDF, from data/virtual and built here, each at 24 incoming directions from 0
-//! to 85°. The mean of f · |cos θo| / pdf over independent samples is compared with A = ∫ f |cos θo| dωo by quadrature
+//! The materials are BRDFs, BTDFs and a BSDF, from data/virtual and built here, each at incoming directions from 0 to
+//! 85°. The mean of f · |cos θo| / pdf over independent samples is compared with A = ∫ f |cos θo| dωo by quadrature
 //! of the smooth function. f is the mean over wavelengths (0 if that is negative). Quadrature uses the centroids of two
 //! meshes, one a level finer, refined until they agree to 3e-5 of A. Columns:
 //!
@@ -44,6 +44,7 @@ use wavelume_formats::formats::Interpretation;
 use wavelume_formats::pipeline::{self, Input, Request};
 use wavelume_formats::projection::DirectionDomain;
 
+/// Number of incoming directions, unless the second argument states another.
 const INCIDENCES: usize = 24;
 const LARGEST_THETA: f64 = 85.0;
 /// Largest incidence angle in degrees at which variances are compared.
@@ -83,10 +84,14 @@ fn main() -> ExitCode {
 /// Prints the tables with `count` samples per incoming direction; returns true if all checks pass.
 pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box<dyn Error>> {
     let count: usize = count.map_or(Ok(100_000), str::parse)?;
+    let directions: usize = std::env::args().nth(2).map_or(Ok(INCIDENCES), |text| text.parse())?;
+    if directions < 2 {
+        return Err(format!("found {directions} incoming directions, expected at least 2").into());
+    }
     let mut holds = true;
     writeln!(
         out,
-        "{count} samples for each of {INCIDENCES} incoming directions, defensive part {}",
+        "{count} samples for each of {directions} incoming directions, defensive part {}",
         SampleOptions::DEFENSIVE
     )?;
     writeln!(
@@ -95,11 +100,11 @@ pub(crate) fn run(count: Option<&str>, out: &mut impl Write) -> Result<bool, Box
         "", "chi²", "of", "z", "off", "weight", "variance", "floor", "ns"
     )?;
     for (name, material) in scattering()? {
-        let row = Row::of(&material, count)?;
+        let row = Row::of(&material, directions, count)?;
         holds &= row.holds();
         writeln!(
             out,
-            "  {name:<18}{:>8.1}{INCIDENCES:>5}{:>7.2}{:>10.2e}{:>8.1}{:>10.5}{:>8.2}{:>6.0}{}",
+            "  {name:<18}{:>8.1}{directions:>5}{:>7.2}{:>10.2e}{:>8.1}{:>10.5}{:>8.2}{:>6.0}{}",
             row.chi2,
             row.deviate,
             row.off,
@@ -134,9 +139,9 @@ struct Row {
 }
 
 impl Row {
-    fn of(material: &Material, count: usize) -> Result<Self, Box<dyn Error>> {
+    fn of(material: &Material, directions: usize, count: usize) -> Result<Self, Box<dyn Error>> {
         let quadrature = Quadrature::of(material)?;
-        let found = incidences()
+        let found = incidences(directions)
             .into_par_iter()
             .enumerate()
             .map(|(k, wi)| Estimate::of(material, &quadrature, wi, count, k as u64).map_err(|error| error.to_string()))
@@ -172,10 +177,11 @@ fn deviate(chi2: f64, k: f64) -> f64 {
     ((chi2 / k).cbrt() - 1.0 + share) / share.sqrt()
 }
 
-fn incidences() -> Vec<Direction> {
+/// Returns incoming directions from 0 to 85°, evenly spaced in angle, each at another azimuth.
+fn incidences(count: usize) -> Vec<Direction> {
     let golden = 180.0 * (3.0 - 5.0_f64.sqrt());
-    let theta = |k: usize| LARGEST_THETA * k as f64 / (INCIDENCES - 1) as f64;
-    (0..INCIDENCES).map(|k| Direction::from_degrees(theta(k), (23.0 + golden * k as f64).rem_euclid(360.0))).collect()
+    let theta = |k: usize| LARGEST_THETA * k as f64 / (count - 1) as f64;
+    (0..count).map(|k| Direction::from_degrees(theta(k), (23.0 + golden * k as f64).rem_euclid(360.0))).collect()
 }
 
 /// Mean of the weights at one incoming direction, and the integral that it estimates.
