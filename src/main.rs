@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::process::ExitCode;
-use wavelume::cli::{Cli, Failure, Parsed, one_line};
+use wavelume::cli::{Cli, Failure, Parsed, end_log, one_line};
 
 fn main() -> ExitCode {
     // A panic prints one line, unless `RUST_BACKTRACE` asks for more.
@@ -14,7 +14,9 @@ fn main() -> ExitCode {
         }));
     }
     wavelume::store::provide_tls();
-    match std::panic::catch_unwind(run).unwrap_or(Err(Failure::Bug)) {
+    let done = std::panic::catch_unwind(run).unwrap_or(Err(Failure::Bug));
+    end_log();
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             // The hook above has reported a bug; a closed stderr has no reader.

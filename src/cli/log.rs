@@ -3,8 +3,11 @@
 use std::fs::File;
 use std::io::{self, IsTerminal, Write};
 use std::os::fd::AsFd;
-use std::sync::Arc;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+use tracing::{Level, Metadata};
 use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{fmt, registry};
@@ -12,6 +15,17 @@ use tracing_subscriber::{fmt, registry};
 /// Upper bound in bytes on a line of the log; the rest of a longer line is left out. Events of the service are far
 /// shorter.
 const LONGEST_LINE: usize = 8 << 10;
+
+/// Longest time for which a line waits for others, to be written together with them. Raising it saves little, but more
+/// lines are lost if the process is killed.
+const GATHERED: Duration = Duration::from_millis(20);
+
+/// Bytes of waiting lines from which they are written at once. Raising it takes memory; lowering it writes more often
+/// under load.
+const ROOM: usize = 32 << 10;
+
+/// Destination of the log of this process, once the log is started.
+static OUTPUT: OnceLock<Arc<Output>> = OnceLock::new();
 
 /// Format of the log on stderr.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -31,43 +45,118 @@ pub(super) fn start(format: LogFormat, level: LevelFilter) {
     let usual = || Targets::new().with_default(level).with_target("rustls_platform_verifier", LevelFilter::OFF);
     let log = registry().with(asked.unwrap_or_else(usual));
     let colours = in_colour(io::stderr().is_terminal(), |name| std::env::var(name).ok());
-    let events = fmt::layer().with_ansi(colours);
-    let to = Output::stderr();
+    let to = Arc::clone(OUTPUT.get_or_init(Output::stderr));
+    let events =
+        fmt::layer().with_ansi(colours).with_writer(Writers { to, colours, is_json: format == LogFormat::Json });
     match format {
-        LogFormat::Human => {
-            log.with(events.with_target(false).with_writer(move || Line { to: to.clone(), colours })).init();
-        }
-        // JSON escapes control characters itself, and half an object would be invalid.
-        LogFormat::Json => log.with(events.json().with_writer(move || to.clone())).init(),
+        LogFormat::Human => log.with(events.with_target(false)).init(),
+        LogFormat::Json => log.with(events.json()).init(),
     }
 }
 
-/// Destination of the log: stderr as a file, without the lock of [`io::stderr`], for which threads that answer requests
-/// would wait. An event is one write, which the system does not mix with others.
-#[derive(Clone)]
-enum Output {
-    Unlocked(Arc<File>),
-    /// Stderr with its lock, as the destination of the log if the system cannot duplicate the file descriptor.
+/// Writes the lines of the log that still wait to be written together. The process calls it before it ends.
+pub fn end_log() {
+    if let Some(output) = OUTPUT.get() {
+        output.flush();
+    }
+}
+
+/// Destination of the log. Lines of ordinary work wait a moment for others, because a write takes longer than all else
+/// about a line; a warning or an error is written at once, after those that wait. On a terminal no line waits.
+struct Output {
+    to: Destination,
+    waiting: Mutex<Vec<u8>>,
+    /// Signals that a line waits.
+    filled: Condvar,
+    gathers: bool,
+}
+
+/// Stderr as a file, without the lock of [`io::stderr`], for which threads that answer requests would wait.
+enum Destination {
+    Unlocked(File),
+    /// Stderr with its lock, if the system cannot duplicate the file descriptor.
     Locked,
 }
 
 impl Output {
-    fn stderr() -> Self {
+    fn stderr() -> Arc<Self> {
         let file = io::stderr().as_fd().try_clone_to_owned().map(File::from);
-        file.map_or(Self::Locked, |file| Self::Unlocked(Arc::new(file)))
+        Self::new(file.map_or(Destination::Locked, Destination::Unlocked), !io::stderr().is_terminal())
     }
-}
 
-impl Write for Output {
-    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
-        match self {
-            Self::Unlocked(file) => file.write(event),
-            Self::Locked => io::stderr().write(event),
+    /// Creates the destination of the log, and starts the thread that writes waiting lines if it `gathers` lines.
+    fn new(to: Destination, gathers: bool) -> Arc<Self> {
+        let mut output = Self { to, waiting: Mutex::default(), filled: Condvar::new(), gathers: false };
+        let (start, started) = std::sync::mpsc::sync_channel::<Arc<Self>>(1);
+        let writer = move || {
+            if let Ok(output) = started.recv() {
+                output.write_waiting();
+            }
+        };
+        // Without the thread, every line is written at once.
+        output.gathers = gathers && std::thread::Builder::new().name("log".to_owned()).spawn(writer).is_ok();
+        let output = Arc::new(output);
+        let _ = start.send(Arc::clone(&output));
+        output
+    }
+
+    /// Writes lines a moment after they came, for ever.
+    fn write_waiting(&self) {
+        loop {
+            let waiting = self.filled.wait_while(self.waiting(), |waiting| waiting.is_empty());
+            drop(waiting);
+            std::thread::sleep(GATHERED);
+            self.flush();
         }
     }
 
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+    /// Takes lines of the log: writes them now if they are `urgent`, otherwise soon.
+    fn take(&self, lines: &[u8], urgent: bool) {
+        let mut waiting = self.waiting();
+        let was_empty = waiting.is_empty();
+        waiting.extend_from_slice(lines);
+        if urgent || !self.gathers || waiting.len() >= ROOM {
+            self.write(&mut waiting);
+        } else if was_empty {
+            self.filled.notify_one();
+        }
+    }
+
+    fn flush(&self) {
+        self.write(&mut self.waiting());
+    }
+
+    /// Writes waiting lines, which the system does not mix with others. A log that cannot be written has no reader.
+    fn write(&self, waiting: &mut Vec<u8>) {
+        let _ = match &self.to {
+            Destination::Unlocked(file) => (&*file).write_all(waiting),
+            Destination::Locked => io::stderr().write_all(waiting),
+        };
+        waiting.clear();
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Vec<u8>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Maker of the writer of each event.
+struct Writers {
+    to: Arc<Output>,
+    colours: bool,
+    /// True if events are JSON objects, which escape control characters themselves and are invalid if they are cut.
+    is_json: bool,
+}
+
+impl<'a> MakeWriter<'a> for Writers {
+    type Writer = Line<'a>;
+
+    fn make_writer(&'a self) -> Line<'a> {
+        Line { to: &self.to, colours: self.colours, is_json: self.is_json, urgent: true }
+    }
+
+    fn make_writer_for(&'a self, event: &Metadata<'_>) -> Line<'a> {
+        Line { urgent: *event.level() <= Level::WARN, ..self.make_writer() }
     }
 }
 
@@ -80,20 +169,22 @@ fn in_colour(terminal: bool, variable: impl Fn(&str) -> Option<String>) -> bool 
 }
 
 /// Writer that puts one event of the log on one line.
-struct Line<W> {
-    to: W,
+struct Line<'a> {
+    to: &'a Output,
+    urgent: bool,
+    is_json: bool,
     /// True if escape sequences are kept, because the log colours its text. Those inside logged values are escaped
     /// earlier.
     colours: bool,
 }
 
-impl<W: Write> Write for Line<W> {
+impl Write for Line<'_> {
     /// Writes one event of the log; `event` is its whole text.
     fn write(&mut self, event: &[u8]) -> io::Result<usize> {
         let plain =
             event.strip_suffix(b"\n").is_some_and(|line| !line.iter().any(|b| b.is_ascii_control() || *b > 0x7e));
-        if plain && event.len() <= LONGEST_LINE {
-            self.to.write_all(event)?;
+        if self.is_json || (plain && event.len() <= LONGEST_LINE) {
+            self.to.take(event, self.urgent);
             return Ok(event.len());
         }
         let text = String::from_utf8_lossy(event);
@@ -110,12 +201,12 @@ impl<W: Write> Write for Line<W> {
             }
         }
         line.push('\n');
-        self.to.write_all(line.as_bytes())?;
+        self.to.take(line.as_bytes(), self.urgent);
         Ok(event.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.to.flush()
+        Ok(())
     }
 }
 
@@ -123,10 +214,37 @@ impl<W: Write> Write for Line<W> {
 mod tests {
     use super::*;
 
+    /// Output to a new file, and the file.
+    fn output(gathers: bool) -> (Arc<Output>, tempfile::NamedTempFile) {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        (Output::new(Destination::Unlocked(file.reopen().unwrap()), gathers), file)
+    }
+
     fn written(event: &str, colours: bool) -> String {
-        let mut line = Line { to: Vec::new(), colours };
+        let (to, file) = output(false);
+        let mut line = Line { to: &to, urgent: true, is_json: false, colours };
         line.write_all(event.as_bytes()).unwrap();
-        String::from_utf8(line.to).unwrap()
+        std::fs::read_to_string(file).unwrap()
+    }
+
+    #[test]
+    fn ordinary_lines_wait_for_others_and_keep_their_order() {
+        let (to, file) = output(true);
+        let read = || std::fs::read_to_string(&file).unwrap();
+        to.take(b"a\n", false);
+        to.take(b"b\n", true);
+        assert_eq!(read(), "a\nb\n", "a warning takes the others along");
+        to.take(&vec![b'c'; ROOM], false);
+        assert_eq!(read().len(), ROOM + 4, "and so do many");
+        to.take(b"d\n", false);
+        to.flush();
+        assert!(read().ends_with("cd\n"));
+        to.take(b"e\n", false);
+        let late = std::time::Instant::now() + Duration::from_mins(1);
+        while !read().ends_with("d\ne\n") && std::time::Instant::now() < late {
+            std::thread::sleep(GATHERED);
+        }
+        assert!(read().ends_with("d\ne\n"), "a line waits for others for a moment only");
     }
 
     #[test]

@@ -61,7 +61,7 @@ mod viewing;
 mod worker;
 
 pub use failure::{Failure, one_line};
-pub use log::LogFormat;
+pub use log::{LogFormat, end_log};
 
 use crate::catalog::without_password;
 use crate::trust::without_secrets;
