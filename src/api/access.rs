@@ -124,8 +124,9 @@ impl Access {
     /// Returns true if an answer may tell browsers to reach `host` over TLS only (HSTS, RFC 6797). Excludes names of
     /// the loopback interface, because a browser would apply the rule to every other program on them.
     pub(crate) fn is_secure_only(&self, host: Option<&HeaderValue>) -> bool {
-        let host = host.and_then(|host| host.to_str().ok()).and_then(split);
-        self.secure && host.is_some_and(|(host, _)| !is_loopback(&host))
+        let names_machine =
+            |host: &HeaderValue| host.to_str().ok().and_then(split).is_some_and(|(host, _)| !is_loopback(&host));
+        self.secure && host.is_some_and(names_machine)
     }
 
     /// Classifies the web page that makes a request with `headers` to `host`. Browsers send `Origin` with every request

@@ -1,15 +1,15 @@
 //! Admission: each request holds a place until the last byte of its answer is sent.
 
 use super::body::{Guarded, Passed};
-use super::caller::Caller;
+use super::caller::{Caller, client};
 use super::extract::linger;
-use super::places::{Full, KIB, Peer, Place};
+use super::places::{Full, KIB, Place};
 use super::problem::Problem;
+use super::route::Route;
 use super::state::App;
 use crate::jobs::Client;
 use axum::body::{Body, HttpBody};
-use axum::extract::{MatchedPath, Request, State};
-use axum::middleware::Next;
+use axum::extract::Request;
 use axum::response::{IntoResponse, Response};
 
 /// Size in bytes above which an in-memory response counts towards the memory limit for responses. Raising it leaves
@@ -28,14 +28,18 @@ fn is_query(route: &str) -> bool {
     !matches!(question, "content" | "export")
 }
 
-/// Middleware that admits a request if its tenant has not used up its requests per minute, and its client is below its
-/// limits of simultaneous requests. The request counts as under way until its response is sent or dropped.
-pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Next) -> Response {
+/// Step that admits a request to the steps `next` if its tenant has not used up its requests per minute, and its client
+/// is below its limits of simultaneous requests. The request counts as under way until its response is sent or dropped.
+pub(crate) async fn admit<F: Future<Output = Response>>(
+    app: &App,
+    request: Request,
+    next: impl FnOnce(Request) -> F,
+) -> Response {
     if is_health(request.uri().path()) {
-        return next.run(request).await;
+        return next(request).await;
     }
     let caller = request.extensions().get::<Caller>();
-    let client = caller.map_or_else(|| Peer::of_request(&request).into(), Caller::client);
+    let client = client(request.extensions());
     let tenant = caller.filter(|caller| caller.actor.key().is_some()).map(|caller| caller.tenant.clone());
     if let Some(tenant) = tenant
         && let Err(problem) = app.rates.take(&app.engine.archive.catalog, &tenant).await
@@ -43,8 +47,7 @@ pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Ne
         linger(request).await;
         return problem.into_response();
     }
-    request.extensions_mut().insert(client.clone());
-    let asks = request.extensions().get::<MatchedPath>().is_some_and(|route| is_query(route.as_str()));
+    let asks = Route::of(request.extensions()).is_some_and(is_query);
     let taken = app.held.requests.take(client.clone(), 1).and_then(|request| {
         let query = asks.then(|| app.held.queries.take(client.clone(), 1)).transpose()?;
         Ok((request, query))
@@ -56,8 +59,8 @@ pub(crate) async fn admit(State(app): State<App>, mut request: Request, next: Ne
             return Problem::from(full).into_response();
         }
     };
-    let response = client.clone().on_behalf(next.run(request)).await;
-    match share(&app, client, response.body()) {
+    let response = client.clone().on_behalf(next(request)).await;
+    match share(app, client, response.body()) {
         Ok(answer) => response.map(|body| Body::new(Guarded::new(body, Holding { _places: (places, answer) }))),
         Err(full) => Problem::from(full).into_response(),
     }

@@ -1,4 +1,4 @@
-//! Layer that asks who calls before any handler or cache: a request needs a key with the scope of its route.
+//! Step that asks who calls before any handler or cache: a request needs a key with the scope of its route.
 
 use super::caller::{Actor, Caller};
 use super::decisions::{Decision, Judged, KeyState, Rights};
@@ -9,6 +9,7 @@ use super::needs::{self, Need};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
 use super::resumable::carried_out;
+use super::route::Route;
 use super::seen::ForAll;
 use super::state::App;
 use super::words::shown;
@@ -16,10 +17,9 @@ use crate::catalog::Act;
 use crate::jobs::unix_seconds;
 use crate::trust::{self, Grant, Key, KeyId, Link, Reach, Scope, Scopes, SecretHash, Tenant, Token};
 use axum::body::{Body, HttpBody};
-use axum::extract::{MatchedPath, Request, State};
+use axum::extract::Request;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, header};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::time::Instant;
 
@@ -50,12 +50,16 @@ enum Refused {
     Signed(trust::Refused, Option<KeyId>),
 }
 
-/// Middleware that identifies the caller of a request, and refuses the request if its route needs a scope that the
-/// caller lacks.
-pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Next) -> Response {
+/// Step that identifies the caller of a request before the steps `next`, and refuses the request if its route needs a
+/// scope that the caller lacks.
+pub(crate) async fn authorise<F: Future<Output = Response>>(
+    app: &App,
+    request: Request,
+    next: impl FnOnce(Request) -> F,
+) -> Response {
     let (mut parts, body) = request.into_parts();
     let mut end = None;
-    match caller(&app, &parts).await {
+    match caller(app, &parts).await {
         Ok(Some(caller)) => {
             end = caller.actor.key().map(|key| (key, caller.left().map(|left| Instant::now() + left)));
             parts.extensions.insert(caller);
@@ -72,9 +76,9 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
         }
     }
     let recorded = (app.guard.mode != AuthMode::Off).then(|| act(&parts)).flatten();
-    let mut response = next.run(Request::from_parts(parts, body)).await;
+    let mut response = next(Request::from_parts(parts, body)).await;
     if let Some(act) = recorded.filter(|_| response.status().is_success()) {
-        record(&app, response.headers(), act).await;
+        record(app, response.headers(), act).await;
     }
     // A cache on the way may give a public answer to those without a key only where they may ask themselves.
     let for_all = response.extensions().get::<ForAll>().is_some() && app.guard.mode == AuthMode::KeysAndAnonymousRead;
@@ -84,6 +88,7 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
     let is_short = response.body().size_hint().upper().is_some_and(|bytes| bytes <= SHORT);
     match end.filter(|_| !is_short) {
         Some((key, end)) => {
+            let app = app.clone();
             let lost = async move { app.guard.decisions.lost(&app.engine.archive.catalog, key, end).await };
             response.map(|body| Body::new(Expiring::new(body, lost)))
         }
@@ -93,7 +98,7 @@ pub(crate) async fn authorise(State(app): State<App>, request: Request, next: Ne
 
 /// Returns the record of a request for the audit trail; `None` if requests for its route are not recorded here.
 fn act(parts: &Parts) -> Option<Act> {
-    let action = needs::act(parts.method.as_str(), parts.extensions.get::<MatchedPath>()?.as_str())?;
+    let action = needs::act(parts.method.as_str(), Route::of(&parts.extensions)?)?;
     let last = parts.uri.path().rsplit('/').next().filter(|_| parts.method != Method::POST);
     let subject = last.map(|id| shown(id, LONGEST_SUBJECT));
     Some(Act { subject, ..parts.extensions.get::<Caller>()?.act(action, "") })
@@ -124,7 +129,7 @@ async fn caller(app: &App, parts: &Parts) -> Result<Option<Caller>, Problem> {
         }
         return caller(Tenant::default(), Scopes::all(), Actor::Off);
     }
-    let Some(path) = parts.extensions.get::<MatchedPath>().map(MatchedPath::as_str) else { return Ok(None) };
+    let Some(path) = Route::of(&parts.extensions) else { return Ok(None) };
     let Some(need) = needs::need(parts.method.as_str(), path) else {
         let detail = format!("{} is not for this resource; see Allow", parts.method);
         return Err(Problem::new(Kind::MethodNotAllowed, detail).with(header::ALLOW, &needs::methods(path)));

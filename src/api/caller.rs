@@ -7,7 +7,9 @@ use crate::jobs::Client;
 use crate::trust::{KeyId, Reach, Scope, Scopes, Tenant};
 use axum::extract::FromRequestParts;
 use axum::http::{Extensions, request::Parts};
+use std::convert::Infallible;
 use std::fmt;
+use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Caller of a request. The layer [`authorise`](super::authorise) puts it into every request with a route.
@@ -24,7 +26,7 @@ pub(crate) struct Caller {
     /// Time at which the rights of the caller end, in Unix seconds; `None` if they do not end.
     until: Option<u64>,
     peer: Peer,
-    request: String,
+    request: Option<RequestId>,
 }
 
 /// Way in which a caller has shown who it is.
@@ -44,7 +46,7 @@ pub(crate) enum Actor {
 
 /// Id of an HTTP request, stored in the extensions of the request.
 #[derive(Clone, Debug)]
-pub(crate) struct RequestId(pub(crate) String);
+pub(crate) struct RequestId(pub(crate) Arc<str>);
 
 impl Caller {
     /// Returns the caller stored in the extensions of a request. Fails if there is none, because the request has not
@@ -62,7 +64,7 @@ impl Caller {
     /// Builds a caller from its tenant, scopes and actor; the extensions of the request give its address and the
     /// request id.
     pub(crate) fn new(tenant: Tenant, scopes: Scopes, actor: Actor, extensions: &Extensions) -> Self {
-        let request = extensions.get::<RequestId>().map(|id| id.0.clone()).unwrap_or_default();
+        let request = extensions.get::<RequestId>().cloned();
         let (reach, until) = (Reach::All, None);
         Self { tenant, scopes, actor, reach, until, peer: Peer::of_extensions(extensions), request }
     }
@@ -99,7 +101,7 @@ impl Caller {
             subject: Some(subject.to_string()),
             detail: None,
             address: Some(self.peer.to_string()),
-            request: Some(self.request.clone()).filter(|id| !id.is_empty()),
+            request: self.request.as_ref().map(|id| id.0.to_string()),
         }
     }
 }
@@ -123,6 +125,19 @@ impl fmt::Display for Actor {
             Self::Token(id) => write!(f, "token of key {id}"),
             Self::Link(id) => write!(f, "link of key {id}"),
         }
+    }
+}
+
+/// Returns the client to whom limits on the request with these extensions apply.
+pub(crate) fn client(extensions: &Extensions) -> Client {
+    extensions.get().map_or_else(|| Peer::of_extensions(extensions).into(), Caller::client)
+}
+
+impl<S: Sync> FromRequestParts<S> for Client {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        Ok(client(&parts.extensions))
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::admit::is_health;
 use super::body::{Guarded, Passed};
+use super::front::Front;
 use super::patient::Patient;
 use super::places::{Full, Peer, Place, Places};
 use super::problem::Problem;
 use super::tls::{Handshake, Wire};
 use super::traffic::{Silence, Traffic};
 use crate::jobs::Limits;
-use axum::Router;
 use axum::body::{Body, HttpBody};
 use axum::extract::Request;
 use axum::http::{HeaderValue, header};
@@ -25,7 +25,6 @@ use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio::net::TcpStream;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
-use tower::ServiceExt;
 
 /// First bytes of every HTTP/2 connection, the client preface of RFC 9113 section 3.4.
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
@@ -83,9 +82,9 @@ impl Entrance {
     }
 }
 
-/// Router and limits that all connections of a listener share.
+/// Front of the service and limits that all connections of a listener share.
 pub(crate) struct Host {
-    router: Router,
+    front: Front,
     /// TLS handshake that begins each connection; `None` serves plain HTTP.
     handshake: Option<Handshake>,
     idle: Duration,
@@ -100,7 +99,7 @@ pub(crate) struct Host {
 
 impl Host {
     pub(crate) fn new(
-        router: Router,
+        front: Front,
         limits: &Limits,
         handshake: Option<Handshake>,
         stop: CancellationToken,
@@ -128,7 +127,7 @@ impl Host {
             .initial_connection_window_size(RECEIVE_WINDOW)
             .max_send_buf_size(SEND_BUFFER);
         let (idle, first_bytes) = (limits.idle, limits.first_bytes);
-        Arc::new(Self { router, handshake, idle, first_bytes, http1, http2, stop, cut })
+        Arc::new(Self { front, handshake, idle, first_bytes, http1, http2, stop, cut })
     }
 
     /// Serves the requests of one TCP connection until the connection is closed.
@@ -145,7 +144,7 @@ impl Host {
         }
     }
 
-    async fn converse(&self, stream: TcpStream, peer: Peer, refusal: Option<Full>) -> Result<(), String> {
+    async fn converse(self: &Arc<Self>, stream: TcpStream, peer: Peer, refusal: Option<Full>) -> Result<(), String> {
         let Some(mut stream) = self.secured(stream).await? else { return Ok(()) };
         let Some(head) = self.opening(first_bytes(&mut stream)).await? else { return Ok(()) };
         let is_http2 = head == PREFACE;
@@ -155,9 +154,9 @@ impl Host {
             let mut running = traffic.enter();
             let mut request = request.map(Body::new);
             request.extensions_mut().insert(peer);
-            let router = self.router.clone();
+            let host = Arc::clone(self);
             async move {
-                let response = answer(router, request, refusal).await;
+                let response = answer(&host.front, request, refusal).await;
                 // HTTP/2 does not poll the body while the client's flow-control window is closed.
                 if !response.body().is_end_stream() {
                     running.gave();
@@ -225,14 +224,11 @@ impl Host {
 
 /// Answers a request. If `refusal` is set, the connection is one of those reserved for health checks: other requests
 /// are refused, and HTTP/1 answers tell the client to close.
-async fn answer(router: Router, request: Request, refusal: Option<Full>) -> Response {
-    let Some(full) = refusal else { return router.oneshot(request).await.into_response() };
+async fn answer(front: &Front, request: Request, refusal: Option<Full>) -> Response {
+    let Some(full) = refusal else { return front.answer(request).await };
     let http1 = request.version() < axum::http::Version::HTTP_2;
-    let mut response = if is_health(request.uri().path()) {
-        router.oneshot(request).await.into_response()
-    } else {
-        Problem::from(full).into_response()
-    };
+    let mut response =
+        if is_health(request.uri().path()) { front.answer(request).await } else { Problem::from(full).into_response() };
     if http1 {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
     }

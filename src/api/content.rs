@@ -14,6 +14,10 @@ use std::time::Duration;
 /// Media type of a material file.
 pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 
+/// Number of response headers for which room is made at once. A smaller one makes the table of headers grow several
+/// times.
+const HEADERS: usize = 24;
+
 /// Builds the HTTP response that sends the stored blob `digest`, whole or in part, as the request asks. A row of the
 /// catalog refers to the blob, so a missing blob is reported as corruption of the store.
 pub(crate) async fn respond_named(
@@ -62,10 +66,13 @@ pub(crate) async fn redirected(
 ) -> Result<Option<Response>, Problem> {
     let longest = app.engine.limits.store_redirect.0;
     let life = left.map_or(longest, |left| left.min(longest));
+    // The store counts whole seconds.
+    if life < Duration::from_secs(1) || method != Method::GET {
+        return Ok(None);
+    }
     let labels = Labels::new(digest, media_type, file_name);
     let is_unchanged = not_modified(headers, labels.etag.to_str().unwrap_or_default());
-    // The store counts whole seconds.
-    if life < Duration::from_secs(1) || method != Method::GET || is_unchanged {
+    if is_unchanged {
         return Ok(None);
     }
     let disposition = labels.disposition.to_str().unwrap_or("attachment");
@@ -149,6 +156,7 @@ impl Labels {
     fn response(&self, size: u64, asked: Option<(StatusCode, Range<u64>)>, body: Body) -> Response {
         let mut response = Response::new(body);
         let headers = response.headers_mut();
+        headers.reserve(HEADERS);
         headers.insert(header::ETAG, self.etag.clone());
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("public, max-age=31536000, immutable"));

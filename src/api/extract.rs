@@ -1,7 +1,8 @@
 //! Extractors of queries, bodies and path segments, whose errors become problems.
 
+use super::caller::client;
 use super::pace::Pace;
-use super::places::{KIB, Place, client};
+use super::places::{KIB, Place};
 use super::problem::{Kind, Problem};
 use super::state::{App, Service};
 use super::words::percent_decoded;

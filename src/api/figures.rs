@@ -4,9 +4,11 @@ use axum::Router;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use metrics::Histogram;
 use metrics_exporter_prometheus::{PrometheusBuilder, PrometheusHandle};
+use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::OnceLock;
+use std::sync::{OnceLock, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio_util::task::AbortOnDropHandle;
@@ -31,6 +33,31 @@ const FAULTS: [&str; 2] = ["corrupt", "missing"];
 /// Upper bounds in seconds of the classes in which the durations of requests and jobs are counted. The counts of
 /// several processes can be added, unlike quantiles.
 const SECONDS: [f64; 14] = [0.001, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 30.0, 120.0, 600.0];
+
+/// Histograms of the durations of requests, one for each method, route and status that has occurred. Finding one here
+/// is quicker than by its name and labels.
+#[derive(Default)]
+pub(crate) struct Durations {
+    known: RwLock<HashMap<(&'static str, &'static str, u16), Histogram>>,
+}
+
+impl Durations {
+    /// Records the duration of a request in seconds.
+    pub(crate) fn record(&self, method: &'static str, route: &'static str, status: u16, seconds: f64) {
+        let key = (method, route, status);
+        if let Some(histogram) = self.known.read().unwrap_or_else(PoisonError::into_inner).get(&key) {
+            return histogram.record(seconds);
+        }
+        let labels = [
+            ("method", method.into()),
+            ("route", route.into()),
+            ("status", metrics::SharedString::from(status.to_string())),
+        ];
+        let histogram = metrics::histogram!("wavelume_http_request_duration_seconds", &labels);
+        histogram.record(seconds);
+        self.known.write().unwrap_or_else(PoisonError::into_inner).insert(key, histogram);
+    }
+}
 
 /// Returns the only metrics recorder of the process; the first call installs it.
 pub(super) fn recorder() -> Option<PrometheusHandle> {

@@ -3,11 +3,12 @@
 use super::access::{Access, Page};
 use super::caller::RequestId;
 use super::problem::{Kind, Problem};
+use super::route::Route;
+use super::state::App;
 use super::words::{shown, shown_path};
 use crate::trust::{Link, holds_secret};
-use axum::extract::{MatchedPath, Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::any::Any;
 use std::sync::Arc;
@@ -32,7 +33,11 @@ const SECURE_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
 
 /// Refuses requests that name an unknown host. Refuses requests of web pages of other origins if they write, or if they
 /// use a key and the origin is not allowed. Lets pages of allowed origins read the answers.
-async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) -> Response {
+async fn hosts_and_origins<F: Future<Output = Response>>(
+    access: &Access,
+    mut request: Request,
+    next: impl FnOnce(Request) -> F,
+) -> Response {
     let host = match access.host(&request) {
         Ok(host) => host,
         Err(problem) => return refuse(request, problem).await,
@@ -40,7 +45,9 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     let page = access.page(request.headers(), host.as_ref());
     let secure_only = access.is_secure_only(host.as_ref());
     // HTTP/2 carries the host in `:authority`.
-    request.headers_mut().extend(host.map(|host| (header::HOST, host)));
+    if !request.headers().contains_key(header::HOST) {
+        request.headers_mut().extend(host.map(|host| (header::HOST, host)));
+    }
     let preflight =
         request.method() == Method::OPTIONS && request.headers().contains_key(header::ACCESS_CONTROL_REQUEST_METHOD);
     let may = match &page {
@@ -50,7 +57,7 @@ async fn hosts_and_origins(access: &Access, mut request: Request, next: Next) ->
     };
     let mut response = match &page {
         Page::Allowed(_) if preflight => StatusCode::NO_CONTENT.into_response(),
-        _ if may => next.run(request).await,
+        _ if may => next(request).await,
         Page::Allowed(_) => refuse(request, Problem::new(Kind::CrossOrigin, "this origin may read, not write")).await,
         _ => {
             let detail = "the page that asks is of another origin than the service, and no --origin allows it to read";
@@ -113,41 +120,39 @@ pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Middleware around all others: checks the host and the origin of a request, adds security headers to its answer,
+/// Step around all others, `next`: checks the host and the origin of a request, adds security headers to its answer,
 /// assigns an id to it, logs it once, and records its duration by route.
-pub(crate) async fn outermost(State(access): State<Arc<Access>>, mut request: Request, next: Next) -> Response {
+pub(crate) async fn outermost<F: Future<Output = Response>>(
+    app: &App,
+    mut request: Request,
+    next: impl FnOnce(Request) -> F,
+) -> Response {
     let start = Instant::now();
     let method = request.method().clone();
     let path = shown_path(request.uri().path(), LOGGED_PATH);
-    let route = request.extensions().get::<MatchedPath>().map_or("none".to_owned(), |path| path.as_str().to_owned());
+    let route = Route::of(request.extensions()).unwrap_or("none");
     let request_id = request_id(request.headers());
-    request.extensions_mut().insert(RequestId(request_id.clone()));
-    let mut response = hosts_and_origins(&access, request, next).await;
+    request.extensions_mut().insert(RequestId(Arc::clone(&request_id)));
+    let mut response = hosts_and_origins(&app.access, request, next).await;
     harden(response.headers_mut());
     let status = response.status().as_u16();
     let seconds = start.elapsed().as_secs_f64();
     let duration_ms = start.elapsed().as_millis() as u64;
-    let known = method_name(&method);
-    let labels = [
-        ("method", known.into()),
-        ("route", route.into()),
-        ("status", metrics::SharedString::from(status.to_string())),
-    ];
-    metrics::histogram!("wavelume_http_request_duration_seconds", &labels).record(seconds);
+    app.durations.record(method_name(&method), route, status, seconds);
     let method = shown(method.as_str(), LOGGED_METHOD);
-    tracing::info!(method, path, status, duration_ms, request_id, "request answered");
+    tracing::info!(method, path, status, duration_ms, request_id = &*request_id, "request answered");
     response.headers_mut().extend(HeaderValue::from_str(&request_id).ok().map(|id| (REQUEST_ID, id)));
     response
 }
 
 /// Returns the client's request id if it is safe to log, otherwise a new id that sorts by time.
-fn request_id(headers: &HeaderMap) -> String {
+fn request_id(headers: &HeaderMap) -> Arc<str> {
     let mut ids = headers.get_all(REQUEST_ID).iter();
     let id = ids.next().and_then(|id| id.to_str().ok()).filter(|_| ids.next().is_none());
     let known = |b: u8| b.is_ascii_alphanumeric() || b"-_.~:/+=@".contains(&b);
     match id {
-        Some(id) if (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(known) && !holds_secret(id) => id.to_owned(),
-        _ => uuid::Uuid::now_v7().to_string(),
+        Some(id) if (1..=LONGEST_ID).contains(&id.len()) && id.bytes().all(known) && !holds_secret(id) => id.into(),
+        _ => Arc::from(&*uuid::Uuid::now_v7().hyphenated().encode_lower(&mut uuid::Uuid::encode_buffer())),
     }
 }
 
@@ -176,7 +181,7 @@ fn harden(headers: &mut HeaderMap) {
 }
 
 /// Answers a request whose handler panicked, which is a bug of the service.
-#[allow(clippy::needless_pass_by_value, reason = "the layer hands the panic over")]
+#[allow(clippy::needless_pass_by_value, reason = "the panic is not used again")]
 pub(crate) fn panicked(panic: Box<dyn Any + Send>) -> Response {
     let message = crate::jobs::panic_message(panic.as_ref());
     Problem::internal(&format!("a handler panicked: {message}")).into_response()
@@ -208,7 +213,7 @@ mod tests {
             request_id(&headers)
         };
         for known in ["7", "0190b1e2-0000-7000-8000-000000000000", "Root=1-67891233-abcdef", "a/b:c@d~e"] {
-            assert_eq!(id(&[known.as_bytes()]), known);
+            assert_eq!(*id(&[known.as_bytes()]), *known);
         }
         let long = "x".repeat(LONGEST_ID + 1).leak().as_bytes();
         for other in [&[][..], &[&b""[..]], &[b"a b"], &[b"\t"], &[b"\xff"], &[b"\"quoted\""], &[b"a", b"b"], &[long]] {

@@ -16,6 +16,7 @@ use crate::paper::Table;
 use crate::store::{Digest, StoreError};
 use crate::trust::Tenant;
 use axum::Json;
+use axum::extract::Request;
 use axum::http::{HeaderMap, Method, StatusCode};
 use axum::response::Response;
 use serde::{Deserialize, Serialize};
@@ -247,24 +248,21 @@ async fn delete_material(app: App, Id(id): Id) -> Result<StatusCode, Problem> {
         (status = 307, description = "The file is at `Location`, a URL of the store that is valid for a short time"),
     )
 )]
-async fn get_material_content(
-    app: App,
-    caller: Caller,
-    method: Method,
-    headers: HeaderMap,
-    Id(id): Id,
-) -> Result<Response, Problem> {
+async fn get_material_content(app: App, Id(id): Id, request: Request) -> Result<Response, Problem> {
+    let left = Caller::of_extensions(request.extensions())?.left();
+    let (method, headers) = (request.method(), request.headers());
     let seen = seen_lately(&app, id).await?;
-    let (app, name) = (&seen.app, seen.name.as_deref());
-    let name = format!("{}.wlm", name.unwrap_or(&id.to_string()[..15]));
-    let redirected = content::redirected(app, id, MATERIAL, Some(&name), &method, &headers, caller.left());
+    let app = &seen.app;
+    let name =
+        seen.name.as_ref().map_or_else(|| format!("{}.wlm", &id.to_string()[..15]), |name| format!("{name}.wlm"));
+    let redirected = content::redirected(app, id, MATERIAL, Some(&name), method, headers, left);
     if let Some(answer) = redirected.await? {
         return Ok(answer);
     }
     let response = if let Some(bytes) = app.contents.get(&app.engine.archive, id).await? {
-        content::respond_with(&bytes, id, MATERIAL, Some(&name), &method, &headers)?
+        content::respond_with(&bytes, id, MATERIAL, Some(&name), method, headers)?
     } else {
-        content::respond_named(app, id, MATERIAL, Some(&name), &method, &headers).await?
+        content::respond_named(app, id, MATERIAL, Some(&name), method, headers).await?
     };
     Ok(seen.mark(response))
 }

@@ -21,6 +21,7 @@ mod extract;
 mod figures;
 mod first_key;
 mod flattened;
+mod front;
 mod guard;
 mod guesses;
 mod job;
@@ -45,6 +46,7 @@ mod resumable;
 #[cfg(test)]
 mod rolling_tests;
 mod root;
+mod route;
 mod router;
 mod schemas;
 mod seen;

@@ -3,7 +3,7 @@
 use super::problem::{Kind, Problem};
 use crate::jobs::{Client, most_of_tenant};
 use crate::trust::Tenant;
-use axum::extract::{FromRequestParts, Request};
+use axum::extract::FromRequestParts;
 use axum::http::{Extensions, request::Parts};
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -38,10 +38,6 @@ impl Peer {
     pub(crate) fn of_extensions(extensions: &Extensions) -> Self {
         extensions.get().copied().unwrap_or(Self(IpAddr::V4(Ipv4Addr::UNSPECIFIED)))
     }
-
-    pub(crate) fn of_request(request: &Request) -> Self {
-        Self::of_extensions(request.extensions())
-    }
 }
 
 impl std::fmt::Display for Peer {
@@ -65,19 +61,6 @@ impl From<Peer> for Client {
     fn from(peer: Peer) -> Self {
         Self::at(peer.0)
     }
-}
-
-impl<S: Sync> FromRequestParts<S> for Client {
-    type Rejection = Infallible;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
-        Ok(client(&parts.extensions))
-    }
-}
-
-/// Returns the client that the layer [`admit`](super::admit) stored in the request.
-pub(crate) fn client(extensions: &Extensions) -> Client {
-    extensions.get().cloned().unwrap_or_else(|| Peer::of_extensions(extensions).into())
 }
 
 /// Pool of permits of one kind (for example, simultaneous uploads), limited in total, per address and per tenant. Two
@@ -214,12 +197,11 @@ impl Shared {
 }
 
 /// Lowers one of several numbers, and removes it at zero.
-fn lower<K: Clone + Eq + Hash>(numbers: &mut HashMap<K, usize>, key: &K, count: usize) {
-    let left = numbers.get(key).copied().unwrap_or(0).saturating_sub(count);
-    if left == 0 {
+fn lower<K: Eq + Hash>(numbers: &mut HashMap<K, usize>, key: &K, count: usize) {
+    let Some(number) = numbers.get_mut(key) else { return };
+    *number = number.saturating_sub(count);
+    if *number == 0 {
         numbers.remove(key);
-    } else {
-        numbers.insert(key.clone(), left);
     }
 }
 

@@ -1,10 +1,8 @@
-//! The router: every route as a table of contents, the layers around it, and the description generated from it.
+//! The router: every route as a table of contents, and the description generated from it.
 
 use super::state::{App, Service};
-use super::{admit, authorise, description, layers};
+use super::{description, layers};
 use axum::Router;
-use std::sync::Arc;
-use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::openapi::{OpenApi, OpenApiBuilder};
 use utoipa_axum::router::OpenApiRouter;
 
@@ -27,19 +25,10 @@ fn routes() -> OpenApiRouter<Service> {
         .merge(super::audit::routes())
 }
 
-/// Builds the HTTP routes with the middleware around them. Middleware that is added later runs first.
+/// Builds the handlers of the HTTP routes, without the steps that [`Front`](super::front::Front) puts around them.
 pub(super) fn router(app: App) -> Router {
     let (router, _) = routes().split_for_parts();
-    let access = Arc::clone(&app.access);
-    router
-        .fallback(layers::no_route)
-        .method_not_allowed_fallback(layers::no_method)
-        .with_state(Service::new(app.clone()))
-        .layer(axum::middleware::from_fn_with_state(app.clone(), admit::admit))
-        .layer(axum::middleware::from_fn_with_state(app, authorise::authorise))
-        .layer(axum::extract::DefaultBodyLimit::disable())
-        .layer(CatchPanicLayer::custom(layers::panicked))
-        .layer(axum::middleware::from_fn_with_state(access, layers::outermost))
+    router.fallback(layers::no_route).method_not_allowed_fallback(layers::no_method).with_state(Service::new(app))
 }
 
 /// Returns the OpenAPI description of every route, generated from the router.

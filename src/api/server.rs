@@ -4,13 +4,14 @@ use super::access::Access;
 use super::connection::{Entrance, Host};
 use super::content_cache::Contents;
 use super::descriptors;
-use super::figures::{keep_up, recorder};
+use super::figures::{Durations, keep_up, recorder};
 use super::first_key::{self, BootstrapKey, FirstKeyError};
+use super::front::Front;
 use super::guard::{AuthMode, Guard};
 use super::places::Peer;
 use super::rates::Rates;
 use super::remembered::Remembered;
-use super::router::{openapi, router};
+use super::router::openapi;
 use super::state::{App, Held, Shared};
 use super::tls::{Current, Handshake, TlsFiles};
 use crate::jobs::{ArchiveError, Engine, Site, WorkConfig, run_workers, watch_jobs};
@@ -211,6 +212,7 @@ impl Server {
             guard: Arc::clone(&guard),
             stopping: stopping.clone(),
             stop: stop.clone(),
+            durations: Durations::default(),
             metrics: recorder(),
             openapi: json.into(),
         };
@@ -243,7 +245,7 @@ impl Server {
                 tokio::time::sleep(notice).await;
             }
         };
-        let host = Host::new(router(app), limits, handshake, stop.clone(), cut.clone());
+        let host = Host::new(Front::new(app), limits, handshake, stop.clone(), cut.clone());
         let connections = accept(&listener, &host, &Entrance::new(limits), closing).await;
         drop(listener);
         tracing::info!("stopping: running requests and jobs may end");

@@ -3,6 +3,7 @@
 use super::access::Access;
 use super::caller::Caller;
 use super::content_cache::Contents;
+use super::figures::Durations;
 use super::guard::Guard;
 use super::places::{KIB, Places};
 use super::problem::Problem;
@@ -49,6 +50,8 @@ pub(crate) struct Shared {
     pub(crate) stopping: CancellationToken,
     /// Token that is cancelled when the listener is closed: event streams and waiting requests end.
     pub(crate) stop: CancellationToken,
+    /// Histograms of the durations of requests.
+    pub(crate) durations: Durations,
     /// Recorder of metrics; `None` if another one was installed in this process.
     pub(crate) metrics: Option<PrometheusHandle>,
     /// OpenAPI description of the interface in JSON, rendered once.

@@ -3,26 +3,24 @@
 use super::access::Access;
 use super::caller::Caller;
 use super::content_cache::Contents;
+use super::figures::Durations;
+use super::front::Front;
 use super::guard::{AuthMode, Guard};
 use super::rates::Rates;
 use super::remembered::Remembered;
-use super::router::{openapi, router};
+use super::router::openapi;
 use super::state::{App, Held, Shared};
 use crate::catalog::testing;
 use crate::jobs::{Engine, Site, WorkConfig, run_workers};
 use crate::store::{Digest, contract};
-use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::Request;
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::{Next, from_fn};
-use axum::response::Response;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
-use tower::ServiceExt;
 
 const SPECTRUM: &str = "wavelength,a\n400,1\n410,2\n420,3\n430,2\n440,1\n";
 
@@ -31,7 +29,7 @@ const TENANT: &str = "x-tenant";
 
 /// Service of two tenants, `one` and `two`, whose jobs are run.
 struct Desk {
-    router: Router,
+    front: Front,
     stop: CancellationToken,
     _working: AbortOnDropHandle<()>,
 }
@@ -69,12 +67,12 @@ impl Answer {
 }
 
 /// Makes a request one of the tenant that its header names.
-async fn as_tenant(mut request: Request, next: Next) -> Response {
+fn as_tenant(mut request: Request) -> Request {
     if let Some(tenant) = request.headers_mut().remove(TENANT) {
         let tenant = tenant.to_str().unwrap().parse().unwrap();
         request.extensions_mut().insert(Caller::of_tenant(tenant));
     }
-    next.run(request).await
+    request
 }
 
 /// Request with a tenant, without a body.
@@ -115,18 +113,18 @@ impl Desk {
             guard: Guard::new(AuthMode::Off, false, &engine.limits),
             stopping: stop.clone(),
             stop: stop.clone(),
+            durations: Durations::default(),
             metrics: None,
             openapi: "{}".into(),
         };
         let app = App::new(Arc::clone(&engine), shared);
         let working = stop.clone();
         let working = tokio::spawn(async move { run_workers(&engine, 1, &working).await });
-        let router = router(app).layer(from_fn(as_tenant));
-        Self { router, stop, _working: AbortOnDropHandle::new(working) }
+        Self { front: Front::new(app), stop, _working: AbortOnDropHandle::new(working) }
     }
 
     async fn answer(&self, request: Request) -> Answer {
-        let response = self.router.clone().oneshot(request).await.unwrap();
+        let response = self.front.answer(as_tenant(request)).await;
         let status = response.status();
         let told = |headers: &HeaderMap| {
             let mut told: Vec<_> = headers
@@ -426,8 +424,8 @@ async fn equal_bytes_are_new_to_each_tenant() {
             answers.push(desk.answer(upload()).await);
             let job = desk.job(tenant, &json!({ "measurement": measurement, "target": { "er_l2": 0.01 } })).await;
             let material = job["material"].as_str().unwrap();
-            let file = desk.router.clone();
-            let file = file.oneshot(get(tenant, &format!("/v1/materials/{material}/content"))).await.unwrap();
+            let content = as_tenant(get(tenant, &format!("/v1/materials/{material}/content")));
+            let file = desk.front.answer(content).await;
             let file = to_bytes(file.into_body(), 1 << 20).await.unwrap();
             let again = Request::builder().method("POST").uri("/v1/materials").header(header::HOST, "localhost");
             let again = again.header(TENANT, tenant).body(Body::from(file)).unwrap();

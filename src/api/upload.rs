@@ -1,8 +1,8 @@
 //! From an uploaded body to a staged file: streamed, decoded and hashed in bounded memory, within size, ratio and time.
 
+use super::caller::client;
 use super::extract::{declared_length, linger, linger_body};
 use super::pace::{Pace, Slow};
-use super::places::client;
 use super::problem::{Kind, Problem};
 use super::state::App;
 use super::zstd::ZstdReader;

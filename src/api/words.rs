@@ -11,6 +11,9 @@ const DECODED: usize = 3;
 /// middle is left out.
 pub(crate) fn shown(text: &str, most: usize) -> String {
     let text = &*without_secrets(text);
+    if text.len() <= most && text.bytes().all(|b| matches!(b, b' '..=b'~')) {
+        return text.to_owned();
+    }
     // One character has at most four bytes, so that short texts are not counted.
     if text.len() <= most || text.chars().count() <= most {
         return escaped(text.chars());
@@ -27,6 +30,9 @@ pub(crate) fn shown(text: &str, most: usize) -> String {
 /// Returns the path of a URL, safe to display like the result of [`shown`]. If its percent-encoding hides a key or a
 /// token, the decoded path is shown without it.
 pub(crate) fn shown_path(path: &str, most: usize) -> String {
+    if !path.contains('%') {
+        return shown(path, most);
+    }
     let mut decoded = path.to_owned();
     for _ in 0..DECODED {
         if decoded.contains('%') {

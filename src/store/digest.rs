@@ -11,6 +11,9 @@ use utoipa::{PartialSchema, ToSchema};
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Digest([u8; 32]);
 
+/// Hexadecimal digits by their values.
+const DIGITS: &[u8; 16] = b"0123456789abcdef";
+
 /// Text that is not a digest.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no digest, expected `b3-` and 64 lower-case hexadecimal digits")]
@@ -40,7 +43,11 @@ impl From<blake3::Hash> for Digest {
 
 impl fmt::Display for Digest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "b3-{}", blake3::Hash::from_bytes(self.0).to_hex())
+        let mut text = *b"b3-0000000000000000000000000000000000000000000000000000000000000000";
+        for (pair, byte) in text[3..].chunks_exact_mut(2).zip(self.0) {
+            pair.copy_from_slice(&[DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 15)]]);
+        }
+        f.write_str(std::str::from_utf8(&text).unwrap_or_default())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Batches by POST: their requests, and the three encodings of their bodies.
 
+use super::super::caller::client;
 use super::super::extract::{Id, JsonBytes, Query, declared_length, linger, parse_json};
-use super::super::places::client;
 use super::super::problem::{Kind, Problem};
 use super::super::schemas::{Angles, Binary, Lines, OneOrMoreAngles};
 use super::super::state::App;

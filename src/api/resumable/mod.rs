@@ -16,12 +16,13 @@ pub(super) use used::{receive, upload_parameter};
 use super::extract::{Id32, linger};
 use super::places::Peer;
 use super::problem::{Kind, Problem};
+use super::route::Route;
 use super::schemas::{Binary, OverridingMethod, TusVersion, UploadIdText};
 use super::state::{App, Service};
 use super::upload::lacks_room;
 use crate::catalog::{Begun, Bound, Partial};
 use crate::jobs::{Client, most_of_tenant};
-use axum::extract::{MatchedPath, Request};
+use axum::extract::Request;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -305,7 +306,7 @@ fn overriding(headers: &HeaderMap) -> Option<Overriding> {
 /// Returns the HTTP method that a request carries out: on the route of a resumable upload the one in
 /// `X-HTTP-Method-Override`, otherwise its own.
 pub(super) fn carried_out(parts: &Parts) -> &str {
-    let route = parts.extensions.get::<MatchedPath>().map(MatchedPath::as_str);
+    let route = Route::of(&parts.extensions);
     let is_overridden = parts.method == Method::POST && route == Some("/v1/uploads/{id}");
     match overriding(&parts.headers).filter(|_| is_overridden) {
         Some(Overriding::Patch) => "PATCH",

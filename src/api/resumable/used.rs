@@ -2,8 +2,8 @@
 
 use super::headers;
 use super::refusals::{absent, expired, locked};
+use crate::api::caller::client;
 use crate::api::extract::{declared_length, linger};
-use crate::api::places::client;
 use crate::api::problem::{Kind, Problem};
 use crate::api::schemas::UploadIdText;
 use crate::api::state::App;
