@@ -24,7 +24,7 @@ use tokio_util::sync::CancellationToken;
 #[derive(Clone)]
 pub(crate) struct Service(App);
 
-/// State that HTTP handlers use, bound to the data of the caller's tenant; cheap to clone.
+/// State that an HTTP handler uses: it reaches only the data of the tenant for which the caller acts. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct App {
     /// Engine for the data of the caller's tenant.
@@ -63,7 +63,8 @@ impl Service {
         Self(app)
     }
 
-    /// Returns the state for the caller of the request with these extensions.
+    /// Returns the state for the handler of an HTTP request, bound to the data of the caller's tenant. The caller is
+    /// stored in the `extensions` of the request; without one, the request fails.
     pub(crate) fn of(&self, extensions: &Extensions) -> Result<App, Problem> {
         Ok(self.0.of(&Caller::of_extensions(extensions)?.tenant))
     }
@@ -74,7 +75,8 @@ impl App {
         Self { engine, shared: Arc::new(shared) }
     }
 
-    /// Returns the state for the data of a tenant.
+    /// Returns a state through which an HTTP handler reads and changes the data of `tenant` alone. Limits, caches and
+    /// other parts that all tenants share stay those of this state.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { engine: self.engine.of(tenant), shared: Arc::clone(&self.shared) }
     }

@@ -22,10 +22,13 @@ pub(crate) fn direction(text: &str) -> Result<Direction, String> {
     }
 }
 
-/// Parses `3` or `3,4`: the entry to use on each leading index axis (columns of a table, scan positions), from 0.
+/// Parses the positions, counted from 0, at which a material is queried on its leading index axes (columns of a table,
+/// positions of a scan): `3` for one axis, `3,4` for two.
 pub(crate) fn index(text: &str) -> Result<List<usize>, String> {
     let entries = text.split(',').map(|part| part.trim().parse()).collect::<Result<_, _>>();
-    entries.map(List).map_err(|_| format!("`{text}` is no index, expected numbers from 0 with commas between them"))
+    entries
+        .map(List)
+        .map_err(|_| format!("`{text}` is no index, expected whole numbers, none negative, with commas between them"))
 }
 
 /// Parses `0.5,-2`: one factor for each material.

@@ -118,3 +118,44 @@ impl Manifest {
         serde_json::from_value(Value::Object(document))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::{Note, NoteKind};
+    use crate::formats::Interpretation;
+    use crate::pipeline::{Input, Request, read};
+    use serde_json::json;
+
+    #[test]
+    fn a_document_of_an_earlier_version_keeps_the_sentences_of_its_coverage() {
+        let bytes = include_bytes!("../../data/illuminant_D65.csv");
+        let source = read(&Input { bytes, spectrum: None, interpretation: &Interpretation::default() }).unwrap();
+        let manifest = Manifest {
+            report: source.compress(&Request::er_l2(0.01)).unwrap().report,
+            names: Vec::new(),
+            licence: None,
+            licences: Vec::new(),
+            provenance: Provenance {
+                origin: Origin::Job,
+                generator: "wavelume 0.1.0".to_owned(),
+                measurement: None,
+                content_digest: None,
+                options: Options::default(),
+                request: None,
+            },
+            measured_again: Vec::new(),
+        };
+        let notes = manifest.report.coverage.notes.clone();
+        let mut document = Value::Object(manifest.document().unwrap());
+        assert_eq!(document["coverage"]["notes"], json!(notes));
+        assert_eq!(Manifest::read(&document.to_string()).unwrap().report, manifest.report);
+
+        let sentences: Vec<String> = notes.iter().map(Note::to_string).collect();
+        assert!(!sentences.is_empty());
+        document["coverage"]["notes"] = json!(sentences);
+        let read = Manifest::read(&document.to_string()).unwrap().report.coverage.notes;
+        let plain = |sentence: String| Note::plain(NoteKind::Chosen, sentence);
+        assert_eq!(read, sentences.into_iter().map(plain).collect::<Vec<_>>());
+    }
+}

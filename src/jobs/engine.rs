@@ -96,7 +96,8 @@ impl Engine {
         }))
     }
 
-    /// Returns the engine for the data of another tenant, with the same threads, limits and caches.
+    /// Returns an engine that reads and changes the data of `tenant` alone, and shares threads, limits and caches with
+    /// this one.
     pub(crate) fn of(self: &Arc<Self>, tenant: &Tenant) -> Arc<Self> {
         if self.archive.catalog.tenant() == tenant {
             return Arc::clone(self);

@@ -16,8 +16,6 @@ use utoipa::{PartialSchema, ToSchema};
 const NOT_UPLOADED: &str = "member";
 /// Option that an upload has from the manifest beside an array in an archive.
 const UNPACKED: &str = "axes";
-/// Names of the options for reading a measurement that a compression job may state if the upload did not.
-const LATER: [&str; 2] = ["axes", "quantity"];
 
 /// Options for reading the bytes of a measurement; kept in the JSON description of the measurement in the database. An
 /// option unknown to this version is an error: bytes read without it would be read wrongly.
@@ -32,30 +30,47 @@ pub(crate) struct Options {
     stated: Interpretation,
 }
 
-/// Reading options of a job, which replace those of the upload.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct LaterOptions {
-    /// Manifest that describes the axes of an array, if the job states one: see [`Interpretation::axes`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    axes: Option<serde_json::Value>,
-    /// Radiometric quantity of the values, if the job states one: see [`Interpretation::quantity`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    quantity: Option<StatedQuantity>,
+/// Declares the options for reading a measurement that a compression job may state too, each once with its name and the
+/// type that it has in [`Interpretation`].
+macro_rules! later {
+    ($(#[$meta:meta])* pub(crate) struct LaterOptions { $($(#[doc = $doc:literal])+ $name:ident: $type:ty,)+ }) => {
+        $(#[$meta])*
+        pub(crate) struct LaterOptions {
+            $(
+                $(#[doc = $doc])+
+                #[serde(skip_serializing_if = "Option::is_none")]
+                $name: Option<$type>,
+            )+
+        }
+
+        impl LaterOptions {
+            /// Names of the options, which are those of [`Interpretation::OPTIONS`].
+            const NAMES: &[&str] = &[$(stringify!($name)),+];
+
+            /// Returns the upload's reading options, `stated`, in which the options that the job states replace those
+            /// of the upload.
+            pub(super) fn replace(self, stated: Interpretation) -> Interpretation {
+                Interpretation { $($name: self.$name.or(stated.$name),)+ ..stated }
+            }
+        }
+    };
+}
+
+later! {
+    /// Reading options of a job, which replace those of the upload.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub(crate) struct LaterOptions {
+        /// Manifest that describes the axes of an array, if the job states one: see [`Interpretation::axes`].
+        axes: serde_json::Value,
+        /// Radiometric quantity of the values, if the job states one: see [`Interpretation::quantity`].
+        quantity: StatedQuantity,
+    }
 }
 
 impl From<Interpretation> for Options {
     fn from(stated: Interpretation) -> Self {
         Self { spectrum: None, stated }
-    }
-}
-
-impl LaterOptions {
-    /// Returns the upload's reading options, `stated`, in which the job's own axes and quantity replace those of the
-    /// upload.
-    pub(super) fn replace(self, stated: Interpretation) -> Interpretation {
-        let (axes, quantity) = (self.axes.or(stated.axes), self.quantity.or(stated.quantity));
-        Interpretation { axes, quantity, ..stated }
     }
 }
 
@@ -193,7 +208,7 @@ impl ToSchema for Options {
 
 impl PartialSchema for LaterOptions {
     fn schema() -> RefOr<Schema> {
-        let options = Interpretation::OPTIONS.iter().filter(|declared| LATER.contains(&declared.name));
+        let options = Interpretation::OPTIONS.iter().filter(|declared| Self::NAMES.contains(&declared.name));
         object("Reading options of a job, which replace those of the upload.", options)
     }
 }
@@ -223,6 +238,20 @@ mod tests {
         assert_eq!(both.identity(content), Digest::of(text.as_bytes()));
         assert_ne!(column.identity(content), both.identity(content));
         assert_ne!(column.identity(content), content);
+    }
+
+    #[test]
+    fn options_of_a_job_replace_those_of_the_upload() {
+        let later: LaterOptions = serde_json::from_str("{\"quantity\":\"brdf\"}").unwrap();
+        assert_eq!(serde_json::to_string(&later).unwrap(), "{\"quantity\":\"brdf\"}");
+        let axes = Some(serde_json::json!(["index"]));
+        let stated = Interpretation { axes, quantity: Some(StatedQuantity::Edf), ..Interpretation::default() };
+        let replaced = Interpretation { quantity: Some(StatedQuantity::Brdf), ..stated.clone() };
+        assert_eq!(later.replace(stated), replaced);
+        let error = serde_json::from_str::<LaterOptions>("{\"unit\":\"1/sr\"}").unwrap_err().to_string();
+        assert!(error.starts_with("unknown field `unit`, expected `axes` or `quantity`"), "{error}");
+        let is_declared = |name: &&str| Interpretation::OPTIONS.iter().any(|declared| declared.name == *name);
+        assert!(LaterOptions::NAMES.iter().all(is_declared), "{:?}", LaterOptions::NAMES);
     }
 
     #[test]

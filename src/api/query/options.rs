@@ -115,9 +115,9 @@ pub(super) fn check_wavelengths(values: &[f64]) -> Result<(), String> {
     }
 }
 
-/// Parses zero-based positions on the index axes, as `I,J`.
+/// Parses positions, counted from 0, on the index axes of a material, such as columns of a table: `I,J`.
 pub(in crate::api) fn indices(text: &str) -> Result<Vec<usize>, String> {
-    numbers(text).ok_or_else(|| "index: expected numbers from 0 with commas between them".to_owned())
+    numbers(text).ok_or_else(|| "index: expected whole numbers, none negative, with commas between them".to_owned())
 }
 
 fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {

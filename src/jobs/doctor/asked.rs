@@ -1,27 +1,28 @@
-//! Answer of the database to all questions, or the reason why there is none.
+//! Facts about the database that `wavelume doctor` judges, or the reason why they could not be read.
 
 use crate::catalog::{Catalog, CatalogError, Database, Examined};
 use std::time::Duration;
 use tokio::time::timeout;
 
-/// Longest time for which the database, or a file system, may take to answer all questions about it. Raising it
-/// tolerates slower ones, but delays the report when there is no answer.
+/// Longest time that `wavelume doctor` waits for all facts about a database or a file system. Raising it tolerates
+/// slower ones, but delays the report when there is no answer.
 pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Answer of the database to all questions.
+/// Outcome of reading the facts about the database that `wavelume doctor` judges.
 pub(super) enum Asked {
     /// There is no SQLite file yet.
     Missing,
-    /// The database did not answer in time.
+    /// The database did not give all facts within [`PATIENCE`].
     Silent,
     /// The database cannot be used.
     Failed(CatalogError),
-    /// The database has answered.
+    /// The database was examined; the facts about it.
     Answered(Box<Examined>),
 }
 
 impl Asked {
-    /// Asks the database at `place` all questions. A SQLite file that is missing is not created.
+    /// Connects to the database at `place` and reads what `wavelume doctor` judges: its version, settings, clock and
+    /// schema. `is_missing` says that `place` is a SQLite file that does not exist: it is not created.
     pub(super) async fn of(place: &Database, is_missing: bool) -> Self {
         if is_missing {
             return Self::Missing;

@@ -22,7 +22,7 @@ pub(super) struct Disks {
 /// Number of largest uploads that must fit on a disk; below, a warning is given. Raising it warns earlier.
 const UPLOADS: u64 = 8;
 
-/// File systems by the number that Linux gives them, each with the answer to the question whether SQLite may lie on it.
+/// File systems by the number that Linux gives them, each with its name and its fitness for a SQLite file.
 /// Locks of network file systems do not keep two hosts apart, or fail after a lost connection.
 const KINDS: [(u32, &str, Fit); 20] = [
     (0x0000_6969, "NFS", Fit::Network),

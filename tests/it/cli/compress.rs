@@ -44,6 +44,10 @@ fn compress_reports_every_field_of_the_contract() {
     assert_eq!(report["masked_samples"], LAMBDAS);
     assert!(report["er_l2"].as_f64().unwrap() <= 0.02);
     assert!(report["noise"].is_null(), "meshes too coarse to tell: {report}");
+    let notes = report["coverage"]["notes"].as_array().unwrap();
+    assert!(!notes.is_empty() && notes.iter().all(|note| note["code"].is_string()), "{report}");
+    let inspected = json(&["inspect", &at(&dir, "brdf.npy"), "--json"]);
+    assert_eq!(inspected["tensor"]["coverage"], report["coverage"]);
 }
 
 #[test]

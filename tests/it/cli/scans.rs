@@ -1,6 +1,6 @@
 //! Scans without a grid as a user projects, compresses and inspects them: filled cells stay marked in every output.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -41,6 +41,12 @@ fn filled_cells_are_marked_in_arrays_materials_and_reports() {
     let projected = json(at, &["project", "scan.csv", "-o", "scan.npy"]);
     let filled = projected["coverage"]["filled"].as_u64().unwrap();
     assert!(filled > 0, "{projected}");
+    let notes = projected["coverage"]["notes"].as_array().unwrap();
+    let continued = notes.iter().find(|note| note["code"] == "fit-continued");
+    assert_eq!(
+        continued.map(|note| (&note["kind"], &note["values"]["cells"])),
+        Some((&json!("filled"), &json!(filled)))
+    );
     assert_eq!(projected["filled"], "scan.filled.npy");
 
     // A header, then one float32 for each cell.

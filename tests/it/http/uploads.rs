@@ -180,6 +180,9 @@ async fn an_upload_is_checked_against_physics_and_its_instrument() {
     assert!((0.9..=1.0).contains(&within), "{material}");
     let notes = material["notes"].as_array().unwrap();
     assert!(notes.iter().any(|note| note["message"].as_str().unwrap().contains("is no wider than")), "{material}");
+    let of_axes = material["coverage"]["notes"].as_array().unwrap();
+    let is_whole = |note: &Value| ["kind", "message", "code"].iter().all(|name| note[name].is_string());
+    assert!(!of_axes.is_empty() && of_axes.iter().all(is_whole), "{material}");
 
     for bad in ["", "wide", "-1", "180.5", "1 deg", "NaN", "1e999", "\u{0}", "12,5", "0x10"] {
         let table = implausible(&format!("# source_divergence: 1\n# detector_aperture: {bad}\n"));

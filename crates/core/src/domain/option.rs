@@ -40,7 +40,7 @@ pub enum Values {
         /// Largest whole number that the option accepts.
         most: u64,
     },
-    /// Option that takes whole numbers from 0, as text with commas between them.
+    /// Option that takes a list of whole numbers, none negative, as text with commas between them.
     List {
         /// Placeholder in the help text for the numbers that the user gives as the option's value, such as `I,...`.
         shown: &'static str,
@@ -166,7 +166,7 @@ impl Declared {
             },
             Values::List { .. } => match value.as_array() {
                 Some(numbers) if numbers.iter().all(Value::is_u64) => Ok(()),
-                _ => Err("expected numbers from 0 with commas between them".to_owned()),
+                _ => Err("expected whole numbers, none negative, with commas between them".to_owned()),
             },
             Values::Name { names, .. } => match value.as_str() {
                 Some(name) if names().contains(&name) => Ok(()),
@@ -210,7 +210,10 @@ mod tests {
         let list = Declared { values: Values::List { shown: "I,..." }, ..FRACTION };
         assert_eq!(list.read("3, 0"), Ok(serde_json::json!([3, 0])));
         for bad in ["", "1,", "-1", "0.5", "x"] {
-            assert_eq!(list.read(bad), Err("expected numbers from 0 with commas between them".to_owned()));
+            assert_eq!(
+                list.read(bad),
+                Err("expected whole numbers, none negative, with commas between them".to_owned())
+            );
         }
         let name = Values::Name { shown: None, names: || vec!["a", "b"] };
         let name = Declared { values: name, ..FRACTION };

@@ -39,7 +39,7 @@ impl CPlanes {
         }
         match self.values.iter().find(|value| !(0.0..=f64::from(f32::MAX)).contains(*value)) {
             None => Ok(()),
-            Some(&bad) => refuse(format!("intensity {bad}, expected finite numbers from 0", bad = Brief(bad))),
+            Some(&bad) => refuse(format!("intensity {bad}, expected finite numbers, none negative", bad = Brief(bad))),
         }
     }
 

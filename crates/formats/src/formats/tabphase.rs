@@ -7,9 +7,13 @@ use super::error::{FormatError, FormatErrorKind};
 use super::planes::plain;
 use super::reader::Format;
 use crate::domain::limits::MAX_ENTRIES;
+use crate::notes::Quoted;
 use std::f64::consts::TAU;
 
 const NAME: &str = "tabphase";
+/// Line of values that a reader accepts, for its messages.
+const EXPECTED: &str =
+    "expected the values of a phase function: at least 2 numbers, none negative, with commas between them";
 
 pub(super) const ABOUT: Format = Format {
     name: NAME,
@@ -29,10 +33,11 @@ pub fn write_tabphase(values: &[f64]) -> Result<Vec<u8>, FormatError> {
     }
     let usable = values.iter().all(|value| (0.0..=f64::from(f32::MAX)).contains(value));
     if values.len() < 2 || !usable || values.iter().all(|&value| value == 0.0) {
-        return refuse(
-            FormatErrorKind::NeedsOption,
-            "values, expected at least 2, finite, from 0, not all 0".to_owned(),
+        let message = format!(
+            "found {} values of a phase function, expected at least 2, all finite, none negative and not all 0",
+            values.len()
         );
+        return refuse(FormatErrorKind::NeedsOption, message);
     }
     let list: Vec<String> = values.iter().map(|&value| plain(value)).collect();
     Ok(format!("{}\n", list.join(", ")).into_bytes())
@@ -47,17 +52,23 @@ pub struct TabulatedPhase {
 impl TabulatedPhase {
     /// Reads a phase function from a line of values at evenly spaced cosines, and normalises it.
     pub fn read(bytes: &[u8]) -> Result<Self, FormatError> {
-        let malformed = |message: &str| FormatError::new(FormatErrorKind::Malformed, NAME, message);
-        let text = std::str::from_utf8(bytes).map_err(|_| malformed("bytes that are no text, expected numbers"))?;
-        let value = |cell: &str| super::text::number(cell.trim()).filter(|value| *value >= 0.0);
-        let values: Option<Vec<f64>> = text.trim().split(',').map(value).collect();
-        let Some(mut values) = values.filter(|values| values.len() >= 2) else {
-            return Err(malformed("expected at least two numbers from 0 with commas between them"));
+        let malformed = |message: String| FormatError::new(FormatErrorKind::Malformed, NAME, message);
+        let found = |what: &str| malformed(format!("found {what}, {EXPECTED}"));
+        let text = std::str::from_utf8(bytes).map_err(|_| found("bytes that are no text"))?;
+        let value = |cell: &str| {
+            let value = super::text::number(cell.trim()).filter(|value| *value >= 0.0);
+            value.ok_or_else(|| found(&Quoted::of(cell.trim()).to_string()))
         };
+        let mut values = text.trim().split(',').map(value).collect::<Result<Vec<f64>, FormatError>>()?;
+        if values.len() < 2 {
+            return Err(found("one number"));
+        }
         let width = 2.0 / (values.len() - 1) as f64;
         let total: f64 = values.array_windows().map(|[a, b]| 0.5 * (a + b) * width).sum::<f64>() * TAU;
         if !(total > 0.0 && total.is_finite()) {
-            return Err(malformed("values that integrate to 0, expected a phase function"));
+            let message =
+                format!("the values integrate to {total} over the sphere, expected a finite integral above 0");
+            return Err(malformed(message));
         }
         for value in &mut values {
             *value /= total;
@@ -102,8 +113,18 @@ mod tests {
             assert_eq!(write_tabphase(wrong).unwrap_err().kind, NeedsOption);
         }
         assert_eq!(write_tabphase(&vec![1.0; MAX_ENTRIES + 1]).unwrap_err().kind, OverLimit);
-        for wrong in [&b""[..], b"1", b"1, x", b"0, 0", b"1 2", b"\xff, 1"] {
-            assert_eq!(TabulatedPhase::read(wrong).unwrap_err().kind, Malformed);
+        for (wrong, found) in [
+            (&b""[..], "found nothing, expected the values of a phase function: at least 2 numbers, none negative"),
+            (b"1", "found one number,"),
+            (b"1, x", "found `x`,"),
+            (b"1, -2", "found `-2`,"),
+            (b"1 2", "found `1 2`,"),
+            (b"\xff, 1", "found bytes that are no text,"),
+            (b"0, 0", "the values integrate to 0 over the sphere,"),
+        ] {
+            let error = TabulatedPhase::read(wrong).unwrap_err();
+            assert_eq!(error.kind, Malformed);
+            assert!(error.message.starts_with(found), "{error}");
         }
     }
 }

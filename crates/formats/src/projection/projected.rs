@@ -3,9 +3,9 @@
 use super::scattered::at_samples::ScatteredSamples;
 use super::scattered::lobe::carried::CarriedLobe;
 use super::scattered::report::ScatterReport;
-use crate::domain::{Measurement, Note, Tensor};
+use crate::domain::{Measurement, Note, NoteKind, Tensor};
 use crate::formats::Contradictions;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Result of a projection: a measurement resampled to final axes, with facts about the resampling.
 #[derive(Clone, Debug)]
@@ -55,10 +55,9 @@ pub struct Coverage {
     /// Number of direction cells (triangles, grid directions, or pairs of them) outside the measured range. Their
     /// values are masked (NaN), or 0 if the standard of the file format prescribes 0 there.
     pub empty: u64,
-    /// Remarks for the user on why the program chose the axes of the resampled data. JSON holds the sentence of each
-    /// remark only.
-    #[serde(with = "sentences")]
-    #[cfg_attr(feature = "schema", schema(value_type = Vec<String>))]
+    /// Remarks for the user on the resampling: the axes, cells and fits that the program chose, and samples that are
+    /// missing, left out or filled in.
+    #[serde(deserialize_with = "notes_or_sentences")]
     pub notes: Vec<Note>,
     /// Differences between values that the file states several times for one direction; measured only if the file's own
     /// grid is kept.
@@ -74,33 +73,56 @@ fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Serialisation of notes for the user as their sentences alone. Notes that are read back lack the stable names
-/// (`code`) by which programs recognise them.
-mod sentences {
-    use crate::domain::{Note, NoteKind};
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(notes: &[Note], to: S) -> Result<S::Ok, S::Error> {
-        to.collect_seq(notes.iter().map(|note| &note.message))
+/// Reads a list of remarks for the user. In JSON of earlier versions a remark is its sentence alone, as a string: it
+/// becomes a remark on a choice, without the stable name (`code`) and the values by which programs recognise it.
+fn notes_or_sentences<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Note>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "expected a note (an object with kind and message) or its sentence")]
+    enum Stored {
+        Note(Note),
+        Sentence(String),
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Note>, D::Error> {
-        let sentences = Vec::<String>::deserialize(from)?;
-        Ok(sentences.into_iter().map(|sentence| Note::plain(NoteKind::Chosen, sentence)).collect())
-    }
+    let stored = Vec::<Stored>::deserialize(from)?;
+    let notes = stored.into_iter().map(|stored| match stored {
+        Stored::Note(note) => note,
+        Stored::Sentence(sentence) => Note::plain(NoteKind::Chosen, sentence),
+    });
+    Ok(notes.collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::notes::ProjectionNote;
+    use crate::notes::{FitNote, ProjectionNote};
+    use serde_json::json;
+
+    fn coverage() -> Coverage {
+        let notes = vec![ProjectionNote::AsInFile.into(), FitNote::Negative { values: 3, share_percent: 1.5 }.into()];
+        Coverage { cells: 2, notes, ..Coverage::default() }
+    }
 
     #[test]
-    fn a_coverage_that_was_written_is_read_with_its_sentences() {
-        let coverage = Coverage { cells: 2, notes: vec![ProjectionNote::AsInFile.into()], ..Coverage::default() };
-        let json = serde_json::to_value(&coverage).unwrap();
-        assert_eq!(json["notes"], serde_json::json!(["the axes and samples of the file"]));
-        let read: Coverage = serde_json::from_value(json).unwrap();
-        assert_eq!((read.cells, read.notes[0].to_string()), (2, coverage.notes[0].to_string()));
+    fn a_coverage_is_written_with_the_codes_and_values_of_its_notes_and_read_back() {
+        let json = json!(coverage());
+        let as_in_file = json!({
+            "kind": "chosen", "message": "the axes and samples of the file", "code": "projection-as-in-file"
+        });
+        assert_eq!(json["notes"][0], as_in_file);
+        assert_eq!((&json["notes"][1]["kind"], &json["notes"][1]["code"]), (&json!("warning"), &json!("fit-negative")));
+        assert_eq!(json["notes"][1]["values"], json!({ "values": 3, "share_percent": 1.5 }));
+        assert_eq!(serde_json::from_value::<Coverage>(json).unwrap(), coverage());
+    }
+
+    #[test]
+    fn a_coverage_of_an_earlier_version_keeps_the_sentences_of_its_notes() {
+        let mut json = json!(coverage());
+        json["notes"][0] = json!("the axes and samples of the file");
+        let read: Coverage = serde_json::from_value(json.clone()).unwrap();
+        let sentence = Note::plain(NoteKind::Chosen, "the axes and samples of the file");
+        assert_eq!(read.notes, [sentence, coverage().notes[1].clone()]);
+        json["notes"][0] = json!(7);
+        let error = serde_json::from_value::<Coverage>(json).unwrap_err().to_string();
+        assert_eq!(error, "expected a note (an object with kind and message) or its sentence");
     }
 }
