@@ -18,6 +18,10 @@ pub(crate) const MATERIAL: &str = "application/vnd.wavelume.material";
 /// times.
 const HEADERS: usize = 24;
 
+/// Upper bound on the byte ranges that a request may ask for at once. A request for more is refused, because it can only
+/// be meant to keep the service busy (RFC 9110 section 14.2).
+const MOST_RANGES: usize = 100;
+
 /// Builds the HTTP response that sends the stored blob `digest`, whole or in part, as the request asks. A row of the
 /// catalog refers to the blob, so a missing blob is reported as corruption of the store.
 pub(crate) async fn respond_named(
@@ -146,6 +150,10 @@ impl Labels {
         match if current(headers, etag) { part(headers, size) } else { Part::Whole } {
             Part::Whole => Ok(Some((StatusCode::OK, 0..size))),
             Part::Some(range) => Ok(Some((StatusCode::PARTIAL_CONTENT, range))),
+            Part::TooMany(count) => {
+                let detail = format!("found {count} ranges, expected one; more than {MOST_RANGES} are refused");
+                Err(Problem::new(Kind::RangeNotSatisfiable, detail))
+            }
             Part::None => {
                 let problem = Problem::new(Kind::RangeNotSatisfiable, format!("the content has {size} bytes"));
                 Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")))
@@ -200,15 +208,22 @@ enum Part {
     Whole,
     Some(Range<u64>),
     None,
+    /// More ranges than are read; holds their number.
+    TooMany(usize),
 }
 
-/// Parses the header `Range` (RFC 9110 section 14). One byte range is served; several ranges, other units and malformed
-/// values get the whole content.
+/// Parses the header `Range` (RFC 9110 section 14). One byte range is served; up to [`MOST_RANGES`] ranges, other units
+/// and malformed values get the whole content.
 fn part(headers: &HeaderMap, size: u64) -> Part {
     let Some(text) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Part::Whole };
     let Some((unit, set)) = text.split_once('=') else { return Part::Whole };
-    if !unit.trim().eq_ignore_ascii_case("bytes") || set.contains(',') {
+    if !unit.trim().eq_ignore_ascii_case("bytes") {
         return Part::Whole;
+    }
+    match set.split(',').count() {
+        1 => {}
+        2..=MOST_RANGES => return Part::Whole,
+        count => return Part::TooMany(count),
     }
     let Some((first, last)) = set.trim().split_once('-') else { return Part::Whole };
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
@@ -295,6 +310,9 @@ mod tests {
             assert_eq!(range(value), expected, "{value}");
         }
         assert_eq!(part(&with(header::RANGE, "bytes=0-"), 0), Part::None);
+        let many =
+            |count: usize| part(&with(header::RANGE, format!("bytes={}", ["-1"].repeat(count).join(",")).leak()), 100);
+        assert_eq!((many(MOST_RANGES), many(10_000)), (Part::Whole, Part::TooMany(10_000)));
         assert_eq!(part(&HeaderMap::new(), 100), Part::Whole);
     }
 

@@ -8,7 +8,7 @@ use super::page::page;
 use super::problem::{Kind, Problem};
 use super::schemas::{CursorText, JobIdText, LONGEST_REQUEST_KEY, PageSize, RequestKey};
 use super::state::{App, Service};
-use crate::catalog::{Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
+use crate::catalog::{Cancelling, Enqueued, JobFilter, JobRow, JobState, Priority, Retried};
 use crate::jobs::{Client, JobRequest, KindOnly, Queued, RequestError, Source};
 use crate::store::Digest;
 use axum::Json;
@@ -213,8 +213,8 @@ async fn get_job(app: App, JobId(id): JobId) -> Result<Json<Job>, Problem> {
     )
 )]
 async fn cancel_job(app: App, caller: Caller, JobId(id): JobId) -> Result<Response, Problem> {
-    let row = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
-    if matches!(row.state, JobState::Cancelled | JobState::Queued | JobState::Running) {
+    let Cancelling { job: row, is_first } = app.engine.cancel(&id).await?.ok_or_else(|| absent(&id))?;
+    if is_first {
         record(&app, &caller, "job.cancel", &id).await;
     }
     match row.state {

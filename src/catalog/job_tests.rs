@@ -169,10 +169,13 @@ async fn an_end_is_refused_once_the_claim_on_its_result_has_run_out() {
 async fn cancelling_ends_queued_jobs_at_once_and_running_ones_by_their_worker() {
     for (catalog, _guard) in with_lamp().await {
         catalog.enqueue(&job("1"), 9).await.unwrap();
-        assert_eq!(catalog.cancel("1").await.unwrap().unwrap().state, JobState::Cancelled);
+        assert_eq!(catalog.cancel("1").await.unwrap().unwrap().job.state, JobState::Cancelled);
         catalog.enqueue(&job("2"), 9).await.unwrap();
         let claimed = claim(&catalog, "w", LEASE).await.unwrap();
-        assert_eq!(catalog.cancel("2").await.unwrap().unwrap().state, JobState::Running);
+        for is_first in [true, false] {
+            let cancelling = catalog.cancel("2").await.unwrap().unwrap();
+            assert_eq!((cancelling.job.state, cancelling.is_first), (JobState::Running, is_first));
+        }
         assert_eq!(catalog.beat(&claimed, 0.1, LEASE).await.unwrap(), Beat::Cancel);
         catalog.end(&claimed, &Ended::Released).await.unwrap();
         assert_eq!(state_of(&catalog, "2").await, JobState::Cancelled);
@@ -296,8 +299,14 @@ async fn a_share_does_not_wait_for_jobs_that_it_has_cancelled() {
             queue("mine", id).await;
         }
         for id in ["wrong 0", "wrong 1", "wrong 2", "wrong 3", "wrong 4"] {
-            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled);
-            assert_eq!(catalog.cancel(id).await.unwrap().unwrap().state, JobState::Cancelled, "twice is once");
+            for is_first in [true, false] {
+                let cancelling = catalog.cancel(id).await.unwrap().unwrap();
+                assert_eq!(
+                    (cancelling.job.state, cancelling.is_first),
+                    (JobState::Cancelled, is_first),
+                    "twice is once"
+                );
+            }
         }
         queue("mine", "right").await;
         assert_eq!(claim(&catalog, "w", LEASE).await.unwrap().id, "right");

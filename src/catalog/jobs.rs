@@ -37,6 +37,15 @@ pub(crate) struct JobFilter {
     pub measurement: Option<Digest>,
 }
 
+/// A job that was asked to stop.
+#[derive(Clone, Debug)]
+pub(crate) struct Cancelling {
+    /// The job after the request: cancelled if it waited, otherwise still running or at its end.
+    pub job: JobRow,
+    /// True if nobody had asked this job to stop before and it had not ended.
+    pub is_first: bool,
+}
+
 /// Outcome of putting an ended job back in the queue.
 #[derive(Clone, Debug)]
 pub(crate) enum Retried {
@@ -170,11 +179,11 @@ impl Catalog {
 
     /// Requests that a job stop: a waiting job is cancelled at once, a running one by its worker. Returns the job
     /// afterwards, if it exists.
-    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<Cancelling>, CatalogError> {
         self.repeat(|_| async {
             let mut write = self.write().await?;
             let found =
-                write.sql("SELECT state, share, measurement, attempts FROM jobs WHERE id = $1 AND tenant = $2{lock}");
+                write.sql("SELECT state, share, measurement, attempts, cancel_requested FROM jobs WHERE id = $1 AND tenant = $2{lock}");
             let found = sqlx::query(found)
                 .bind(id.to_owned())
                 .bind(self.tenant.to_string())
@@ -182,9 +191,10 @@ impl Catalog {
                 .await?;
             let Some(found) = found else { return Ok(None) };
             let now = state(id, found.try_get("state")?)?;
+            let is_first = found.try_get::<i64, _>("cancel_requested")? == 0;
             if now.is_final() {
                 write.undo().await?;
-                return self.job(id).await;
+                return Ok(self.job(id).await?.map(|job| Cancelling { job, is_first: false }));
             }
             sqlx::query(
                 "UPDATE jobs SET cancel_requested = 1, needs = CASE state WHEN 'queued' THEN NULL ELSE needs END, \
@@ -202,7 +212,7 @@ impl Catalog {
                 self.give_back(&mut write, &share, measurement.as_deref()).await?;
             }
             write.commit().await?;
-            self.job(id).await
+            Ok(self.job(id).await?.map(|job| Cancelling { job, is_first }))
         })
         .await
     }

@@ -65,7 +65,7 @@ pub(crate) use dialect::Dialect;
 pub(crate) use examine::{Engine as EngineFacts, Examined, OLDEST_SERVER, Server as ServerFacts};
 pub(crate) use filling::Filling;
 pub(crate) use job::{Beat, Claimed, Ended, Ending, Enqueued, JobRow, JobState, NewJob};
-pub(crate) use jobs::{JobFilter, Retried};
+pub(crate) use jobs::{Cancelling, JobFilter, Retried};
 pub(crate) use keys::{AddedKey, Credential, KeyRow, NewKey, Revoked};
 pub(crate) use materials::{MaterialFilter, MaterialRow, NewMaterial};
 pub(crate) use measurements::{Added, Deleted, MeasurementFilter, MeasurementRow, NewMeasurement};

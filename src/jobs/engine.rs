@@ -9,7 +9,7 @@ use super::isolation::Isolation;
 use super::maths::{Maths, MathsError};
 use super::presence::{Presence, WORKERS};
 use super::turns::Client;
-use crate::catalog::{CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, OTHER_TENANTS, Retried};
+use crate::catalog::{Cancelling, CatalogError, Claimed, Enqueued, JobRow, JobState, NewJob, OTHER_TENANTS, Retried};
 use crate::compress::{Decoded, decode};
 use crate::domain::Measurement;
 use crate::evaluate::{EvaluateError, Material};
@@ -161,18 +161,18 @@ impl Engine {
     }
 
     /// Asks a job to stop. Returns the job afterwards, if it exists.
-    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<JobRow>, CatalogError> {
+    pub(crate) async fn cancel(&self, id: &str) -> Result<Option<Cancelling>, CatalogError> {
         // Another tenant's job is not stopped.
-        let Some(row) = self.archive.catalog.cancel(id).await? else { return Ok(None) };
+        let Some(cancelling) = self.archive.catalog.cancel(id).await? else { return Ok(None) };
         self.hub.stop(id);
-        if row.state == JobState::Running && self.hub.progress(id).is_none() {
+        if cancelling.job.state == JobState::Running && self.hub.progress(id).is_none() {
             // The worker of the job finds the request by itself, only later.
             if let Err(error) = self.archive.catalog.tell_stop(id).await {
                 tracing::warn!(job = id, %error, "the job's worker was not told to stop");
             }
         }
         self.hub.changed(id);
-        Ok(Some(row))
+        Ok(Some(cancelling))
     }
 
     /// Puts a job that has failed, died or was cancelled back to the queue.
