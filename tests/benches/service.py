@@ -2,7 +2,7 @@
 """The service under load, beside nginx: batches as f32, one spectrum at a steady rate, a small file.
 
     python3 tests/benches/service.py target/release/wavelume [--seconds 5] [--rounds 3] [--only batch,latency,blob]
-    [--keys] [--hold]
+    [--keys] [--logs] [--hold]
 
 Needs Python 3.9 and the standard library; for the file also nginx and wrk (Debian: apt install nginx-light wrk).
 Everything runs on this machine over the loopback interface, the clients on the same cores as the servers. Memory is the
@@ -39,6 +39,7 @@ def main():
     arguments.add_argument("--rounds", type=int, default=3, help="of everything, one after the other")
     arguments.add_argument("--only", default="batch,latency,blob")
     arguments.add_argument("--keys", action="store_true", help="every request carries an access key")
+    arguments.add_argument("--logs", action="store_true", help="nginx writes a line for each request, too")
     arguments.add_argument("--hold", action="store_true", help="exit code 1 below 85 %% of nginx or a million spectra a second")
     arguments = arguments.parse_args()
     missed = []
@@ -58,7 +59,7 @@ def main():
             if "latency" in only:
                 latency(server, material, arguments.seconds, arguments.rounds)
             if "blob" in only:
-                missed += blob(server, scratch, arguments.seconds, arguments.rounds)
+                missed += blob(server, scratch, arguments.seconds, arguments.rounds, arguments.logs)
     if arguments.hold and missed:
         sys.exit("\n".join(missed))
 
@@ -240,7 +241,7 @@ def steady(address, request, count):
     return taken
 
 
-def blob(server, scratch, seconds, rounds):
+def blob(server, scratch, seconds, rounds, logs):
     """Prints requests a second beside nginx, and returns a line if they miss their target."""
     material = server.material("data/carpaint_blue.mbsdf", {"bytes": 100 << 10})
     content = server.call(material + "/content")
@@ -256,7 +257,7 @@ def blob(server, scratch, seconds, rounds):
     settings.write_text(
         f"worker_processes auto;\ndaemon off;\npid {scratch}/nginx.pid;\nerror_log {scratch}/nginx.log;\n"
         "events { worker_connections 1024; }\n"
-        "http { access_log off; sendfile on; tcp_nopush on; keepalive_requests 1000000000;\n"
+        f"http {{ access_log {scratch / 'requests.log' if logs else 'off'}; sendfile on; tcp_nopush on; keepalive_requests 1000000000;\n"
         f"  server {{ listen 127.0.0.1:{port}; root {pages}; }} }}\n"
     )
     nginx = subprocess.Popen([find("nginx"), "-p", scratch, "-c", settings])
