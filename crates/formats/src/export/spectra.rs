@@ -11,7 +11,7 @@ use crate::domain::{Axis, ErrorReport, Quantity, WavelengthGrid};
 use crate::evaluate::{Interpolation, Material, Place};
 use crate::formats::{self, FormatError, FormatErrorKind, Interpretation, Samples, write_spd, write_spectra};
 
-/// Writer of one spectrum in two columns.
+/// Writer of the export format `spd`: one spectrum in two columns.
 pub(super) const SPD: Writer = Writer {
     name: "spd",
     other_names: &[],
@@ -24,7 +24,7 @@ pub(super) const SPD: Writer = Writer {
     write: Write::Entry(spd),
 };
 
-/// Writer of spectra in columns.
+/// Writer of the export format `csv`: spectra in columns.
 pub(super) const CSV: Writer = Writer {
     name: "csv",
     other_names: &[],
