@@ -16,7 +16,7 @@ pub enum Axis {
     Grid(DirectionGrid),
     /// Incoming polar angles of isotropic data, in degrees, strictly increasing, 0..=90. The incoming azimuth is 0.
     Elevation(Vec<f64>),
-    /// Wavelengths in nm.
+    /// Wavelengths, in nm, of the samples of a spectrum.
     Wavelength(WavelengthGrid),
     /// Numbered entries without geometry, such as columns of a table or scan positions.
     Index {

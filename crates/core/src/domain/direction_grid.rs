@@ -149,7 +149,7 @@ impl AzimuthExtent {
 /// Azimuths of a grid of directions, with the symmetry that completes the circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuths {
-    /// Azimuths in degrees, strictly increasing.
+    /// Azimuths of the grid in degrees, strictly increasing.
     pub angles: Vec<f64>,
     /// Part of the circle that the azimuths cover, and the mirror planes that complete it.
     pub extent: AzimuthExtent,
@@ -277,7 +277,7 @@ pub enum DirectionGridError {
         first: f64,
         /// Last azimuth of the grid, in degrees.
         last: f64,
-        /// Part of the circle that the azimuths should cover.
+        /// Part of the circle that the azimuths are stated to cover; their range contradicts it.
         extent: AzimuthExtent,
     },
     /// The range of polar angles stated as covered does not contain all polar angles of the grid.
@@ -440,7 +440,8 @@ impl DirectionGrid {
         Some([polar.clamp(first, self.polar[self.polar.len() - 1]), azimuth])
     }
 
-    /// Returns true if the grid covers a polar angle (degrees); it must not be negative if latitudes are mirrored.
+    /// Returns true if the grid covers the polar angle `polar` (degrees), which must not be negative if latitudes are
+    /// mirrored.
     #[inline]
     pub(crate) fn covers_polar(&self, polar: f64) -> bool {
         let (low, high) = self.covers;

@@ -276,8 +276,8 @@ pub(super) fn sampled_entry(
     function.geometry().entry(index)
 }
 
-/// Splits the interval 0..1 in two, the second part of length `second`. Returns the relative position of `u` in its
-/// part, 0 to 1, and true if that is the second part.
+/// Splits the interval 0..1 in two, the second part of length `second`. Returns the relative position, 0 to 1, of `u`
+/// in the part that contains it, and true if that is the second part.
 #[inline(always)]
 pub(super) fn split(u: f64, second: f64) -> (f64, bool) {
     let first = 1.0 - second;

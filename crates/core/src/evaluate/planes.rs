@@ -193,8 +193,9 @@ impl Planes {
         sums.map(|sum| sum as f32)
     }
 
-    /// Tensor Σ bᵢ bⱼ bₖ over wavelengths of the basis vectors b: the contribution of the product of coefficients j and
-    /// k to coefficient i.
+    /// Returns the tensor Σ bᵢ bⱼ bₖ of the basis vectors b, summed over the wavelengths that are not dark in all
+    /// spectra. It projects the product of two spectra on the basis: entry `[i, j, k]` is the contribution of
+    /// coefficient j times coefficient k to coefficient i.
     pub(super) fn coupling(&self) -> Vec<f64> {
         let n = self.count;
         let mut coupling = vec![0.0; n * n * n];
@@ -394,7 +395,8 @@ impl Planes {
 /// Evaluation of spectra from coefficients. Methods are inlined, so that the compiler makes a version of each for every
 /// possible number of coefficients and for every instruction set.
 impl Planes {
-    /// Samples (or logarithms) that spectral coefficients represent, at a block of wavelengths or at chosen ones.
+    /// Returns the samples (or logarithms) that the spectral coefficients `row` represent, at a block of wavelengths or
+    /// at chosen ones.
     #[inline(always)]
     fn values<const WIDTH: usize>(
         &self,

@@ -17,7 +17,7 @@ const INCIDENCES: usize = 96;
 /// beside a lobe do not outweigh all others.
 const MOST_ERROR: f64 = 50.0;
 
-/// Errors over all measured incoming directions, each predicted from the others (leave-one-out).
+/// Leave-one-out errors of interpolation: each measured incoming direction is predicted from the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Errors {
     /// Root mean square of the relative error, er(L2).

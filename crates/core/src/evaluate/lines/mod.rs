@@ -52,7 +52,7 @@ enum Kind {
 }
 
 impl Incoming {
-    /// Incoming directions of data without an incoming axis: none.
+    /// Empty list of incoming directions, for data without an incoming axis.
     pub(super) const NONE: Self = Self(Kind::None);
 
     /// Incoming directions given by elevations in degrees, at azimuth 0.
@@ -83,7 +83,8 @@ pub(super) struct Lines {
     origins: Vec<Origin>,
     outgoing: Option<Box<Sphere>>,
     values: Values,
-    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of logarithms
+    /// has the rest of the weight.
     straight: f32,
     domain: Domain,
     alignment: Alignment,
@@ -181,12 +182,14 @@ impl Lines {
         }
     }
 
-    /// Sets the fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Sets the weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of
+    /// logarithms has the rest of the weight.
     pub(super) fn with_straight(self, straight: f32) -> Self {
         Self { straight, ..self }
     }
 
-    /// Fraction, 0..=1, of linear interpolation of samples; cubic interpolation of logarithms has the rest.
+    /// Returns the weight, 0..=1, of linear interpolation of samples in an interpolated value. Cubic interpolation of
+    /// logarithms has the rest of the weight.
     pub(super) fn straight(&self) -> f32 {
         self.straight
     }
@@ -313,7 +316,7 @@ impl Lines {
     }
 
     /// Interpolates the value at the first wavelength, or at the first four wavelengths, for a pair of directions;
-    /// `None` if `wi` is outside the measured incoming directions. The lookup stays in registers.
+    /// `None` if `wi` is outside the measured incoming directions. Search results stay in processor registers.
     #[inline(always)]
     fn smooth_samples<T: Number>(&self, entry: usize, wi: Vector, wo: Vector) -> Option<T> {
         let nodes = self.nodes(wi)?;
