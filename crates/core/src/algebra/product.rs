@@ -93,7 +93,8 @@ impl Couplings {
         self.count
     }
 
-    /// Returns true if all products of two basis functions are 0, and so every product of two spectra.
+    /// Returns true if the table has no nonzero coupling coefficient, so that every product of two spectra in this
+    /// basis is 0.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

@@ -78,7 +78,7 @@ impl<'a> Reader<'a> {
         &self.bytes[start - self.base..self.position]
     }
 
-    /// Returns an error about the field that was read last.
+    /// Returns the error that the field read last is invalid, for the given reason.
     pub(crate) fn malformed(&self, reason: impl Into<String>) -> CodecError {
         CodecError::Malformed { at: self.offset(), reason: reason.into() }
     }

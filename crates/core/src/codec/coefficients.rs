@@ -170,7 +170,8 @@ impl State {
         }
     }
 
-    /// Encodes or decodes whether a row of the coefficient tensor (a run of its last axis) has a nonzero value.
+    /// Encodes or decodes the flag of a row of the coefficient tensor (a run of its last axis) that says if the row has
+    /// a nonzero value.
     fn code_row_flag<C: BitCoder>(
         &mut self,
         coder: &mut C,

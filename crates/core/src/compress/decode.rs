@@ -303,15 +303,15 @@ fn read_stated(header: &mut Header, container: &Container<'_>) -> Result<(), Cod
     Ok(())
 }
 
-/// Reads the header, and lists the chunks that follow it.
+/// Reads the header of a file, and lists the chunks that the header announces.
 fn announced(r: &mut Reader<'_>) -> Result<(Header, Vec<Announced>), CodecError> {
     let header = Header::read(r)?;
     let chunks = header.announced();
     Ok((header, chunks))
 }
 
-/// Decodes the corrections of the light (directional albedo or flux) of every incoming direction and wavelength, in
-/// quantiser steps; `None` without a light chunk.
+/// Decodes the corrections of the light (directional albedo or flux) of every incoming direction and wavelength, as the
+/// integers that stand for them in the file; `None` without a light chunk.
 fn light_of(header: &Header, coded: Option<&[u8]>) -> Option<(Light, Vec<i32>)> {
     let light = Light::of(header.quantity, &header.axes).filter(|_| header.light_step != 0.0)?;
     let mut steps = vec![0_i32; light.entries(header.axes.iter().map(Axis::len).product())];

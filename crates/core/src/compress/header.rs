@@ -76,7 +76,7 @@ pub(crate) struct Header {
     pub(crate) has_lobe: bool,
     /// Analytic lobe that is added to the samples; `None` until its chunk is read.
     pub(crate) lobe: Option<Lobe>,
-    /// True if the grid chunk lists coarser resolution levels.
+    /// True if the chunk of samples on a grid of angles lists coarser resolution levels.
     pub(crate) grid_levels: bool,
     /// Payload length in bytes of the chunk that codes samples on triangles by prediction, or samples on a grid of
     /// angles with coarser levels; 0 without such a chunk.

@@ -64,7 +64,7 @@ impl Falling {
     /// Number of halvings of the quantiser step in a row without a smaller error after which the search ends.
     const MOST: u32 = 2;
 
-    /// Returns true while the error may still fall as the quantiser step shrinks.
+    /// Takes the error found at a quantiser step, and returns true while it may still fall as the step shrinks.
     pub(crate) fn falls(&mut self, step: f64, error: f64) -> bool {
         let least = self.last.map_or(f64::INFINITY, |(_, least)| least);
         if self.last.is_some_and(|(before, _)| step <= 0.51 * before) {

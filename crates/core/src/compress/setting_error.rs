@@ -30,7 +30,7 @@ pub enum SettingError {
         LineBasis::all().map(LineBasis::name).collect::<Vec<_>>().join(", ")
     )]
     UnknownBasis {
-        /// Basis name found in the settings.
+        /// Name in the settings that names no spectral basis.
         found: String,
     },
     /// Option that only policy `rd` has, used with another policy.
@@ -89,7 +89,7 @@ pub enum SettingError {
          er_l2 0.01"
     )]
     NoNoise,
-    /// Axes for which no spectral basis is available.
+    /// Measurement on axes for which no spectral basis is available.
     #[error("found no spectral basis for the axes of the measurement; name one with the option basis, or use lossless")]
     NoBasis,
     /// Transforms that do not suit the axes of the measurement.

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 /// Decoded beginning of a chunk of samples on a grid of angles: everything in front of the coded means and details.
 pub(super) struct Opened<'a> {
     pub(super) quantiser: Quantiser,
-    /// Upper bound on the logarithms of negative samples' magnitudes.
+    /// Largest logarithm of a negative sample's magnitude that decodes; larger ones are lowered to it. `None` without
+    /// such a bound.
     pub(super) negative_bound: Option<f32>,
     pub(super) planes: Planes,
     pub(super) basis: Option<Basis>,

@@ -73,7 +73,7 @@ pub(crate) struct Levels<'a> {
     pyramid: Option<Pyramid>,
     /// Entropy decoder, placed where the coded details of the triangles begin.
     decoder: Decoder<'a>,
-    /// Offset of the entropy-coded stream from the start of the chunk, in bytes.
+    /// Offset of the entropy-coded stream from the end of the table of resolution levels in the chunk, in bytes.
     start: usize,
 }
 
