@@ -29,7 +29,7 @@ pub(super) async fn seen(app: &App, id: Digest) -> Result<Seen, Problem> {
 }
 
 /// Finds a material that the caller may read, like [`seen`], but trusts an answer of the catalog for two seconds unless
-/// this process has changed it. For downloads, which renderers repeat.
+/// this process changed the right meanwhile. For downloads, which renderers repeat.
 pub(super) async fn seen_lately(app: &App, id: Digest) -> Result<Seen, Problem> {
     let catalog = &app.engine.archive.catalog;
     let visible = app.remembered.visible(catalog.tenant(), id, catalog.sees(id)).await?;

@@ -27,7 +27,7 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
 #[serde(rename_all = "snake_case")]
 #[schema(as = TenantState)]
 enum StateText {
-    /// The tenant is served.
+    /// Requests of the tenant are answered, and its jobs start.
     Active,
     /// Requests of the tenant are refused, and its waiting jobs do not start; its data are kept.
     Closed,

@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio_util::io::StreamReader;
 
-/// Bytes of an upload hashed and written to disk at a time.
+/// Number of bytes of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
 /// Number of decoded bytes of an upload that are exempt from the limit on the compression ratio: a small file may well

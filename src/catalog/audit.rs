@@ -20,7 +20,7 @@ pub(crate) struct Act {
     pub action: &'static str,
     /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further facts about the recorded act, in words.
     pub detail: Option<String>,
     /// Network address of the client.
     pub address: Option<String>,
@@ -42,7 +42,7 @@ pub(crate) struct ActRow {
     pub action: String,
     /// Id of the key, material or other object that the act concerned.
     pub subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further facts about the recorded act, in words.
     pub detail: Option<String>,
     /// Network address of the client.
     pub address: Option<String>,
@@ -95,8 +95,8 @@ impl Catalog {
         Ok(Page::of(rows, limit, |row| Cursor { created_at: row.at_ms, id: row.id.clone() }))
     }
 
-    /// Deletes records of the audit trail that are older than `age`, and those that belong to no tenant after 30 days
-    /// already.
+    /// Deletes records of the audit trail that are older than `age`. A record that belongs to no tenant is also deleted
+    /// once it is older than 30 days.
     pub(super) async fn forget_acts(&self, age: Duration) -> Result<(), CatalogError> {
         let old = "WITH old AS MATERIALIZED (SELECT id FROM audit WHERE at < {now} - $1 ORDER BY at LIMIT $2) \
                    DELETE FROM audit WHERE id {among SELECT id FROM old}";

@@ -26,7 +26,7 @@ pub(crate) struct NewKey {
     pub scopes: Scopes,
     /// Time from now after which the access key is refused.
     pub life: Duration,
-    /// Id of the key that made this one, or another word for its maker.
+    /// Id of the key by which this one was created, or another word for its creator.
     pub created_by: String,
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct KeyRow {
     pub name: String,
     /// Scopes of the key: what it allows.
     pub scopes: Scopes,
-    /// Time of creation, ms of the Unix epoch.
+    /// Time at which the key was created, ms of the Unix epoch.
     pub created_ms: i64,
     /// Time from which the key is refused, ms of the Unix epoch.
     pub expires_ms: Option<i64>,
@@ -49,7 +49,7 @@ pub(crate) struct KeyRow {
     pub revoked_ms: Option<i64>,
     /// Time of the last use, exact to a minute, ms of the Unix epoch.
     pub used_ms: Option<i64>,
-    /// Id of the key that made this one, or another word for its maker.
+    /// Id of the key by which this one was created, or another word for its creator.
     pub created_by: Option<String>,
 }
 
@@ -66,7 +66,7 @@ pub(crate) struct Credential {
     pub left: Duration,
     /// True if the tenant of the key is closed.
     pub is_closed: bool,
-    /// True if the last recorded use of the key is older than [`USED`].
+    /// True if the last recorded use of the key is older than [`USED`], so that a use now is to be recorded.
     pub is_use_old: bool,
 }
 
@@ -277,8 +277,8 @@ impl Catalog {
         .await
     }
 
-    /// Deletes access keys that expired or were revoked more than `age` ago. The newest key stays, because a service
-    /// that has ever had a key accepts no first one from its environment.
+    /// Deletes access keys that expired or were revoked more than `age` ago. The newest key stays: a service without
+    /// any stored key would accept a first key from its environment.
     pub(super) async fn forget_ended_keys(&self, age: Duration) -> Result<(), CatalogError> {
         loop {
             let turn = self.turn().await;

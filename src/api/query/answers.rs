@@ -95,7 +95,7 @@ pub(super) struct SampleAnswer {
     weight: Vec<f64>,
 }
 
-/// Matrix of values, written to JSON as an array of rows with one row for each query.
+/// Values of the answers to a batch, written to JSON as an array with one row of values for each query.
 #[derive(Debug)]
 struct Rows {
     values: Vec<f32>,

@@ -22,7 +22,7 @@ pub(super) struct Block {
     pub(super) first: u64,
 }
 
-/// Source of the blocks of a batch: a parsed list of queries, or a request body that arrives in pieces.
+/// Source of the blocks of queries of a batch: parsed lists of directions, or a request body that arrives in pieces.
 #[derive(Debug)]
 pub(super) enum Source {
     Listed { places: Arc<Places>, next: usize },
@@ -115,7 +115,8 @@ impl Cutter {
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// Cuts a block of `most` queries from the received bytes, or of as many as have arrived if `any` is true.
+    /// Cuts a block of `most` queries from the received bytes; if `any` is true, also a smaller block of those that
+    /// have arrived. Returns `None` if no block is complete.
     fn cut(&mut self, most: usize, any: bool) -> Option<Result<Block, Problem>> {
         let first = self.next;
         match &mut self.form {

@@ -38,8 +38,8 @@ const PART_VALUES: usize = 1 << 16;
 /// costs memory and lets more blocks be evaluated at once.
 const BLOCKS: usize = 3;
 
-/// An evaluated and encoded block of queries: the bytes of its parts in order, and the error after the last answer, if
-/// any.
+/// Encoded answers to one block of queries: the bytes of the block's parts in order, and the error after the last
+/// answer, if any.
 #[derive(Debug)]
 struct Sent {
     parts: VecDeque<Bytes>,
@@ -136,7 +136,7 @@ pub(super) async fn stream(
     Ok(response)
 }
 
-/// State of a streamed response that is being sent.
+/// Streamed answer that is being sent: the blocks still to come, and the rest of the current one.
 struct Sending {
     answered: BoxStream<'static, Sent>,
     sent: Sent,

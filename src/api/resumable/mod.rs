@@ -47,7 +47,7 @@ pub(crate) fn routes() -> OpenApiRouter<Service> {
         .route_layer(axum::middleware::from_fn(protocol))
 }
 
-/// Middleware that refuses other versions of the protocol and states the version in every answer.
+/// Middleware that refuses requests in other versions of the tus protocol and states the version in every answer.
 async fn protocol(request: Request, next: Next) -> Response {
     let spoken = request.headers().get(RESUMABLE).map(|value| value == SPOKEN);
     let mut response = if request.method() == Method::OPTIONS || spoken == Some(true) {

@@ -14,13 +14,13 @@ use bytes::BytesMut;
 use futures::StreamExt;
 use tokio::time::{Instant, timeout_at};
 
-/// Bytes of a part that are hashed and written to disk at a time.
+/// Number of bytes of a part of an upload that are hashed and written to disk at a time.
 const PIECE: usize = 1 << 20;
 
 /// Statements of a request about the bytes that it sends.
 #[derive(Clone)]
 pub(super) struct Asked {
-    /// Number of bytes that the upload has received before.
+    /// Number of bytes that the upload has received before this request, according to the request.
     pub(super) offset: u64,
     /// Size of the whole upload, if the request states it.
     pub(super) length: Option<u64>,
@@ -28,7 +28,7 @@ pub(super) struct Asked {
     pub(super) declared: Option<u64>,
     /// Checksum of the bytes that the request sends.
     pub(super) checksum: Option<Checksum>,
-    /// True if the request begins the upload: its client does not know the upload before the answer.
+    /// True if the request begins the upload. The client then learns the upload's id only from the answer.
     pub(super) begins: bool,
 }
 
@@ -114,7 +114,8 @@ async fn held(app: &App, id: &str, asked: Asked, body: Body) -> Result<Partial, 
     }
 }
 
-/// A staged part with the size of the whole upload that its request stated, and the reason if the body broke after it.
+/// Part of an upload in a staging file, the size of the whole upload if the request stated it, and the reason if the
+/// body broke off after the part.
 type Received = ((Staged, Option<u64>), Option<Problem>);
 
 /// Receives the body of a request. Returns `None` for a body without bytes.

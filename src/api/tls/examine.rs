@@ -12,8 +12,8 @@ const SOON: i64 = 14 * DAY;
 
 const CHECK: &str = "local certificate";
 
-/// Judges the files of a certificate: pair, time, names and permissions. `names` are the hosts that requests may
-/// address.
+/// Checks a TLS certificate and its key: that they belong together, the validity period, the names, and who may read
+/// the key. `names` are the hosts that requests may address.
 pub(crate) fn certificate_found(files: &TlsFiles, names: &[String]) -> Finding {
     let is_public = |path: &Path| path.metadata().is_ok_and(|metadata| metadata.permissions().mode() & 0o004 != 0);
     match files.load() {
