@@ -28,9 +28,9 @@ pub(crate) struct Access {
 pub(crate) enum Page {
     /// The request comes from no page (a plain client) or from a page that this service serves.
     Own,
-    /// The page has another origin, which a setting of the service allows to read answers.
+    /// The page has another origin, and a setting of the service allows this origin to read answers.
     Allowed(HeaderValue),
-    /// The page has another origin, which no setting allows to read answers.
+    /// The page has another origin, and no setting of the service allows this origin to read answers.
     Foreign,
 }
 

@@ -32,7 +32,7 @@ struct Record {
     action: String,
     /// Id of the key, material or other object that the act concerned.
     subject: Option<String>,
-    /// Further facts about the act, in words.
+    /// Further information on the recorded act, as text.
     detail: Option<String>,
     /// Network address of the client; of an IPv6 address its first 64 bits.
     address: Option<String>,

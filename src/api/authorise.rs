@@ -209,7 +209,7 @@ async fn by_header(app: &App, parts: &Parts) -> Result<Shown, Problem> {
     Ok(Shown { actor: Actor::Key(key.id()), tenant, scopes, reach: Reach::All, until })
 }
 
-/// Returns the rights that the signed link in a request gives.
+/// Verifies the signed link of a request. Returns the rights that the link gives.
 async fn by_link(app: &App, parts: &Parts, query: &str) -> Result<Shown, Problem> {
     let now = unix_seconds();
     let link = Link::read(parts.uri.path(), query, now);

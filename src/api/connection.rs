@@ -82,7 +82,7 @@ impl Entrance {
     }
 }
 
-/// Front of the service and limits that all connections of a listener share.
+/// Request handlers of the service, and limits that all connections of a listener share.
 pub(crate) struct Host {
     front: Front,
     /// TLS handshake that begins each connection; `None` serves plain HTTP.
@@ -179,7 +179,8 @@ impl Host {
         made.inspect_err(|_| metrics::counter!("wavelume_handshakes_failed_total").increment(1))
     }
 
-    /// Waits for a step at the beginning of a connection, within the time `first_bytes` and while the service runs.
+    /// Waits for a step at the beginning of a connection, such as the TLS handshake. Fails after the time
+    /// `first_bytes`, or if the service stops meanwhile.
     async fn opening<T>(&self, step: impl Future<Output = std::io::Result<T>>) -> Result<T, String> {
         tokio::select! {
             () = self.stop.cancelled() => Err("the service stops".to_owned()),

@@ -26,7 +26,8 @@ pub(crate) fn limit() -> Option<u64> {
     getrlimit(Resource::Nofile).current
 }
 
-/// Judges the hard limit on file descriptors of this process, to which `serve` raises its soft one.
+/// Checks that the hard limit on open file descriptors of this process suffices for the set limits on connections and
+/// requests. `serve` raises the soft limit to the hard one.
 pub(crate) fn descriptors_found(limits: &Limits) -> Finding {
     const CHECK: &str = "local descriptors";
     let count = |number: usize| number as u64;

@@ -85,7 +85,7 @@ pub(super) fn recorder() -> Option<PrometheusHandle> {
     RECORDER.get_or_init(install).clone()
 }
 
-/// Answers with the metrics of the process; empty without a recorder.
+/// Builds the HTTP answer that shows the metrics of the process as text; empty if the process records no metrics.
 pub(super) fn page(recorder: Option<&PrometheusHandle>) -> Response {
     let text = recorder.map(|recorder| {
         recorder.run_upkeep();

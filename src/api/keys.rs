@@ -218,14 +218,14 @@ pub(super) fn tenant_of(
 }
 
 impl MadeKey {
-    /// Describes a key that was made just now, with its text.
+    /// Builds the answer that describes a new access key and contains the key's text.
     pub(crate) fn of(key: &Key, row: KeyRow) -> Self {
         Self { key: key.reveal(), about: AccessKey::of(row) }
     }
 }
 
 impl AccessKey {
-    /// Describes a stored key.
+    /// Builds the description of an access key from its row in the database.
     pub(crate) fn of(row: KeyRow) -> Self {
         Self {
             id: row.id.to_string(),

@@ -120,8 +120,9 @@ pub(super) async fn refuse(request: Request, problem: Problem) -> Response {
     problem.into_response()
 }
 
-/// Step around all others, `next`: checks the host and the origin of a request, adds security headers to its answer,
-/// assigns an id to it, logs it once, and records its duration by route.
+/// Outermost step of answering an HTTP request, around all other steps, `next`. Checks the host and the origin of the
+/// request, adds security headers to the answer, assigns an id to the request, logs it once, and records its duration
+/// by route.
 pub(crate) async fn outermost<F: Future<Output = Response>>(
     app: &App,
     mut request: Request,

@@ -308,7 +308,8 @@ impl Whose {
 }
 
 impl Material {
-    /// Builds the description of another tenant's material, without its measurements and readers.
+    /// Builds the description of another tenant's material. Leaves out the measurements from which it was made and the
+    /// tenants that may read it.
     fn of_another(row: MaterialRow) -> Result<Self, Problem> {
         let mut material = Self::of(MaterialRow { measurements: Vec::new(), readers: Vec::new(), ..row })?;
         material.manifest.hide_measurements();

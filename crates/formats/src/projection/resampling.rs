@@ -4,7 +4,7 @@ use super::averages::Averages;
 use super::bands::Bands;
 use rayon::prelude::*;
 
-/// Number of output values that one task computes at a time.
+/// Number of values of the resampled tensor that one task computes at a time.
 const BLOCK: usize = 1 << 12;
 
 /// Resampling of an axis of directions. Data without directions count as having such an axis of length 1.
@@ -28,7 +28,7 @@ pub(super) enum Channels {
         from: usize,
         bands: Bands,
     },
-    /// The single value of each direction is multiplied by the factor of each wavelength.
+    /// One factor for each wavelength: the single value of a direction, multiplied by them, becomes a spectrum.
     Multiplied(Vec<f64>),
 }
 
@@ -102,8 +102,8 @@ impl Resampling {
         )
     }
 
-    /// Resamples `values` to the requested directions and wavelengths; NaN marks a masked sample. `missing` is true if
-    /// there may be NaN among `values`.
+    /// Resamples the measured `values`, `[outer, incoming, outgoing, spectral]`, to the requested directions and
+    /// wavelengths; NaN marks a masked sample. `missing` is true if there may be NaN among `values`.
     ///
     /// Besides the output it needs memory for one plane `[outgoing, spectral]` of samples. One task sums each output
     /// value in the order of the samples, so that the bits do not depend on the number of threads.

@@ -18,7 +18,8 @@ const WIDER: f64 = 1.6;
 const WIDTHS: usize = 7;
 /// Tail parameters of a lobe, from 0 (Gaussian) to 1/2 (GGX), from which fits start.
 const TAILS: [f64; 3] = [LEAST_TAIL, 0.2, 0.5];
-/// Rounds after which competing fits of a lobe are compared, each with the number of fits that continue.
+/// Numbers of iterations after which competing fits of a lobe are compared, each with the number of best fits that
+/// continue.
 const ROUNDS: [(usize, usize); 3] = [(1, 8), (5, 2), (30, 1)];
 /// Ratio to the least misfit up to which a coordinate system for the lobe (angles or half-vector slopes from the mirror
 /// direction) is tried further after the first lobe fit in each. Raising it makes more fits.
@@ -35,8 +36,8 @@ const REACH: f64 = 8.0;
 /// Upper bound on the distance from the centre of a lobe up to which samples take part in its fit, as a chord on the
 /// unit sphere.
 const FARTHEST: f64 = 0.7;
-/// Number of rounds of a cross-validation fit, which leaves out one fold of the samples and starts from the fit to all
-/// samples.
+/// Number of iterations of a cross-validation fit, which leaves out one fold of the samples and starts from the fit to
+/// all samples.
 const FOLD_ROUNDS: usize = 10;
 /// Least reduction of the robust cross-validation cost by a lobe for the lobe to be accepted. Raising it finds fewer
 /// lobes.
@@ -53,7 +54,7 @@ const ENOUGH_OF_LOBE: usize = 8;
 /// Multiple of the noise below which the misfit of a lobe's form is ignored. Raising it trusts the form more.
 const MISFIT: f64 = 1.5;
 /// Approximate number of samples, for each incoming direction, that the fit of a lobe uses in the wider surroundings of
-/// the lobe. They determine the values without it, and how slowly it falls off. Raising the number is slower.
+/// the lobe. These samples determine the background, and how slowly the lobe falls off. Raising the number is slower.
 const THIN: usize = 160;
 /// Radius about the centre of a lobe within which its fit uses all samples, as a multiple of the sum of the lobe's
 /// half-width and the sample spacing.
@@ -315,8 +316,8 @@ fn withheld(problem: &Problem<'_>, start: &Fit) -> f64 {
     costs.iter().sum()
 }
 
-/// Returns true if enough samples are brighter than the background, including most of those for which the lobe predicts
-/// it.
+/// Returns true if enough samples are brighter than the background, including most samples that the lobe should
+/// brighten.
 fn is_seen(found: &Found) -> bool {
     let prepared = found.shape.prepared();
     let (mut high, mut of_lobe) = (0, 0);

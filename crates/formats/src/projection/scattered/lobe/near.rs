@@ -121,7 +121,7 @@ impl Near {
         found.get(found.len() / 2).map(|spacing| spacing * half)
     }
 
-    /// Yields the samples of all incoming directions.
+    /// Yields the samples near the lobe centre under all incoming directions.
     pub(super) fn all(&self) -> impl Iterator<Item = &Sample> {
         self.groups.iter().flatten()
     }
