@@ -213,7 +213,7 @@ async fn revoke(args: &Revoke) -> Result<(), Failure> {
     }
 }
 
-/// Opens the database of a service. A missing data directory is an error, because it is most likely a typing mistake.
+/// Opens the catalog of a service. A missing data directory is an error, because it is most likely a typing mistake.
 async fn open(places: &PlaceArgs) -> Result<Catalog, Failure> {
     let site = places.site();
     if site.database.is_none() && !site.data.is_dir() {

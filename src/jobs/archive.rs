@@ -33,7 +33,7 @@ pub enum ArchiveError {
     Directory {
         /// Path of the data directory that cannot be created, opened or written.
         directory: PathBuf,
-        /// Error of the operating system.
+        /// Error of the operating system when the directory was used.
         source: std::io::Error,
     },
     /// The store of files belongs to another catalog (database), or this catalog is a copy of another one.
@@ -158,7 +158,7 @@ impl Archive {
         Ok(archive)
     }
 
-    /// Returns the archive as another tenant sees it: rows and stored bytes of others do not exist there.
+    /// Returns the archive as the given tenant sees it: rows and stored bytes of others do not exist there.
     pub(crate) fn of(&self, tenant: &Tenant) -> Self {
         Self { catalog: self.catalog.of(tenant), ..self.clone() }
     }

@@ -95,7 +95,8 @@ impl Manifest {
         }
     }
 
-    /// Removes what tells of the measurements of the material: their ids, their bytes, and how they were read.
+    /// Removes what the description of a material tells about its measurements: their ids, the digests of their bytes,
+    /// the options with which they were read, and the compression request.
     pub(crate) fn hide_measurements(&mut self) {
         self.measured_again.clear();
         let provenance = &mut self.provenance;

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt::Write;
 
-/// A job for the queue.
+/// Job to be queued: its arguments as text, its priority, and the measurement that it reads.
 pub(crate) trait Queued {
     /// Returns the measurement that the job reads, if any.
     fn measurement(&self) -> Option<Digest>;

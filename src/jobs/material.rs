@@ -78,7 +78,7 @@ struct Candidate {
     size: u64,
 }
 
-/// Memory for the bytes of measurements, which are read one after the other: as much as the largest of them.
+/// Memory held for the bytes of measurements, as much as the largest of them needs: they are read one after the other.
 struct Room<'a> {
     held: u64,
     more: &'a mut (dyn FnMut(u64) -> bool + Send),
@@ -154,9 +154,10 @@ impl Engine {
         self.archive.catalog.lacks_room(bytes, 1).await
     }
 
-    /// Compares an uploaded material with the measurements that the client names, or with the stored ones whose bytes
-    /// have the digest that the file states. Those found by digest are left out if they were read with other options,
-    /// which larger errors than stated may show, too; a single one that was read without options is then refused.
+    /// Compares an uploaded material with stored measurements: those that the client names, or else those whose bytes
+    /// have the digest that the file states. A named measurement must not show larger errors than the file states. One
+    /// found by digest that shows larger errors is left out, because it may have been read with other options. If it is
+    /// the only one that was compared, and was read without options, the material is refused.
     async fn compare(
         self: &Arc<Self>,
         bytes: Vec<u8>,
@@ -250,7 +251,7 @@ fn is_joined_alike(options: &Options, origin: &StatedOrigin) -> bool {
     options.spectrum.map(|id| id.to_string()) == origin.spectrum_digest
 }
 
-/// Describes the first error measure that is larger than the material states; `None` if all are as stated.
+/// Describes the first error measure of a material that is larger than its file states; `None` if none is.
 fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String> {
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);

@@ -116,8 +116,8 @@ fn make(numbers: &[u8], progress: &dyn Progress) -> Result<Vec<Table>, PaperErro
     numbers.iter().enumerate().map(make).collect()
 }
 
-/// Progress of one table, in a job that reproduces several tables of the paper by Claustres et al. (2006): reported as
-/// a part of the job's progress.
+/// Receiver of the progress of one table, in a job that recomputes several tables of the paper by Claustres et al.
+/// (2006). It reports this progress as a part of that of the job.
 struct Part<'a> {
     whole: &'a dyn Progress,
     start: f64,

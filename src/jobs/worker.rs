@@ -294,7 +294,8 @@ async fn reaping(engine: Arc<Engine>, stop: CancellationToken) {
     }
 }
 
-/// Takes jobs back from workers that are known to be gone, and, if `expired`, from workers whose lease has run out.
+/// Takes jobs back from the workers of this host whose processes have ended, and, if `expired`, from all workers whose
+/// lease has run out.
 async fn reap(engine: &Arc<Engine>, expired: bool, lost: &str) -> Result<(), CatalogError> {
     let seeker = Arc::clone(engine);
     let gone = tokio::task::spawn_blocking(move || seeker.presence.gone()).await;

@@ -108,7 +108,7 @@ impl fmt::Display for Signature {
 }
 
 impl fmt::Debug for Signature {
-    /// Writes nothing of the signature: whoever has the signature of a link has the link.
+    /// Writes a placeholder without any part of the signature: whoever has the signature of a link has the link.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Signature(…)")
     }

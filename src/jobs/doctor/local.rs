@@ -7,9 +7,9 @@ use rustix::fs::statvfs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Directories of a service on this machine, and the size of an upload.
+/// Directories of a service on this machine, for the checks of their disks, and the size of an upload.
 pub(super) struct Disks {
-    /// Data directory, which holds temporary files.
+    /// Data directory of the service; it holds temporary files.
     data: PathBuf,
     /// SQLite file, if the catalog is one.
     file: Option<PathBuf>,
@@ -47,14 +47,14 @@ const KINDS: [(u32, &str, Fit); 20] = [
     (0x794C_7630, "overlay", Fit::Disk),
 ];
 
-/// Fitness of a file system for data that must stay.
+/// Fitness of a file system for the data of a service, which must survive a restart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fit {
-    /// Local disk.
+    /// The file system lies on a disk of this machine.
     Disk,
     /// Main memory, empty after a restart of the machine.
     Memory,
-    /// File system over a network, or of a program (FUSE).
+    /// The file system is reached over a network, or served by a program (FUSE).
     Network,
 }
 
