@@ -296,7 +296,7 @@ pub enum DirectionGridError {
     },
     /// A grid of directions cannot be mirrored across the equator: its first polar angle lies below the equator, or its
     /// polar angles are measured from a pole and not from the equator.
-    #[error("latitudes to be mirrored start at {found} degrees, expected 0 or more, in a frame with latitudes")]
+    #[error("the grid to be mirrored across the equator starts at {found} degrees, expected latitudes of 0 or more")]
     Mirrored {
         /// First polar angle of the grid that was to be mirrored, in degrees: measured from the equator, or from a pole
         /// in a frame without latitudes.

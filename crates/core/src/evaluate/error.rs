@@ -133,8 +133,8 @@ pub enum QueryError {
     },
     /// Input and output buffers of unequal lengths in a call that draws a batch of directions.
     #[error(
-        "{} and {} coordinates of points, room for {directions} directions and {weights} weights, expected as many of each \
-         and {expected} weights", points[0], points[1]
+        "{} first and {} second coordinates of points, room for {directions} directions and {weights} weights, \
+         expected as many directions as coordinates of each kind, and {expected} weights", points[0], points[1]
     )]
     Drawings {
         /// Lengths of the arrays of first and of second coordinates of the points in the unit square from which
@@ -191,7 +191,7 @@ pub enum QueryError {
     },
     /// Reciprocity is requested of a quantity whose data cannot show it.
     #[error("wi and wo cannot be exchanged, because this {quantity} {reason}", reason = match quantity {
-        Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which it does not hold",
+        Quantity::Btdf => "is reciprocal only with a factor of the refractive indices, which the data lack",
         _ => "has no reciprocity, expected a brdf, bsdf or phase function",
     })]
     NoReciprocity {
@@ -293,14 +293,16 @@ impl Buffer {
 
     fn refusal(self, found: usize, expected: usize) -> String {
         match self {
-            Self::Spectrum => format!("room for {found} samples, expected {expected}"),
-            Self::Wavelengths => format!("room for {found} samples, expected {expected}: one a wavelength"),
+            Self::Spectrum => format!("room for {found} samples, expected {expected}, as many as in a spectrum"),
+            Self::Wavelengths => format!("room for {found} samples, expected {expected}: one for each wavelength"),
             Self::Spectra { count, lambdas } => {
-                format!("room for {found} samples, expected {count} spectra of {lambdas}")
+                format!("room for {found} samples, expected room for {count} spectra of {lambdas} samples")
             }
-            Self::Scratch => format!("scratch of {found} samples, expected {expected}: as many as room"),
-            Self::Weights => format!("{found} weights, expected {expected}: one a sample"),
-            Self::Samples => format!("{expected} points, room for {found} samples, expected as many"),
+            Self::Scratch => format!("scratch space of {found} samples, expected {expected}: as many as in the output"),
+            Self::Weights => format!("{found} weights, expected {expected}: one for each sample of a spectrum"),
+            Self::Samples => {
+                format!("{expected} points, room for {found} directions, expected one direction for each point")
+            }
         }
     }
 }

@@ -63,7 +63,7 @@ pub struct Observer {
 pub enum TableError {
     /// The axes of the table are neither wavelengths alone nor numbered columns followed by wavelengths.
     #[error(
-        "the table has axes {}, expected wavelengths as the last axis",
+        "the table has axes {}, expected wavelengths, or numbered columns and then wavelengths",
         axes.iter().map(Axis::describe).collect::<Vec<_>>().join(" × ")
     )]
     Axes {

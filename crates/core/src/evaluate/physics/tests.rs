@@ -677,7 +677,7 @@ fn refusals_name_their_reason() {
     let symmetric = |place, scratch: usize| {
         brdf.symmetric_spectrum(place, Interpolation::Smooth, Mean::Arithmetic, &mut vec![0.0; scratch], &mut [0.0; 3])
     };
-    is_unfit(symmetric(place(up, up), 2), "scratch of 2 samples, expected 3");
+    is_unfit(symmetric(place(up, up), 2), "scratch space of 2 samples, expected 3");
     is_unfit(symmetric(Place { wo: Some(up), ..Place::default() }, 3), "no wi was given");
     is_unfit(symmetric(Place { wi: Some(up), ..Place::default() }, 3), "no wo was given");
     let broken = Material::open_prepared(b"nothing", Preparation::default());
