@@ -247,7 +247,9 @@ fn axes_of(acquisition: &Acquisition) -> Result<Axes, FormatError> {
                 spectral: grid.spectral.clone(),
             })
         }
-        Samples::Scattered(_) => Err(malformed("axes: scattered directions, expected axes or angles")),
+        Samples::Scattered(_) => {
+            Err(malformed("axes: a list of scattered directions, expected axes of directions or of angles"))
+        }
         Samples::Function(_) => Err(malformed("axes: a function has none, expected directions and wavelengths")),
     }
 }

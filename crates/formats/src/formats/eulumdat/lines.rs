@@ -98,7 +98,7 @@ impl<'a> Lines<'a> {
     /// error also gives the line's number, under which the description of the format lists it.
     fn mismatch(&self, line: Token<'_>, expected: &str) -> FormatError {
         let place = if self.next <= HEAD_LINES {
-            format!(" (line {} of the format; are all lines above there?)", self.next)
+            format!(" (line {} of the format; is a line above it missing?)", self.next)
         } else {
             String::new()
         };
