@@ -277,7 +277,7 @@ fn bound(lobes: &[Lobe], incoming: &Entries, outgoing: &Entries, lambdas: usize)
     let evaluations = (pairs * incoming.points()).checked_mul(outgoing.points()).and_then(|n| n.checked_mul(each));
     if evaluations.is_none_or(|n| n > MAX_EVALUATIONS) {
         let message =
-            "the axes ask for too many evaluations of the model, expected fewer cells, or \"sampling\": \"point\"";
+            "the axes ask for too many evaluations of the model, expected fewer entries, or \"sampling\": \"point\"";
         return Err(refuse(FormatErrorKind::OverLimit, message));
     }
     Ok(())
