@@ -235,7 +235,7 @@ pub enum DirectionGridError {
     Count {
         /// Name of the angles of which there are too few or too many: `polar` or `azimuth`.
         what: &'static str,
-        /// Number of polar angles or azimuths found.
+        /// Invalid number of polar angles or azimuths: 0 or too large.
         found: usize,
     },
     /// The number of directions, the product of the numbers of polar angles and azimuths, exceeds the limit.

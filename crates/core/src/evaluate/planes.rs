@@ -59,7 +59,7 @@ pub(super) struct Planes {
     mean: Vec<f32>,
     /// Spectral coefficients, `[pair of sampled directions][coefficient]`.
     rows: Vec<f32>,
-    /// State of each spectrum (live, zero or masked); empty if all are live.
+    /// State of each spectrum: stored as coefficients, zero or masked. Empty if all are stored as coefficients.
     cells: Vec<Cell>,
     /// Largest deviation of the spectra that coefficients represent from the samples, in logarithms or as a fraction of
     /// the largest sample.
@@ -157,7 +157,7 @@ impl Planes {
         self.width
     }
 
-    /// State of each spectrum (live, zero or masked); empty if all are live.
+    /// State of each spectrum: stored as coefficients, zero or masked. Empty if all are stored as coefficients.
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
@@ -268,7 +268,7 @@ impl Planes {
         row
     }
 
-    /// State of the pair of sampled directions numbered `cell`: live, zero or masked.
+    /// State of the spectrum of the pair of sampled directions numbered `cell`: stored as coefficients, zero or masked.
     #[inline]
     pub(super) fn cell(&self, cell: usize) -> Cell {
         self.cells.get(cell).copied().unwrap_or(Cell::Live)

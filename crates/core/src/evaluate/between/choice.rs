@@ -102,7 +102,7 @@ fn best(ways: Vec<(Between, Errors)>) -> Option<(Between, f64)> {
     good.map(|(way, error)| (way, error.without_noise))
 }
 
-/// Averages a measurement over wavelengths; masked samples are skipped.
+/// Replaces each spectrum of a measurement by its mean over wavelengths; masked samples are skipped.
 fn grey(measurement: &Measurement, lambdas: usize) -> Result<Measurement, EvaluateError> {
     let axes = measurement.tensor.axes();
     let has_spectrum = measurement.layout()?.spectral.is_some();

@@ -30,9 +30,9 @@ pub(super) struct Errors {
     pub(super) moved: f64,
 }
 
-/// Sums over outgoing directions under one incoming direction whose values are predicted from the others: count,
-/// squared relative error, its expected part due to noise in the samples, absolute error times |cos θo|, and value
-/// times |cos θo|.
+/// Sums over outgoing directions under one incoming direction whose values are predicted from the others: number of
+/// directions, squared relative error, its expected part due to noise in the samples, absolute error times |cos θo|,
+/// and value times |cos θo|.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     count: f64,

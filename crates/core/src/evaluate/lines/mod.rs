@@ -88,9 +88,9 @@ pub(super) struct Lines {
     straight: f32,
     domain: Domain,
     alignment: Alignment,
-    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
-    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
-    /// their shape.
+    /// Candidate rules by which lobes follow the incoming direction, each with the change of the function's shape under
+    /// it. That is the standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the material's function at
+    /// aligned outgoing directions under neighbouring incoming directions; it is 0 if lobes keep their shape.
     changes: Vec<(Alignment, f64)>,
     /// Interpolation between incoming directions with a divisor (model divided out before interpolation) or a cubic;
     /// `None` if it is linear in logarithms.
@@ -194,7 +194,7 @@ impl Lines {
         self.straight
     }
 
-    /// Alignment of lobes for interpolation between incoming directions.
+    /// Returns the rule by which lobes follow the incoming direction in interpolation.
     pub(super) fn alignment(&self) -> Alignment {
         self.alignment
     }
@@ -204,9 +204,9 @@ impl Lines {
         self.domain
     }
 
-    /// Candidate alignments of lobes. With each: standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the
-    /// material's function at aligned outgoing directions under neighbouring incoming directions. It is 0 if lobes keep
-    /// their shape.
+    /// Candidate rules by which lobes follow the incoming direction, each with the change of the function's shape under
+    /// it. That is the standard deviation of ln(f₁ / f₂), where f₁ and f₂ are values of the material's function at
+    /// aligned outgoing directions under neighbouring incoming directions; it is 0 if lobes keep their shape.
     pub(super) fn changes(&self) -> &[(Alignment, f64)] {
         &self.changes
     }
