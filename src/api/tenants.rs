@@ -140,7 +140,7 @@ async fn list_tenants(app: App) -> Result<Json<TenantList>, Problem> {
 async fn create_tenant(app: App, SmallJson(body): SmallJson) -> Result<Response, Problem> {
     let mut request: Map<String, Value> = parse_json(&body.bytes)?;
     let id = request.remove("id").and_then(|id| Some(id.as_str()?.to_owned()));
-    let id = id.ok_or_else(|| Problem::invalid("found no text `id`, expected the id of the tenant"))?;
+    let id = id.ok_or_else(|| Problem::invalid("found no text in `id`, expected the id of the new tenant"))?;
     let id: Tenant = id.parse().map_err(|error| Problem::invalid(format!("id: {error}")))?;
     let change: Result<ChangeRequest, _> = serde_json::from_value(Value::Object(request));
     let change = change.map_err(|error| Problem::invalid(error.to_string()))?.read()?;
@@ -190,7 +190,7 @@ async fn change_tenant(
             record(&app, &caller, &tenant, &change).await;
             Ok(Json(About::of(*row)))
         }
-        Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has it")),
+        Settled::Taken => Err(Problem::new(Kind::InUse, "name: another tenant has this name")),
         Settled::Absent => Err(absent(&id)),
     }
 }

@@ -167,7 +167,7 @@ impl Catalog {
         for tried in 1.. {
             match operation(tried > 1).await {
                 Err(CatalogError::Sql(error)) if tried < TRIES && self.dialect.is_passing(&error) => {
-                    tracing::debug!(%error, tried, "an operation of the catalog is repeated");
+                    tracing::debug!(%error, tried, "a failed operation of the catalog is tried again");
                     // Two that were in each other's way must not meet again.
                     let jitter = uuid::Uuid::now_v7().as_bytes()[15] % 16;
                     tokio::time::sleep(pause + Duration::from_millis(u64::from(jitter))).await;
@@ -197,8 +197,8 @@ impl Write {
         Ok(self.transaction.commit().await?)
     }
 
-    /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, during which other
-    /// workers skip the rows that it has locked.
+    /// Undoes the transaction at once. A transaction that is only dropped keeps its locks for a moment, during which
+    /// other workers skip the rows that it has locked.
     pub(super) async fn undo(self) -> Result<(), CatalogError> {
         Ok(self.transaction.rollback().await?)
     }

@@ -39,7 +39,7 @@ pub(super) async fn build_search(connection: &mut AnyConnection, online: bool) -
     let mut found = sqlx::query(find).fetch_optional(&mut *connection).await?;
     if found.is_none() {
         if let Err(error) = connection.execute("CREATE EXTENSION IF NOT EXISTS pg_trgm SCHEMA public").await {
-            tracing::debug!(%error, "the extension pg_trgm was not created");
+            tracing::debug!(%error, "the PostgreSQL extension pg_trgm was not created");
         }
         found = sqlx::query(find).fetch_optional(&mut *connection).await?;
     }

@@ -51,9 +51,8 @@ impl Question {
         };
         if directions.bytes() == 0 {
             let quantity = material.quantity();
-            let detail = format!(
-                "a {quantity} without directions has nothing that records of a batch could state, expected a JSON body"
-            );
+            let detail =
+                format!("queries of a {quantity} without directions have no f32 records, expected a JSON body");
             return Err(Problem::new(Kind::UnfitQuery, detail));
         }
         Ok(directions)

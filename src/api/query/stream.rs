@@ -74,7 +74,7 @@ pub(super) fn whole(
 fn fits(answers: usize, width: usize, most: usize) -> Result<(), Problem> {
     if answers.saturating_mul(width) > most {
         return Err(Problem::invalid(format!(
-            "{answers} answers of {width} values, expected at most {most} values in one JSON answer; NDJSON and f32 have no end"
+            "{answers} answers of {width} values, expected at most {most} values in one JSON answer; NDJSON and f32 have no limit"
         )));
     }
     Ok(())
@@ -153,7 +153,7 @@ impl Sending {
                 // Blocks after the problem are dropped.
                 self.answered = futures::stream::empty().boxed();
                 let problem = problem.body();
-                tracing::info!(detail = problem.detail, "a stream ended with a problem");
+                tracing::info!(detail = problem.detail, "a streamed answer ended with an error");
                 if encoding == Encoding::Floats {
                     return Err(io::Error::other(problem.detail));
                 }

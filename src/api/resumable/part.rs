@@ -41,7 +41,7 @@ pub(super) async fn begin(app: &App, client: Client, id: String, asked: Asked, b
         if appended.is_err()
             && let Err(error) = app.engine.end_partial(&id).await
         {
-            tracing::warn!(upload = id, %error, "an upload whose beginning failed stays until it expires");
+            tracing::warn!(upload = id, %error, "an upload that failed at its beginning was not deleted; it stays until it expires");
         }
         appended
     });
@@ -139,7 +139,10 @@ async fn received(app: &App, holding: &Holding, asked: Asked, body: Body) -> Res
             return Err(too_much(left));
         }
         if partial.parts >= limits.partial_parts {
-            let detail = format!("the upload has {} parts; begin another one and send larger parts", partial.parts);
+            let detail = format!(
+                "the upload has {} parts, the most allowed; begin another one with larger parts",
+                partial.parts
+            );
             return Err(Problem::new(Kind::OverLimit, detail));
         }
         Ok(left)
@@ -179,7 +182,7 @@ async fn stage(
     asked: &Asked,
 ) -> Result<(Staged, Option<Checksum>, Option<Problem>), Problem> {
     let limits = &app.engine.limits;
-    let fate = if asked.begins { "begin the upload again" } else { "what arrived was kept" };
+    let fate = if asked.begins { "begin the upload again" } else { "the bytes that arrived were kept" };
     let mut checksum = asked.checksum.clone();
     let deadline = Instant::now() + limits.upload_time;
     let staging = app.engine.archive.staging.clone();
@@ -200,7 +203,7 @@ async fn stage(
                 None
             }
             Err(_) => {
-                let detail = format!("one request may take {:?}; {fate}", limits.upload_time);
+                let detail = format!("the request took longer than {:?}; {fate}", limits.upload_time);
                 problem = Some(Problem::new(Kind::TooSlow, detail));
                 None
             }
@@ -242,5 +245,5 @@ async fn blocking<T: Send + 'static>(
 }
 
 fn too_much(left: u64) -> Problem {
-    Problem::new(Kind::TooLarge, format!("more bytes than the {left} that the upload still lacks; none was kept"))
+    Problem::new(Kind::TooLarge, format!("found more bytes than the {left} that the upload still lacks; none was kept"))
 }
