@@ -101,8 +101,8 @@ pub enum AlgebraError {
     /// A material stores an analytic reflection lobe in addition to its samples, which sums and products cannot
     /// represent.
     #[error(
-        "material {at} has a lobe beside its cells, which sums and products of materials do not support; combine the \
-         measurements before they are compressed"
+        "material {at} has an analytic lobe beside its samples, which sums and products of materials do not support; \
+         combine the measurements before they are compressed"
     )]
     Lobe {
         /// Position of the material in the list of operands, from 1.

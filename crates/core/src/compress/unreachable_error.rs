@@ -241,7 +241,7 @@ fn too_large(target: Target, least: f64, (samples, basis): (usize, &str), has_me
                 "bytes {bytes}: the smallest file of this material has {least} bytes{what}; ask for {enough} or more"
             )
         }
-        _ => "the file is larger than was asked for".to_owned(),
+        _ => "the smallest file is larger than the size asked for".to_owned(),
     };
     match target {
         Target::Ratio(_) if basis == KLT => text.push_str(", or for another basis (auto, haar)"),

@@ -104,7 +104,9 @@ impl Basis {
         let (rank, coarse) = if most > MAX_RANK {
             let coarse = r.u8("coarseness of basis vectors")?;
             if coarse > COARSEST {
-                return Err(r.malformed(format!("coarseness {coarse} of basis vectors, expected 0 to {COARSEST}")));
+                return Err(
+                    r.malformed(format!("the coarseness of the spectral basis is {coarse}, expected 0 to {COARSEST}"))
+                );
             }
             (usize::from(first), coarse)
         } else {
@@ -112,7 +114,7 @@ impl Basis {
         };
         let most = most.min(length);
         if rank == 0 || rank > most {
-            return Err(r.malformed(format!("{rank} basis vectors, expected 1 to {most}")));
+            return Err(r.malformed(format!("the spectral basis has {rank} vectors, expected 1 to {most}")));
         }
         let steps = steps(step, count, coarse, r.take(rank, "spreads of basis vectors")?);
         let rest = r.take(r.remaining(), "basis")?;

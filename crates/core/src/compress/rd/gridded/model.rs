@@ -42,7 +42,7 @@ impl GridModel {
             0 => Ok(None),
             code => match ChartKind::from_code(code) {
                 Some(kind) if kind != ChartKind::Zonal => Ok(Some(kind)),
-                _ => Err(r.malformed(format!("model {code} of a grid chunk is unknown"))),
+                _ => Err(r.malformed(format!("the code {code} of the scattering model in the grid chunk is unknown"))),
             },
         }
     }
