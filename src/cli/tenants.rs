@@ -99,7 +99,7 @@ fn limit(text: &str) -> Result<Limit, String> {
         return Ok(Limit(None));
     }
     let number = text.parse::<u64>().ok().filter(|number| i64::try_from(*number).is_ok());
-    number.map(|number| Limit(Some(number))).ok_or_else(|| "expected a whole number, or `none`".to_owned())
+    number.map(|number| Limit(Some(number))).ok_or_else(|| "expected a limit: a whole number, or `none`".to_owned())
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), Failure> {

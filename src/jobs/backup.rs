@@ -77,7 +77,7 @@ impl Hold {
                     match catalog.prolong_hold(&name, HOLD).await {
                         Ok(true) => {}
                         Ok(false) => lapsed.store(true, Ordering::Relaxed),
-                        Err(error) => tracing::warn!(%error, "the hold on deletions was not prolonged"),
+                        Err(error) => tracing::warn!(%error, "the hold that keeps stored objects was not prolonged"),
                     }
                 }
             }
@@ -95,7 +95,9 @@ impl Hold {
             return Ok(());
         }
         Err(ArchiveError::Copy(
-            "this process stood still for too long, and stored bytes were deleted meanwhile: start it again".to_owned(),
+            "this process stood still for too long, and stored bytes were deleted meanwhile: start the backup or the \
+             move again"
+                .to_owned(),
         ))
     }
 }
@@ -224,7 +226,10 @@ pub(super) async fn manifest(store: &Arc<dyn Store>, place: &Place) -> Result<Op
     let wrong = |reason: String| ArchiveError::Copy(format!("{BACKUP} of {place} cannot be used: {reason}"));
     let form: Form = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
     if form.form > FORM {
-        return Err(wrong(format!("found form {}, expected at most {FORM}; use a newer program", form.form)));
+        return Err(wrong(format!(
+            "found the backup format {}, expected at most {FORM}; use a newer program",
+            form.form
+        )));
     }
     serde_json::from_str(&text).map(Some).map_err(|error| wrong(error.to_string()))
 }

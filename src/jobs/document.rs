@@ -91,7 +91,9 @@ impl Manifest {
     pub(crate) fn document(&self) -> Result<Map<String, Value>, serde_json::Error> {
         match serde_json::to_value(self)? {
             Value::Object(document) => Ok(document),
-            other => Err(serde::ser::Error::custom(format!("a manifest is an object, found {other}"))),
+            other => Err(serde::ser::Error::custom(format!(
+                "expected a JSON object as the description of a material, found {other}"
+            ))),
         }
     }
 

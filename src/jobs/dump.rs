@@ -162,7 +162,7 @@ impl Rows {
                 let row: Vec<Value> = serde_json::from_slice(&line).map_err(io::Error::other)?;
                 if row.len() != columns {
                     return Err(StoreError::Io(io::Error::other(format!(
-                        "found {} values in a row, expected {columns}",
+                        "found {} values in a row of the table, expected {columns}",
                         row.len()
                     ))));
                 }

@@ -198,7 +198,7 @@ impl Engine {
             due
         };
         if due && let Err(error) = self.archive.catalog.tell_queued().await {
-            tracing::warn!(%error, "other processes were not told of a job");
+            tracing::warn!(%error, "other processes were not told that a job is queued");
         }
     }
 

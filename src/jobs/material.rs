@@ -132,7 +132,9 @@ impl Engine {
             match added {
                 Uploaded::Stored(is_new) => {
                     let row = self.archive.catalog.material(new.id).await.map_err(IngestError::from)?;
-                    let row = row.ok_or_else(|| MaterialError::Described("it was deleted at once".to_owned()))?;
+                    let row = row.ok_or_else(|| {
+                        MaterialError::Described("the material was deleted right after it was stored".to_owned())
+                    })?;
                     return Ok((row, is_new));
                 }
                 Uploaded::NoMeasurement(id) => break MaterialError::NoMeasurement(id),
@@ -204,17 +206,22 @@ impl Engine {
                 Ok(found) => match excess(&report.errors, &found.errors) {
                     None => compared.push((row, options, found)),
                     Some(excess) => {
-                        let detail = format!("against measurement {id} {excess}; the material was not made from it");
+                        let detail =
+                            format!("compared with measurement {id}, {excess}: the material was not made from it");
                         if !named.is_empty() {
                             return Err(MaterialError::NotOf(detail));
                         }
-                        tracing::debug!(measurement = %id, excess, "not the measurement of an uploaded material");
+                        tracing::debug!(
+                            measurement = %id, excess, "an uploaded material was made from another measurement"
+                        );
                         refusal = refusal.or(options.is_default().then_some(detail));
                     }
                 },
                 // Read with other options, the same bytes are another measurement.
                 Err(error) if named.is_empty() => {
-                    tracing::debug!(measurement = %id, %error, "not the measurement of an uploaded material");
+                    tracing::debug!(
+                        measurement = %id, %error, "an uploaded material cannot be compared with a measurement"
+                    );
                 }
                 Err(error) => return Err(MaterialError::NotOf(format!("measurement {id}: {error}"))),
             }
@@ -255,7 +262,9 @@ fn is_joined_alike(options: &Options, origin: &StatedOrigin) -> bool {
 fn excess(stated: &ErrorReport, found: &ErrorReport) -> Option<String> {
     if found.mask_mismatches > stated.mask_mismatches {
         let (found, stated) = (found.mask_mismatches, stated.mask_mismatches);
-        return Some(format!("{found} samples are masked in one of the two only, the file states {stated}"));
+        return Some(format!(
+            "{found} samples are masked in the measurement or the material only, the file states {stated}"
+        ));
     }
     let measures = [
         ("er_l2", stated.er_l2, found.er_l2),

@@ -64,10 +64,11 @@ impl Published {
     pub(super) async fn again(self, archive: &Archive) -> Result<Self, BlobError> {
         let digest = self.digest();
         if self.times >= TIMES {
-            let message = format!("{digest} was published {TIMES} times and its claim ran out before it was named");
+            let message =
+                format!("the bytes {digest} were stored {TIMES} times, and each claim ran out before a row named them");
             return Err(StoreError::Io(io::Error::new(io::ErrorKind::TimedOut, message)).into());
         }
-        tracing::warn!(%digest, "the claim on published bytes ran out before a row named them; they are published again");
+        tracing::warn!(%digest, "the claim on stored bytes ran out before a row named them; they are stored again");
         let (staging, staged) = (archive.staging.clone(), self.staged);
         let staged = tokio::task::spawn_blocking(move || staging.stage_again(&staged)).await;
         let staged = staged.map_err(|error| StoreError::Io(error.into()))??;

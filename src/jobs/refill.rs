@@ -98,7 +98,9 @@ impl Archive {
                 rest = after;
                 self.belonged().await?;
                 while !self.fill_batch(batch, origin, &mut tally).await? {
-                    tracing::warn!("copied bytes were listed too late, and are copied again");
+                    tracing::warn!(
+                        "the announcement of copied files expired before they were entered; they are copied again"
+                    );
                 }
             }
         }

@@ -82,7 +82,9 @@ impl Archive {
                     }
                     // The store is away, or cannot read this one file, which then must not be in the way of others.
                     Err(error) => {
-                        tracing::warn!(object = %due.blob.object, %error, "stored bytes could not be checked");
+                        tracing::warn!(
+                            object = %due.blob.object, %error, "the digest of a stored object was not checked"
+                        );
                         self.catalog.unclaim_checks(&claimed[at + 1..]).await?;
                         return Err(error);
                     }
@@ -220,7 +222,9 @@ pub(super) async fn scrubbing(engine: Arc<Engine>, stop: CancellationToken) {
                 tracing::info!(blobs = report.blobs, bytes = report.bytes, faults = report.faults, "scrubbed");
             }
             Ok(_) => {}
-            Err(error) => tracing::error!(%error, "the scrub failed, and goes on with the next round"),
+            Err(error) => {
+                tracing::error!(%error, "the check of stored files (scrub) failed, and goes on with the next round");
+            }
         }
     }
 }

@@ -58,7 +58,7 @@ pub(crate) async fn watching(engine: Arc<Engine>, stop: CancellationToken) {
             Ok::<_, CatalogError>(())
         };
         if let Err(error) = look.await {
-            tracing::warn!(%error, "followed jobs were not looked at");
+            tracing::warn!(%error, "the state of jobs that clients follow was not read");
             sleep(PAUSE).await;
         }
     }

@@ -80,9 +80,9 @@ impl Probe {
             add("multipart", self.timed(format!("{} bytes in 2 parts", PART + REST), self.parts()).await);
         }
         // Also after a failure: the answer may have been lost, and the object is there.
-        let removed = self.timed("the probe is gone".to_owned(), self.remove()).await;
+        let removed = self.timed("the test objects were removed".to_owned(), self.remove()).await;
         if is_written {
-            let hint = |reason| format!("{reason}; remove {}/ from the store by hand", self.folder);
+            let hint = |reason| format!("{reason}; remove the folder {}/ from the store by hand", self.folder);
             add("delete", removed.map_err(hint));
         }
         steps
@@ -119,7 +119,7 @@ impl Probe {
         if found == [size as u64] {
             return Ok(());
         }
-        Err(Failed(format!("the list has objects of {found:?} bytes, expected one of {size} bytes")))
+        Err(Failed(format!("the store lists test objects of {found:?} bytes, expected one of {size} bytes")))
     }
 
     async fn parts(&self) -> Result<(), Failed> {
@@ -154,7 +154,7 @@ impl Probe {
         match self.store.head(&self.path("object")).await {
             Err(object_store::Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(error.into()),
-            Ok(_) => Err(Failed("the object is still there".to_owned())),
+            Ok(_) => Err(Failed("the store still has the test object after its removal".to_owned())),
         }
     }
 }
@@ -185,7 +185,7 @@ fn same(found: &[u8], expected: &[u8]) -> Result<(), Failed> {
     if found == expected {
         return Ok(());
     }
-    Err(Failed(format!("{} other bytes came back, expected the {} that were written", found.len(), expected.len())))
+    Err(Failed(format!("read {} bytes that differ from the {} bytes that were written", found.len(), expected.len())))
 }
 
 /// Returns test bytes that vary from place to place, so that a read from a wrong position is recognised.

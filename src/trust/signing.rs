@@ -33,7 +33,7 @@ pub(crate) struct NoSigner;
 
 /// Error for a text that is not the public half of an Ed25519 key pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("found a text that is not the public half of a pair for signatures, expected 64 hexadecimal digits")]
+#[error("found a text that is not the public half of an Ed25519 key pair, expected 64 hexadecimal digits")]
 pub(crate) struct NotAVerifier;
 
 impl Signer {

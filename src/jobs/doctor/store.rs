@@ -63,7 +63,7 @@ impl Stored {
             Self::Missing => {
                 return vec![Finding::warning(
                     "store",
-                    format!("{place} does not exist yet"),
+                    format!("the store {place} does not exist yet"),
                     "`wavelume serve` and `wavelume worker` create the store; check --data and --store if it should exist",
                 )];
             }
@@ -134,12 +134,13 @@ fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
     }
     let name = ours.and_then(|ours| ours.instance.as_deref());
     match (id, name) {
-        (Some(id), Some(name)) if id == name => Finding::ok(CHECK, format!("store and catalog are {name}")),
+        (Some(id), Some(name)) if id == name => Finding::ok(CHECK, format!("store and catalog have the id {name}")),
         (Some(id), _) => {
-            let name = name.map_or_else(|| "has no id yet".to_owned(), |name| format!("is {name}"));
+            let name =
+                name.map_or_else(|| "has a catalog without an id".to_owned(), |name| format!("has the catalog {name}"));
             Finding::fault(
                 CHECK,
-                format!("{carried}, the catalog {database} {name}"),
+                format!("{carried}, but the database {database} {name}"),
                 format!(
                     "check --store and --database; if the catalog {id} is gone for good, take its store over with \
                      --adopt-store {id}"
@@ -151,6 +152,9 @@ fn bond(id: Option<&str>, database: &Database, asked: &Asked) -> Finding {
             format!("{carried}, but the catalog {database} ({name}) has used a store before"),
             format!("check --store; if it is the right one and the text was removed, write {name} to {INSTANCE} in it"),
         ),
-        (None, _) => Finding::ok(CHECK, "new: the first start of serve or worker binds the store to the catalog"),
+        (None, _) => Finding::ok(
+            CHECK,
+            "the store is new: the first start of `wavelume serve` or `worker` binds it to the catalog",
+        ),
     }
 }
