@@ -155,7 +155,8 @@ impl Labels {
                 Err(Problem::new(Kind::RangeNotSatisfiable, detail))
             }
             Part::None => {
-                let problem = Problem::new(Kind::RangeNotSatisfiable, format!("the content has {size} bytes"));
+                let detail = format!("the content has {size} bytes, none of them in the requested range");
+                let problem = Problem::new(Kind::RangeNotSatisfiable, detail);
                 Err(problem.with(header::CONTENT_RANGE, &format!("bytes */{size}")))
             }
         }

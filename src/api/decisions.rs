@@ -134,7 +134,7 @@ impl Decisions {
             let catalog = catalog.clone();
             tokio::spawn(async move {
                 if let Err(error) = catalog.note_use(id).await {
-                    tracing::warn!(%error, key = %id, "the use of a key was not recorded");
+                    tracing::warn!(%error, key = %id, "the time of the last use of a key was not recorded");
                 }
             });
         }

@@ -116,7 +116,7 @@ pub(crate) async fn show_figures(listen: SocketAddr) -> std::io::Result<(SocketA
     let serving = tokio::spawn(async move {
         let serving = async {
             if let Err(error) = axum::serve(listener, router).await {
-                tracing::error!(%error, "metrics are not served any more");
+                tracing::error!(%error, "the server of the metrics has failed: /metrics is not served any more");
             }
         };
         // Durations must not pile up while nobody asks for them.

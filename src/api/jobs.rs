@@ -231,7 +231,7 @@ async fn record(app: &App, caller: &Caller, action: &'static str, id: &str) {
     if caller.actor != Actor::Off
         && let Err(error) = app.engine.archive.catalog.record(&caller.act(action, id)).await
     {
-        tracing::warn!(%error, "an act was not recorded");
+        tracing::warn!(%error, "an act was not recorded in the audit trail");
     }
 }
 

@@ -39,7 +39,7 @@ impl Goniometer {
     /// Measures the virtual material that the JSON text `document` describes.
     pub(super) fn measure(document: &str) -> Result<Self, PaperError> {
         let document: Value = serde_json::from_str(document).map_err(|e| PaperError::Data(e.to_string()))?;
-        let lost = || PaperError::Data("a mesh is over the limit of levels".to_owned());
+        let lost = || PaperError::Data("a triangle mesh is above the limit on subdivision levels".to_owned());
         let incoming = TriangleMesh::new(Domain::Hemisphere, 1).ok_or_else(lost)?;
         let outgoing = TriangleMesh::new(Domain::Hemisphere, 4).ok_or_else(lost)?;
         let directions = directions(outgoing);
