@@ -55,7 +55,8 @@ pub(crate) fn powers_of_two(start: f64, finest: f64) -> impl Iterator<Item = f64
 /// halving is too little evidence where the error is close to rounding.
 #[derive(Default)]
 pub(crate) struct Falling {
-    /// Last quantiser step tried while steps are halved, and smallest error of all steps tried.
+    /// Last quantiser step tried while steps are halved, and smallest error of all steps tried; `None` before the
+    /// first.
     last: Option<(f64, f64)>,
     stood: u32,
 }

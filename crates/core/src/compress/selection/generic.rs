@@ -257,8 +257,8 @@ fn spread(row: &[f32]) -> f32 {
     (high - low).max(0.0).sqrt()
 }
 
-/// Threshold above which `count` values lie, fewer if the next ones are equal; it is half way between two neighbouring
-/// values.
+/// Returns a threshold above which `count` of the values lie, fewer if the next ones are equal. It is half way between
+/// two neighbouring values, and 0 if all are to lie above it.
 fn threshold_of(values: &[f32], count: usize) -> f32 {
     if count >= values.len() {
         return 0.0;

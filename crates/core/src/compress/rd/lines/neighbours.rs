@@ -51,7 +51,7 @@ impl Places {
         Self { lengths, tables }
     }
 
-    /// Number of grid nodes, which is also the index of the array place for missing neighbours.
+    /// Returns the number of grid nodes. An array by node has one more element, for missing neighbours, at this index.
     pub(super) fn count(&self) -> usize {
         self.lengths.iter().product()
     }
