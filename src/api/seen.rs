@@ -17,7 +17,8 @@ pub(super) struct Seen {
     is_public: bool,
 }
 
-/// Mark of a response that is the same for all callers, because it is about a public material.
+/// Mark of a response that is the same for all callers, because it is about a public material. Caches may share such a
+/// response where requests without a key are admitted.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ForAll;
 
@@ -63,7 +64,7 @@ impl Seen {
         Some(Self { app: app.of(owner), name: name.clone(), sight: *sight, is_public: *is_public })
     }
 
-    /// Marks an answer about a public material.
+    /// Adds the mark [`ForAll`] to an answer about a public material.
     pub(super) fn mark(&self, mut response: Response) -> Response {
         if self.is_public {
             response.extensions_mut().insert(ForAll);

@@ -287,8 +287,8 @@ pub async fn serve<S: Into<Stop>>(
     Server::bind(config).await?.run(shutdown).await
 }
 
-/// Accepts connections until `closing` resolves; each one is a task of the returned tracker. It never waits for a free
-/// connection slot: a connection waiting in the system's queue would block health checks.
+/// Accepts connections until `closing` resolves, and serves each in a task of the returned tracker. Never waits for a
+/// free connection slot: a connection waiting in the system's queue would block health checks.
 async fn accept(
     listener: &TcpListener,
     host: &Arc<Host>,

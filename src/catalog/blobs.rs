@@ -55,7 +55,7 @@ pub(crate) enum Doom {
     Doomed(u64),
     /// Another row of the catalog still refers to the digest, so its object is kept.
     Named,
-    /// The catalog no longer lists stored bytes with the digest.
+    /// The catalog does not list stored bytes with the digest any more.
     Gone,
 }
 

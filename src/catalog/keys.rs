@@ -18,9 +18,9 @@ pub(crate) struct NewKey {
     pub tenant: Tenant,
     /// Name of the key, for people.
     pub name: String,
-    /// Hash of the key's secret.
+    /// Hash of the secret part of the access key.
     pub hash: SecretHash,
-    /// Public half of the pair with which the key signs links and tokens.
+    /// Public half of the key pair with which the access key signs links and tokens.
     pub verifier: Option<Verifier>,
     /// Scopes of the key: what it allows.
     pub scopes: Scopes,
@@ -47,7 +47,7 @@ pub(crate) struct KeyRow {
     pub expires_ms: Option<i64>,
     /// Time at which the key was revoked, ms of the Unix epoch.
     pub revoked_ms: Option<i64>,
-    /// Time of the last use, exact to a minute, ms of the Unix epoch.
+    /// Time at which the key was last used, exact to a minute, in ms of the Unix epoch.
     pub used_ms: Option<i64>,
     /// Id of the key by which this one was created, or another word for its creator.
     pub created_by: Option<String>,
@@ -58,9 +58,9 @@ pub(crate) struct KeyRow {
 pub(crate) struct Credential {
     /// Row of the access key in the catalog.
     pub row: KeyRow,
-    /// Hash of the key's secret.
+    /// Hash of the secret part of the access key.
     pub hash: SecretHash,
-    /// Public half of the pair with which the key signs links and tokens.
+    /// Public half of the key pair with which the access key signs links and tokens.
     pub verifier: Option<Verifier>,
     /// Time for which the key is still valid; zero if it has expired or was revoked.
     pub left: Duration,

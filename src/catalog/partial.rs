@@ -18,15 +18,15 @@ pub(crate) struct Partial {
     pub id: String,
     /// Size of the whole upload in bytes; `None` if the client has not stated it yet.
     pub length: Option<u64>,
-    /// Number of bytes received so far.
+    /// Number of bytes of the upload that were received so far.
     pub received: u64,
-    /// Number of parts received so far.
+    /// Number of parts of the upload that were received so far.
     pub parts: u32,
-    /// Texts about the upload, as the client has sent them.
+    /// Metadata of the upload (names, and values in Base64), as the client has sent them.
     pub metadata: String,
     /// Time at which the upload expires, ms of the Unix epoch.
     pub expires_ms: i64,
-    /// True if the time at which the upload expires is over.
+    /// True if the upload has expired.
     pub is_expired: bool,
     /// True if a request is writing or reading the upload.
     pub is_held: bool,
@@ -41,7 +41,7 @@ pub(crate) struct NewPartial {
     pub client: String,
     /// Size of the whole upload in bytes, if the client states it.
     pub length: Option<u64>,
-    /// Texts about the upload, as the client has sent them.
+    /// Metadata of the upload (names, and values in Base64), as the client has sent them.
     pub metadata: String,
 }
 

@@ -185,7 +185,7 @@ impl Reader<'_> {
         lines(&self.text.as_bytes()[..span.start.min(self.text.len())])
     }
 
-    /// Returns the place of a part of the file in words; a column counts characters from 1.
+    /// Returns the line and the column of a part of the configuration file in words. A column counts characters from 1.
     fn place(&self, span: &Range<usize>) -> String {
         let before = self.text.get(..span.start).unwrap_or(self.text);
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;

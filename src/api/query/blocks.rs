@@ -91,13 +91,13 @@ pub(super) struct Cutter {
 #[derive(Clone, Copy, Debug)]
 enum Form {
     Floats(Directions),
-    /// Queries as NDJSON, one on each line. `seen` is the number of bytes searched for line ends so far, among those
-    /// that were received and not yet made a block of queries.
+    /// Queries as NDJSON, one on each line. `seen` is the number of received bytes that were searched for line ends and
+    /// are not yet cut into a block of queries.
     Lines {
         seen: usize,
-        /// Number of lines that end with a newline among the bytes of a request body scanned so far.
+        /// Number of whole lines, which end with a newline, among the `seen` bytes.
         count: usize,
-        /// Length in bytes of the lines that end with a newline among the bytes of a request body scanned so far.
+        /// Length in bytes of the whole lines among the `seen` bytes.
         whole: usize,
     },
 }

@@ -20,7 +20,8 @@ pub(super) enum Question {
 }
 
 impl Question {
-    /// Removes a list of wavelengths that equals the material's own, because evaluation without a list is faster.
+    /// Drops from the question a list of wavelengths that equals the material's own: evaluation without a list is
+    /// faster.
     pub(super) fn simplified(mut self, material: &Material) -> Self {
         if let Self::Evaluate { wavelengths, .. } = &mut self
             && *wavelengths == material.wavelengths()
