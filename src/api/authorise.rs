@@ -96,7 +96,8 @@ pub(crate) async fn authorise<F: Future<Output = Response>>(
     }
 }
 
-/// Returns the record of a request for the audit trail; `None` if requests for its route are not recorded here.
+/// Returns the audit-trail record of a request; `None` if requests for its route are not recorded, or if their handler
+/// records them itself.
 fn act(parts: &Parts) -> Option<Act> {
     let action = needs::act(parts.method.as_str(), Route::of(&parts.extensions)?)?;
     let last = parts.uri.path().rsplit('/').next().filter(|_| parts.method != Method::POST);

@@ -33,7 +33,7 @@ pub(super) enum Channels {
 }
 
 /// Conversion of measured values, `[outer, incoming, outgoing, spectral]`, to the directions and wavelengths of a
-/// tensor. The outer axis stays as it is.
+/// tensor. The outer axis, the product of all index axes before the directions, stays as it is.
 pub(super) struct Resampling {
     pub(super) outer: usize,
     pub(super) incoming: Directions,
@@ -161,7 +161,7 @@ impl Resampling {
     }
 }
 
-/// Converts a value to float32, with one bit pattern of NaN for all masked samples.
+/// Converts a sample value to float32; all masked samples get the same bit pattern of NaN.
 fn sample(value: f64) -> f32 {
     if value.is_nan() { f32::NAN } else { value as f32 }
 }

@@ -247,7 +247,8 @@ impl Fitted<'_> {
         }
     }
 
-    /// Fits the samples `scratch.found` around `place` and writes the fitted value in each band into `scratch.row`.
+    /// Fits a polynomial to the samples `scratch.found` around `place`. Writes the average of the fit over the
+    /// [`PARTS`] directions of `place`, with the weights `shares`, into `scratch.row`, one value for each band.
     pub(super) fn value(&self, place: &Place, shares: [f32; PARTS], scratch: &mut Scratch) -> Option<Support> {
         let Scratch { fitter, found, .. } = scratch;
         let support = fitter.fit(self.cloud, self.rows, place, found, self.noise)?;

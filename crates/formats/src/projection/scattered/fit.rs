@@ -318,7 +318,7 @@ impl Fitter {
     }
 }
 
-/// Returns the largest of several variances, or NaN if one is NaN.
+/// Returns the largest of the variances of the values of a local fit, or NaN if one is NaN.
 fn most_of(variances: [f64; PARTS]) -> f64 {
     variances.into_iter().fold(0.0, |most, v| if v > most || v.is_nan() { v } else { most })
 }

@@ -14,7 +14,8 @@ pub(super) const REACHES: [f64; 2] = [0.33, 1.0];
 /// Upper bound on the weight of a sample by its stated uncertainty, relative to the median weight.
 const MOST_CERTAIN: f64 = 1e6;
 
-/// Local coordinates of a fit: half-vector slopes or tangent coordinates of the outgoing direction.
+/// Local coordinates of the samples of a fit: half-vector slopes, or coordinates of their outgoing directions in a
+/// tangent plane of the unit sphere.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Frame {
     /// Incoming direction about which samples are fitted, and the half-vector slope (hx/hz, hy/hz) that is the origin

@@ -88,7 +88,7 @@ pub(super) struct Scatter {
     pub(super) positive: u64,
 }
 
-/// A value rejected as an outlier.
+/// A measured value that was rejected as an outlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Rejection {
     /// Index of the outlier in the row-major array `[sample, channel]` of the measured values, averaged over the

@@ -48,7 +48,7 @@ pub(super) struct Off {
     pub(super) is_high: bool,
 }
 
-/// Classification of a deviating sample: outlier or part of a lobe.
+/// Classification of a sample that deviates from its neighbours: outlier or part of a lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Company {
     /// The deviating sample is an outlier without other outliers close to it.
@@ -160,7 +160,8 @@ impl Filling {
     }
 }
 
-/// Surroundings of a deviating sample, in one of the coordinate systems in which lobes are sought.
+/// Surroundings of a sample that deviates from its neighbours, in one of the coordinate systems in which lobes are
+/// sought.
 #[derive(Default)]
 struct Around {
     /// Numbers of the samples near a deviating sample that deviate in the same sense (brighter or darker than their

@@ -46,7 +46,7 @@ pub(super) struct Candidate {
     pub(super) near: Near,
     /// Usual spacing of the samples about the possible lobe centre, in radians.
     pub(super) spacing: f64,
-    /// Standard deviation of the samples' logarithms about the prediction from neighbours.
+    /// Standard deviation of the logarithms of the samples about their predictions from neighbours.
     pub(super) noise: f64,
     /// Coefficients of the background beneath the possible lobe, under each incoming direction. They are fitted to the
     /// samples in a ring about the lobe centre.

@@ -61,7 +61,7 @@ const THIN: usize = 160;
 const ALL_WITHIN: f64 = 3.0;
 /// Least number of samples brighter than the background for a lobe to be accepted.
 const FEWEST: usize = 3;
-/// Predicted excess over the background, in natural logarithms, from which a sample belongs to the lobe.
+/// Excess over the background that the lobe predicts, in natural logarithms, from which a sample belongs to the lobe.
 const SHARE: f64 = 0.1;
 /// Least fraction of the samples in the lobe that must be brighter than the background for the lobe to be accepted.
 const MOST: f64 = 0.7;
@@ -198,8 +198,8 @@ fn started(scan: &Scan<'_>, candidate: &Candidate, centre: LobeCentre) -> Option
     fits.into_iter().next().map(|best| (near, best))
 }
 
-/// Returns the starting point of a lobe fit with this width and tail. The starting height is the median over the
-/// samples brighter than the background.
+/// Returns a starting point for the fit of a lobe with the given half-width and tail parameter. The initial height is
+/// the median of those that the samples brighter than the background suggest; `None` if no sample is brighter.
 fn start(
     near: &Near,
     bases: &[[f64; TERMS]],
